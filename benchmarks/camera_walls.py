@@ -25,30 +25,23 @@ import numpy as np
 import shapely
 
 from benchmarks.cameras import photographed_street, psnr, refined, shown_reader
-from facade_core.atlas.provenance import INPAINTED
-from facade_core.cameras import (
-    Camera,
-    Shown,
-    before_buildings,
-    beside_edges,
-    factors,
-    look_down,
-    photographed_wall,
-    usual_of,
-)
-from facade_core.cameras.walls import covered
+from facade_core.core.provenance import INPAINTED
+from facade_core.core.types import Pose, Street
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import ROOF
-from facade_core.geometry.packing import pack
+from facade_core.geometry.overhead_view import raster_points
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import taken_whole
-from facade_core.rectify.camera import WALL_REACH_M, camera_from_world, position
-from facade_core.rectify.panorama import rectify_view
-from facade_core.street.field import Materials
-from facade_core.street.overhead import raster_points
-from facade_core.street.scene import Scene
+from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
+from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
+from facade_core.imagery.cameras.walls import covered, photographed_wall
+from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_world, position
+from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.street.materials.field import Materials
 from facade_core.street.surfaces import Known, surface
 from facade_core.synth.street_paint import painted_ground, painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, hidden_points, synthetic_street
-from facade_core.types import Pose, Street
 
 # Of the charts that are measured; the fronts stay as they are painted.
 DENSITY = 12.0

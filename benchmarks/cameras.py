@@ -26,15 +26,19 @@ import numpy as np
 import shapely
 
 from benchmarks.poses import refined_poses
-from facade_core.atlas.provenance import INPAINTED, PHOTO, UNSEEN
 from facade_core.atlas.surroundings import Reader
-from facade_core.cameras import Camera, Shown, factors, in_the_way, look_down, photographed, usual_of
+from facade_core.core.provenance import INPAINTED, PHOTO, UNSEEN
+from facade_core.core.types import Pose, Street
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import GROUND
-from facade_core.geometry.packing import pack
-from facade_core.rectify.camera import GROUND_REACH_M
-from facade_core.rectify.panorama import rectify_view
-from facade_core.street.field import Materials
-from facade_core.street.scene import Scene
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
+from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.occluder_masks import in_the_way
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.street.materials.field import Materials
 from facade_core.street.surfaces import Known, surface
 from facade_core.synth.street_paint import painted_ground
 from facade_core.synth.street_truth import (
@@ -45,7 +49,6 @@ from facade_core.synth.street_truth import (
     panorama,
     synthetic_street,
 )
-from facade_core.types import Pose, Street
 
 POSE_NOISE_M, POSE_NOISE_DEG = 0.3, 1.0
 # Of the ground's texels; those of the walls stay.

@@ -20,12 +20,11 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.detect import Seen, look
-from facade_core.detect.faces import find_faces, ious
-from facade_core.detect.seen import LOWERMOST, UPPERMOST, find_plates
-from facade_core.in_front import things_in_front
-from facade_core.parse import parse
-from facade_core.types import Box
+from facade_core.core.types import Box
+from facade_core.imagery.detect.detection import LOWERMOST, UPPERMOST, Seen, find_plates, look
+from facade_core.imagery.detect.faces import find_faces, ious
+from facade_core.parsing.occluders import things_in_front
+from facade_core.parsing.segmenter import parse
 
 FACES, PLATES = "faces", "plates"
 # Pixels that a face or a plate is high.

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.export.picture import file_of, perspective
-from facade_core.export.views import cameras, view_names
-from facade_core.street.contact import contact
-from facade_core.street.render import shade
-from facade_core.street.scene import Scene
+from facade_core.export.pictures.picture import file_of, perspective
+from facade_core.export.pictures.views import cameras, view_names
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.contact import contact
+from facade_core.street.propagation.render import shade
 from tasks.published.opened import published
 
 # Grey of bare geometry, as a share of white.

@@ -23,13 +23,15 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.spec import AtlasSpec
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Pose
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import WALL, Charts, Mesh
-from facade_core.geometry.packing import pack
-from facade_core.rectify import Fused, View, fuse_views, rectify_view, refine_pose, sightings
-from facade_core.street.scene import Scene
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.rectify.fusion import Fused, View, fuse_views
+from facade_core.imagery.rectify.panorama import rectify_view, sightings
 from facade_core.synth.street_truth import SyntheticStreet, hidden, panorama, synthetic_street
-from facade_core.types import Pose
 
 # Views of a wall that are compared or fused, and the least share of it that each shows.
 VIEWS, LEAST_SEEN = 3, 0.25
@@ -238,7 +240,7 @@ def psnr(image: np.ndarray, truth: np.ndarray, shown: np.ndarray) -> float:
 
 def pose_errors(poses: Sequence[Pose], true: Sequence[Pose]) -> dict[str, float]:
     """Means, medians and largest over poses of the distance, metres, and the turn, degrees, from the true ones."""
-    from facade_core.rectify.camera import camera_from_world, position
+    from facade_core.imagery.poses.panorama_camera import camera_from_world, position
 
     metres = [float(np.linalg.norm(position(a) - position(b))) for a, b in zip(poses, true, strict=True)]
     turns = [camera_from_world(a) @ camera_from_world(b).T for a, b in zip(poses, true, strict=True)]

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.parse.in_front import ground_floor
-from facade_core.parse.network_views import ANY_CLASS
-from facade_core.synth import exemplars
+from facade_core.parsing.occluder_labels import ground_floor
+from facade_core.parsing.training_views import ANY_CLASS
+from facade_core.synth.exemplars import exemplars
 
 # A seed of painted facades that neither the training nor the demo paints.
 PAINTED_SEED = 30_000

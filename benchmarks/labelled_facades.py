@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from facade_core.labels import CLASSES, ELEMENT_CLASSES
-from facade_core.types import Element
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
+from facade_core.core.types import Element
 
 
 def elements_of(labels: np.ndarray, *, smallest: int = 40) -> list[Element]:

@@ -33,12 +33,14 @@ from benchmarks.parsing import confusion, f1, matches, scores
 from catalogs.block.corrections import Correction, checked
 from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read, split
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
-from facade_core.errors import InputError
-from facade_core.labels import UNKNOWN
-from facade_core.layout import cases, load
-from facade_core.layout.model import SHIPPED as SHIPPED_LAYOUTS
-from facade_core.parse import elements, parse
-from facade_core.parse.network import SHIPPED
+from facade_core.core.errors import InputError
+from facade_core.core.labels import UNKNOWN
+from facade_core.facade.layout import training_cases
+from facade_core.facade.layout.model import SHIPPED as SHIPPED_LAYOUTS
+from facade_core.facade.layout.model import load
+from facade_core.parsing.elements import elements
+from facade_core.parsing.network import SHIPPED
+from facade_core.parsing.segmenter import parse
 from tasks.training.corrected import CorrectedFacade
 from tasks.training.layout import train_layout
 from tasks.training.parser import train_corrected
@@ -151,8 +153,8 @@ def completed(layouts: Sequence[LayoutRecord], path: Path) -> list[dict[str, np.
     found = []
     for number, layout in enumerate(layouts):
         by_kind = {}
-        for kind in cases.MEASURED:
-            seen, region = cases.hide(kind, layout.elements, layout.domain, np.random.default_rng([0, number]))
+        for kind in training_cases.MEASURED:
+            seen, region = training_cases.hide(kind, layout.elements, layout.domain, np.random.default_rng([0, number]))
             hidden = [e for e in layout.elements if e not in set(seen)]
             if seen and hidden:
                 by_kind[kind] = matched(hidden, complete(seen, layout.domain, region)[0], 0.5).sum(axis=0)
@@ -161,7 +163,7 @@ def completed(layouts: Sequence[LayoutRecord], path: Path) -> list[dict[str, np.
 
 
 def layout_figures(found: Sequence[Mapping[str, np.ndarray]]) -> dict[str, float]:
-    by_kind = {kind: sum((one[kind] for one in found if kind in one), np.zeros(3)) for kind in cases.MEASURED}
+    by_kind = {kind: sum((one[kind] for one in found if kind in one), np.zeros(3)) for kind in training_cases.MEASURED}
     by_kind["all"] = sum(by_kind.values(), np.zeros(3))
     return {kind: float(2 * n[0] / max(n[1] + n[2], 1)) for kind, n in by_kind.items()}
 

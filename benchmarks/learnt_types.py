@@ -21,12 +21,13 @@ import numpy as np
 
 from benchmarks.labelled_facades import elements_of, facades
 from benchmarks.window_types import STATES, UNSEEN
-from facade_core.layout.grids import boxes, size_groups
-from facade_core.synth import STYLES, facade
-from facade_core.types import Element
-from facade_core.variation.element_types import cluster, descriptors, filled
-from facade_core.variation.patches import align, cut, light, mask_of, patch_size, wall_sums
-from facade_core.variation.rendering import depth_of
+from facade_core.core.types import Element
+from facade_core.facade.layout.grids import boxes, size_groups
+from facade_core.facade.variation.element_types import cluster, descriptors, filled
+from facade_core.facade.variation.patches import align, cut, light, mask_of, patch_size, wall_sums
+from facade_core.facade.variation.rendering import depth_of
+from facade_core.synth.facade import facade
+from facade_core.synth.styles import STYLES
 
 # Painted facades to learn from have seeds from here on; a window is told from so many pixels.
 LEARNT, SIZE = 1000, (12, 20)
@@ -42,7 +43,7 @@ class Windows(NamedTuple):
 
 
 def windows_of(image: np.ndarray, elements: Sequence[Element], states: Sequence[str]) -> Iterator[Windows]:
-    """As `facade_core.variation.variations` cuts them."""
+    """As `facade_core.facade.variation.variations` cuts them."""
     box = boxes(elements).astype(np.int32)
     sums = wall_sums(image, mask_of(box, image.shape[:2]))
     front = mask_of(box[[depth_of(e.label) > depth_of("window") for e in elements]], image.shape[:2])

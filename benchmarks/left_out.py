@@ -29,14 +29,14 @@ import yaml
 
 from benchmarks.city.runs import run
 from catalogs.block import Block, read_block
-from facade_core.cameras import before_buildings
-from facade_core.export.camera import Camera
-from facade_core.export.picture import aim, averaged
+from facade_core.core.types import Pose
+from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.picture import aim, averaged
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.raycast import MISS
-from facade_core.rectify.camera import in_view, position, shares
-from facade_core.rectify.panorama import SKIN_M
-from facade_core.types import Pose
+from facade_core.imagery.cameras.occluder_masks import before_buildings
+from facade_core.imagery.poses.panorama_camera import in_view, position, shares
+from facade_core.imagery.rectify.panorama import SKIN_M
 from tasks.kinds.poses import is_refused, refined
 from tasks.published.opened import Published, published
 from tasks.units.images import read_panorama

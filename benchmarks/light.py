@@ -21,10 +21,10 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
-from facade_core.export.models import local_frame, y_up
-from facade_core.export.views import cameras, view_names
-from facade_core.street.sun import direction
-from facade_core.types import Sun
+from facade_core.core.types import Sun
+from facade_core.export.models.textured_parts import local_frame, y_up
+from facade_core.export.pictures.views import cameras, view_names
+from facade_core.street.lighting.sun import direction
 from tasks.export.formats import export
 from tasks.export.lighting import lighting
 from tasks.published.opened import published

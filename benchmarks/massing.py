@@ -15,12 +15,14 @@ from unittest.mock import patch
 import numpy as np
 
 from catalogs.block import Block, read_block
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry import block_surfaces, pack, surfaces, terrain_of
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Ground
+from facade_core.geometry import block_surfaces as surfaces
+from facade_core.geometry.buildings.eaves import Overhang
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import ROOF
-from facade_core.geometry.eaves import Overhang
-from facade_core.geometry.ways import fitted
-from facade_core.types import Ground
+from facade_core.geometry.ground.carriageways import fitted
+from facade_core.geometry.ground.terrain import terrain_of
 
 DENSITY = 16.0
 
@@ -29,7 +31,7 @@ def measure(block: Block) -> dict[str, Any]:
     """Counts of charts, triangles, texels and chunks; and how far roofs leave the planes of their charts at most, metres."""
     spec = AtlasSpec(1, DENSITY)
     ground = fitted(block.ground or Ground(), block.streets, [building.footprint for building in block.buildings])
-    charts, mesh, _ = block_surfaces(
+    charts, mesh, _ = surfaces.block_surfaces(
         block.buildings,
         block.streets,
         terrain=terrain_of(block.buildings, block.terrain),

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.errors import ImageError
+from facade_core.core.errors import ImageError
+from facade_core.core.types import Pose
 from facade_core.geometry.charts import WALL
-from facade_core.rectify import rectify
-from facade_core.rectify.matching import likely_walls, taken_by
+from facade_core.imagery.poses.photo_matching import likely_walls, taken_by
+from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
 from tasks.matching.finding import CANDIDATES, LEAST, SURE
 
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096

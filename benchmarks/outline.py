@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.labels import UNKNOWN
-from facade_core.rectify.cut import facade_box
+from facade_core.core.labels import UNKNOWN
+from facade_core.imagery.rectify.crop import facade_box
 
 # A side of a box is right within this share of the picture's height or width.
 _NEAR = 0.03

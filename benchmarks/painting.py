@@ -26,9 +26,11 @@ import numpy as np
 from benchmarks.look.likeness import DISTANCES, FREE_M, gradient_energy, real_energy, relative_energy
 from benchmarks.look.photos import read_picture
 from benchmarks.look.views import FIELD_OF_VIEW, SIZE
-from facade_core.labels import WALL, WINDOW
-from facade_core.street.stains import BANDS_M, deviations
-from facade_core.synth import NORDIC, PaintedFacade, exemplar
+from facade_core.core.labels import WALL, WINDOW
+from facade_core.street.materials.stains import BANDS_M, deviations
+from facade_core.synth.exemplars import exemplar
+from facade_core.synth.facade import PaintedFacade
+from facade_core.synth.styles import NORDIC
 from tasks.examples.demo import EXEMPLAR_PIXELS_PER_METRE, EXEMPLARS, SEED
 
 DENSITIES = (64, 32, 16)

@@ -12,11 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from facade_core.variation import Group, Variations
-from facade_core.variation.appearance import DIMENSIONS
-from facade_core.variation.element_types import filled
-from facade_core.variation.patches import bare_wall, cut, mask_of, patch_size
-from facade_core.variation.rendering import back_to_front, blend, depth_of, element_boxes
+from facade_core.facade.variation.appearance import DIMENSIONS
+from facade_core.facade.variation.contents import Group
+from facade_core.facade.variation.element_types import filled
+from facade_core.facade.variation.patches import bare_wall, cut, mask_of, patch_size
+from facade_core.facade.variation.rendering import back_to_front, blend, depth_of, element_boxes
+from facade_core.facade.variation.variations import Variations
 
 # What the wall and the axes are coded with, and the step of coordinates in grey levels a value.
 _WALL_QUALITY, _BASIS_QUALITY, _STEP = 50, 65, 0.5

@@ -30,13 +30,13 @@ import numpy as np
 
 from benchmarks import in_front, outline
 from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read, split, swiss
-from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
-from facade_core.parse import elements, parse
-from facade_core.parse.certainty import right
-from facade_core.parse.model_file import read_record
-from facade_core.parse.network import Network
-from facade_core.parse.segmenter import SHIPPED, load_segmenter, parse_with, seen_outside
-from facade_core.types import Element
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
+from facade_core.core.model_file import read_record
+from facade_core.core.types import Element
+from facade_core.parsing.confidence import right
+from facade_core.parsing.elements import elements
+from facade_core.parsing.network import Network
+from facade_core.parsing.segmenter import SHIPPED, load_segmenter, parse, parse_with, seen_outside
 
 SETS = {
     "ecp": (ECP, "facades/ecp"),

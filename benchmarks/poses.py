@@ -34,12 +34,14 @@ from benchmarks.imagery import (
 )
 from catalogs.block import read_block
 from catalogs.examples.sources import BLOCKS
+from facade_core.core.types import Pose
 from facade_core.geometry.charts import GROUND, WALL
-from facade_core.rectify import Fused, View, fuse_views, rectify_view, refine_pose, sightings
-from facade_core.rectify.together import Alone, refine_together
-from facade_core.street.scene import Scene
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.poses.joint_refinement import Alone, refine_together
+from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.rectify.fusion import Fused, View, fuse_views
+from facade_core.imagery.rectify.panorama import rectify_view, sightings
 from facade_core.synth.street_truth import SyntheticStreet, hidden
-from facade_core.types import Pose
 from tasks.stages.planning import plan_of
 from tasks.units.images import read_panorama
 

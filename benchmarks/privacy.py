@@ -25,13 +25,13 @@ import numpy as np
 
 from benchmarks import faces_and_plates, in_front, shop_signs
 from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read, split
-from facade_core.detect import looked_for
-from facade_core.errors import ImageError
-from facade_core.facade import from_photo
-from facade_core.in_front import things_in_front
-from facade_core.parse import parse
-from facade_core.synth import exemplars
-from facade_core.texture import exemplar_scale
+from facade_core.core.errors import ImageError
+from facade_core.facade.pipeline import from_photo
+from facade_core.facade.texture.scale import exemplar_scale
+from facade_core.imagery.detect.detection import looked_for
+from facade_core.parsing.occluders import things_in_front
+from facade_core.parsing.segmenter import parse
+from facade_core.synth.exemplars import exemplars
 
 _HEIGHTS_M = {"ppl": (1.2, 2.0), "car": (1.4, 1.7), "truck": (2.4, 3.2)}
 _STOREY_M = 3.5

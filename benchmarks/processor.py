@@ -50,7 +50,7 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     begun = time.process_time()
     clock = Clock(profiled)
     from catalogs.block import read_block
-    from facade_core.compiled import PARTS
+    from facade_core.kernel_warmup import PARTS
     from tasks.compute.connect import Serial
     from tasks.examples.demo import write_demo
     from tasks.keys.runs import run_of

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.errors import ImageError
-from facade_core.rectify import Rectified, rectify
+from facade_core.core.errors import ImageError
+from facade_core.imagery.rectify.photo import Rectified, rectify
 
 SETS = ("ecp", "artdeco", "cmp")
 SIDES = (1000, 1500)

@@ -13,9 +13,9 @@ import os
 from pathlib import Path
 
 from catalogs.learning.datasets import ecp
-from facade_core.parse import parse
-from facade_core.rectify.shadow import shaded_share
-from facade_core.style import SHADED
+from facade_core.imagery.rectify.shadow import shaded_share
+from facade_core.parsing.segmenter import parse
+from facade_core.plan.exemplar_style import SHADED
 
 MARKED = frozenset(
     {

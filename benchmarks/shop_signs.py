@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.detect import shop_names
-from facade_core.detect.seen import find_plates
-from facade_core.parse import parse
+from facade_core.imagery.detect.detection import find_plates
+from facade_core.imagery.detect.signs import shop_names
+from facade_core.parsing.segmenter import parse
 
 # Pixels that a metre has on the marked photos, by the height of storeys, and the line's height from which it is large.
 _PER_METRE, _LARGE = 40.0, 20

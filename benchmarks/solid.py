@@ -49,12 +49,13 @@ def _exported(out: Path, style: str, to: Path) -> Path:
 def of_model(given: Path, folder: Path) -> Path:
     """The buildings of a file as they are exported, without textures: what was read of it becomes charts, and these a file."""
     from catalogs.block import read_block
-    from facade_core.export.attribution import Attribution
-    from facade_core.export.buildings import modelled
-    from facade_core.export.cityjson import Pool, document, geometry_of
-    from facade_core.export.models import SMALLEST_M2, Textured, layout_of, part_of, shown_area
-    from facade_core.geometry import block_surfaces, terrain_of
-    from facade_core.grouping import grouped
+    from facade_core.core.grouping import grouped
+    from facade_core.export.bodies.buildings import modelled
+    from facade_core.export.city_models.attribution import Attribution
+    from facade_core.export.city_models.cityjson import Pool, document, geometry_of
+    from facade_core.export.models.textured_parts import SMALLEST_M2, Textured, layout_of, part_of, shown_area
+    from facade_core.geometry.block_surfaces import block_surfaces
+    from facade_core.geometry.ground.terrain import terrain_of
 
     path = folder / "block.yaml"
     path.write_text(

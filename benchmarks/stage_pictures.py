@@ -18,31 +18,26 @@ import shapely
 from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street, refined, shown_reader
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
-from facade_core.cameras import (
-    Camera,
-    before_buildings,
-    beside_edges,
-    factors,
-    in_the_way,
-    look_down,
-    photographed,
-    photographed_wall,
-    usual_of,
-)
-from facade_core.export.facade_stages import StoredFacade, chart_raster, stages_of
-from facade_core.export.picture import file_of, perspective
-from facade_core.export.views import cameras, view_names
+from facade_core.core.types import Pose, Street
+from facade_core.export.pictures.facade_stages import StoredFacade, chart_raster, stages_of
+from facade_core.export.pictures.picture import file_of, perspective
+from facade_core.export.pictures.views import cameras, view_names
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
-from facade_core.plan import Plan
-from facade_core.rectify import rectify, refine_pose
-from facade_core.rectify.panorama import rectify_view
-from facade_core.street.field import Materials
+from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
+from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges, in_the_way
+from facade_core.imagery.cameras.walls import photographed_wall
+from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.photo import rectify
+from facade_core.plan.plan import Plan
+from facade_core.street.materials.field import Materials
 from facade_core.street.surfaces import Known, surface
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.street_paint import painted_ground, painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose, Street
 from tasks.published.opened import Published, published
 
 PAPER, GAP = 255, 8
@@ -103,7 +98,7 @@ def from_above(
 
 def imagery(found: Published) -> np.ndarray:
     """A block's facades on streets, panoramas every few metres, and the fewest that show what all of them show."""
-    from facade_core.rectify.choosing import fewest
+    from facade_core.plan.panorama_choice import fewest
 
     plan = found.plan
     poses = [Pose(x, y, z, 0.0) for x, y, z in (view.position.tolist() for view in plan.viewpoints)]

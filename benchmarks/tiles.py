@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from facade_core.export.glb import BYTE_KINDS, header_of
+from facade_core.export.models.glb import BYTE_KINDS, header_of
 from facade_core.geometry.charts import GROUND, ROOF, WALL
 from tasks.export.formats import export
 from tasks.published.opened import published

@@ -23,11 +23,12 @@ from PIL import Image
 from benchmarks.labelled_facades import elements_of, facades
 from benchmarks.papers_codec import papers_file
 from benchmarks.window_types import labelled, planted
-from facade_core.types import Element
-from facade_core.variation import Variations, encode, variations
-from facade_core.variation.codec import PHOTO
-from facade_core.variation.sampling import exchange
-from facade_core.variation.structure import relax
+from facade_core.core.types import Element
+from facade_core.facade.variation.codec import PHOTO
+from facade_core.facade.variation.encoding import encode
+from facade_core.facade.variation.sampling import exchange
+from facade_core.facade.variation.structure import relax
+from facade_core.facade.variation.variations import Variations, variations
 
 SAMPLES = 20
 
@@ -132,8 +133,8 @@ def summary(rows: list[dict[str, object]]) -> dict[str, object]:
 
 def run(folder: Path, *, every: int = 4, parsed: bool = False, others: bool = True) -> dict[str, object]:
     """Figures over every n-th facade of a folder; parsed: elements from the parser instead of the true labels."""
-    from facade_core.parse import elements as parsed_elements
-    from facade_core.parse import parse
+    from facade_core.parsing.elements import elements as parsed_elements
+    from facade_core.parsing.segmenter import parse
 
     rows: list[dict[str, object]] = []
     for name, image, labels in facades(folder, every):
@@ -146,7 +147,7 @@ def run(folder: Path, *, every: int = 4, parsed: bool = False, others: bool = Tr
 
 def large() -> dict[str, object]:
     """Processor seconds of 15 floors of 30 windows: of relaxing matrices of so many types, and of encoding a painted facade."""
-    from facade_core.synth import facade
+    from facade_core.synth.facade import facade
 
     rng = np.random.default_rng(1)
     seconds: dict[str, object] = {}

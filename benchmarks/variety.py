@@ -26,12 +26,12 @@ from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
 from catalogs.block import Block, read_block
 from facade_core.atlas.journal import Record
-from facade_core.facade import prepare_exemplar
+from facade_core.core.labels import SHOP
+from facade_core.facade.pipeline import prepare_exemplar
+from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts
-from facade_core.geometry.packing import Placement
-from facade_core.labels import SHOP
-from facade_core.plan import Plan
-from facade_core.style import NEIGHBOURS_M, look_of
+from facade_core.plan.exemplar_style import NEIGHBOURS_M, look_of
+from facade_core.plan.plan import Plan
 from tasks.kinds.facades import exemplars_of, shops_of, walls_of
 from tasks.stages.planning import plan_of
 from tasks.units.images import read_exemplar_picture, read_labels

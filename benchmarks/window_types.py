@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.labelled_facades import elements_of, facades
-from facade_core.types import Element
-from facade_core.variation import variations
+from facade_core.core.types import Element
+from facade_core.facade.variation.variations import variations
 
 # What windows of 20 ECP facades show, told by eye.
 STATES = Path(__file__).with_name("window_states.json")
@@ -54,7 +54,8 @@ def score(found: Told, *, groups: bool) -> float:
 
 def planted(seeds: int = 3) -> dict[str, object]:
     """Of windows of painted facades, with the states that were planted."""
-    from facade_core.synth import STYLES, facade
+    from facade_core.synth.facade import facade
+    from facade_core.synth.styles import STYLES
 
     found: dict[str, list[float]] = {}
     for seed in range(UNSEEN, UNSEEN + seeds):

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from facade_core.errors import FacadeError, InputError
+from facade_core.core.errors import FacadeError, InputError
 
 log = logging.getLogger(__name__)
 

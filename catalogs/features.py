@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from facade_core.types import PLAIN, Finish, Roof, Shell
+from facade_core.core.types import PLAIN, Finish, Roof, Shell
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon

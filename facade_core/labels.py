@@ -1,29 +1,35 @@
-"""The seven facade classes and the colours they are drawn in."""
+"""Public import path of the facade classes."""
 
-from __future__ import annotations
-
-import numpy as np
-
-CLASSES = ("wall", "window", "balcony", "door", "roof", "shop", "sky")
-WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP, SKY = range(7)
-UNKNOWN = 255
-# What a label map's values mean, as attributes of CF.
-FLAGS = {"_FillValue": UNKNOWN, "flag_values": list(range(len(CLASSES))), "flag_meanings": " ".join(CLASSES)}
-
-# Classes that are things with a rectangle, in the order in which one is drawn over the other.
-ELEMENT_CLASSES = ("window", "balcony", "door", "shop")
-
-# (class, RGB)
-COLOURS = np.array(
-    [[196, 186, 168], [70, 116, 178], [146, 92, 160], [222, 136, 60], [120, 76, 66], [78, 154, 96], [188, 220, 240]],
-    np.uint8,
+from facade_core.core.labels import (
+    BALCONY,
+    CLASSES,
+    COLOURS,
+    DOOR,
+    ELEMENT_CLASSES,
+    FLAGS,
+    PARSE_COLOURS,
+    ROOF,
+    SHOP,
+    SKY,
+    UNKNOWN,
+    WALL,
+    WINDOW,
+    colourise,
 )
-# The same for pages: class -> #rrggbb.
-PARSE_COLOURS = {name: "#" + bytes(colour.tolist()).hex() for name, colour in zip(CLASSES, COLOURS, strict=True)}
 
-
-def colourise(labels: np.ndarray) -> np.ndarray:
-    """Draw a label map: (H, W) uint8 class ids -> (H, W, 3) uint8 RGB, UNKNOWN in black."""
-    palette = np.zeros((256, 3), np.uint8)
-    palette[: len(CLASSES)] = COLOURS
-    return palette[labels]
+__all__ = [
+    "BALCONY",
+    "CLASSES",
+    "COLOURS",
+    "DOOR",
+    "ELEMENT_CLASSES",
+    "FLAGS",
+    "PARSE_COLOURS",
+    "ROOF",
+    "SHOP",
+    "SKY",
+    "UNKNOWN",
+    "WALL",
+    "WINDOW",
+    "colourise",
+]

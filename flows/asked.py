@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from prefect.task_runners import ThreadPoolTaskRunner
 from catalogs.block.yaml_files import read_yaml
 from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import folder_at
-from facade_core.errors import WithheldError
+from facade_core.core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
 from flows.cli.console import tell
 from flows.entry import Entry, entered, faults_told

@@ -11,7 +11,7 @@ from typing import Any
 
 from catalogs.block import Block, read_block
 from catalogs.published.places import Folder, local_side
-from facade_core.atlas.held import holding
+from facade_core.atlas.journal_cache import holding
 from flows.lock import locked
 from flows.log_file import log_to
 from flows.memory import give_back_large

@@ -20,7 +20,7 @@ from threading import Event, Thread
 
 from catalogs.published import objects
 from catalogs.published.s3 import S3Folder
-from facade_core.errors import FacadeError, InputError, MachineError
+from facade_core.core.errors import FacadeError, InputError, MachineError
 
 log = logging.getLogger(__name__)
 

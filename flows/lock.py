@@ -12,7 +12,7 @@ from pathlib import Path
 from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import S3Folder
 from facade_core.atlas.store import guarded
-from facade_core.errors import InputError, MachineError
+from facade_core.core.errors import InputError, MachineError
 from flows.lease import Lease, leased, who_holds
 
 # Folders that this process holds, and of those in buckets the lease: the command line locks before it starts a server, and the

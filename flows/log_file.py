@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
-from facade_core.errors import FacadeError
+from facade_core.core.errors import FacadeError
 
 # Every module logs under its own name, below one of these.
 PACKAGES = ("facade_core", "catalogs", "tasks", "flows")

@@ -22,12 +22,12 @@ from catalogs.imagery.offer import Box, Offer, Wanted
 from catalogs.imagery.services import Service
 from catalogs.readers.pictures.opening import read_picture
 from catalogs.readers.pictures.panoramas import in_frame
-from facade_core.errors import ImageError, InputError
-from facade_core.geometry.terrain import terrain_of
-from facade_core.ingest import on_ground
-from facade_core.rectify.choosing import Choice, fewest
-from facade_core.rectify.fisheye import is_fisheye
-from facade_core.types import Pose
+from facade_core.core.errors import ImageError, InputError
+from facade_core.core.types import Pose
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.imagery.rectify.fisheye import is_fisheye
+from facade_core.plan.ingest import on_ground
+from facade_core.plan.panorama_choice import Choice, fewest
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.errors import InputError
-from facade_core.plan import Plan
+from facade_core.core.errors import InputError
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.street.surfaces import paint
-from facade_core.street.window import Window
 from tasks.units.materials import field_of
 from tasks.units.streets import replay
 

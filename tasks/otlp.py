@@ -17,7 +17,7 @@ from opentelemetry.sdk.resources import Resource
 from prometheus_client import CollectorRegistry
 from prometheus_client.metrics_core import Metric
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # Where collectors take metrics, below their address.
 PATH = "/v1/metrics"

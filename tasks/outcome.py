@@ -16,7 +16,7 @@ from zarr.errors import BaseZarrError
 
 from catalogs.visible import visible
 from facade_core.atlas.journal import Record
-from facade_core.errors import FacadeError, MachineError, ModelError, StoreError
+from facade_core.core.errors import FacadeError, MachineError, ModelError, StoreError
 
 log = logging.getLogger(__name__)
 

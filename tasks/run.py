@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import folder_at
-from facade_core.types import SHIPPED_MODELS, Models, Privacy
+from facade_core.core.types import SHIPPED_MODELS, Models, Privacy
 
 if TYPE_CHECKING:
     from catalogs.block import Material, TextureSettings

@@ -9,7 +9,7 @@ those in which nothing did. auc: nothing against each kind, by the score alone. 
 real: photos of RueMonge that show one wall from two places a few metres apart, on one day (its mouldings and balconies are
 displaced, its panes mirror other things; nothing changed): alarms; and with a part of another wall laid over one of them.
 
-`--fit` prints the weights of `facade_core.rectify.changes`, fitted on 40 of the other facades of ecp.
+`--fit` prints the weights of `facade_core.imagery.rectify.change_detection`, fitted on 40 of the other facades of ecp.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.changes.pairs import KINDS, Pair, pair_of
 from benchmarks.changes.walls import real_pairs
 from catalogs.learning.datasets import ECP, LabelledFacade, read, split
-from facade_core.rectify.changes import compare, cues_of
+from facade_core.imagery.rectify.change_detection import compare, cues_of
 
 FITTED, UNCHANGED = 40, 3
 AT = 0.3

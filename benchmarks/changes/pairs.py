@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.labels import SHOP, WALL, WINDOW
-from facade_core.rectify.fusion import View
+from facade_core.core.labels import SHOP, WALL, WINDOW
+from facade_core.imagery.rectify.fusion import View
 from facade_core.synth.occluders import paint_occluders
 
 # Metres that the facades are taken to be high: they have five to seven storeys.

@@ -9,10 +9,10 @@ import numpy as np
 
 from benchmarks.changes.pairs import Pair
 from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read
-from facade_core.in_front import things_in_front
-from facade_core.labels import SKY, UNKNOWN
-from facade_core.parse import parse
-from facade_core.rectify.fusion import View
+from facade_core.core.labels import SKY, UNKNOWN
+from facade_core.imagery.rectify.fusion import View
+from facade_core.parsing.occluders import things_in_front
+from facade_core.parsing.segmenter import parse
 
 # Matches that a plane explains, at least; share of the first photo that both then show.
 LEAST_MATCHES, LEAST_SHARED = 60, 0.4

@@ -33,8 +33,8 @@ from benchmarks.city.whole import write_city
 from benchmarks.decisions.timing import bytes_in
 from benchmarks.processor import measured
 from catalogs.block import read_block
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.plan.plan_tables import read_plan
 from tasks.city.account import BLOCKS, Ended
 from tasks.city.blocks import read_city
 from tasks.city.cost import COEFFICIENTS

@@ -18,7 +18,7 @@ from benchmarks.city.blocks import write_block
 from catalogs.block import read_block
 from facade_core.atlas.surroundings import pieces_around
 from facade_core.geometry.charts import WALL
-from facade_core.street.enclosed import enclosed
+from facade_core.geometry.party_walls import enclosed
 from facade_core.street.surfaces import BESIDE_M
 from tasks.stages.planning import plan_again, plan_of
 

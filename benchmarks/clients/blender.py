@@ -14,10 +14,10 @@ import numpy as np
 
 from benchmarks.clients.browser import PATIENCE_S
 from benchmarks.programs import blender, cjio
-from facade_core.export.camera import Camera
-from facade_core.export.models import local_frame
-from facade_core.export.picture import aim, averaged
-from facade_core.export.views import cameras, view_names
+from facade_core.export.models.textured_parts import local_frame
+from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.picture import aim, averaged
+from facade_core.export.pictures.views import cameras, view_names
 from tasks.published.opened import Published
 
 # Of pixels, so many are edges: those with the steepest brightness.

@@ -16,9 +16,10 @@ import numpy as np
 from benchmarks.decisions.timing import figures
 from benchmarks.s3_server import serving
 from catalogs.published.s3 import S3Folder, folder_at
-from facade_core.atlas import AtlasSpec, commit, create_arrays, open_root
-from facade_core.atlas.place import Place
-from facade_core.atlas.store import new_root, open_repository
+from facade_core.atlas.arrays import create_arrays
+from facade_core.atlas.location import Place
+from facade_core.atlas.store import commit, new_root, open_repository, open_root
+from facade_core.core.atlas_spec import AtlasSpec
 from tasks.kinds.order import STAGES
 from tasks.store.commits import begin, finish
 

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.decisions.timing import bytes_in, figures
-from facade_core.atlas import AtlasSpec, commit, create_arrays, open_repository, open_root
-from facade_core.atlas.store import new_root
-from facade_core.street.blend import BlendState, add_views
+from facade_core.atlas.arrays import create_arrays
+from facade_core.atlas.store import commit, new_root, open_repository, open_root
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.street.propagation.blend import BlendState, add_views
 
 VIEWS = 6
 

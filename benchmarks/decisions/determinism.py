@@ -12,9 +12,10 @@ import numpy as np
 import zarr
 
 from benchmarks.decisions.timing import figures, seconds
-from facade_core.atlas import AtlasSpec, chunk_digests
-from facade_core.geometry import pack
-from facade_core.street.blend import BlendState, add_views, blend
+from facade_core.atlas.rasters import chunk_digests
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.geometry.chart_packing import pack
+from facade_core.street.propagation.blend import BlendState, add_views, blend
 
 SHUFFLES = 8
 
@@ -62,7 +63,7 @@ def _threads(rows: int) -> dict[str, Any]:
     """The shipped forest on one, two and four intra-op threads: seconds, and whether the bits are the same."""
     import onnxruntime
 
-    from facade_core.parse.forest import SHIPPED
+    from facade_core.parsing.forest import SHIPPED
 
     results, times = [], {}
     for threads in (1, 2, 4):

@@ -15,7 +15,7 @@ import numpy as np
 import zarr
 
 from benchmarks.decisions.timing import figures
-from facade_core.atlas import commit, open_repository
+from facade_core.atlas.store import commit, open_repository
 
 CHUNK = 128
 ARRAYS = ("colour", "provenance")

@@ -21,11 +21,11 @@ import numpy as np
 
 from benchmarks.decisions.timing import bytes_in, figures
 from facade_core.atlas.arrays import ARRAYS, PAGE, create_arrays
-from facade_core.atlas.check import chunks_of
-from facade_core.atlas.encoded import hierarchy_path, write_encoded
+from facade_core.atlas.integrity import chunks_of
 from facade_core.atlas.journal import Record, read_journal, write_record
-from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, Repository, commit, configuration, new_root, open_repository, open_root
+from facade_core.atlas.stored_files import hierarchy_path, write_encoded
+from facade_core.core.atlas_spec import AtlasSpec
 
 # Of the demo's 159 units 43 are facades, and it has 20 pages.
 FACADES, PAGES = 43 / 159, 20 / 159

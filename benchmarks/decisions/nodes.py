@@ -12,7 +12,7 @@ import numpy as np
 import zarr
 
 from benchmarks.decisions.timing import bytes_in, figures, once
-from facade_core.atlas import commit, open_repository, open_root
+from facade_core.atlas.store import commit, open_repository, open_root
 
 MAPS = ("evidence", "labels", "occluded")
 CHUNK = 128

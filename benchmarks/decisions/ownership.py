@@ -11,8 +11,8 @@ import numpy as np
 import zarr
 
 from benchmarks.decisions.timing import figures
-from facade_core.atlas import commit, open_repository
-from facade_core.errors import StoreError
+from facade_core.atlas.store import commit, open_repository
+from facade_core.core.errors import StoreError
 
 CHUNK = 64
 SIDE = 4  # chunks along a side of the array, which is one shard

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.decisions.timing import figures, seconds
-from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, resolve
+from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, resolve
 
 # Share of texels that each source covers, independent of the others.
 COVER = {PHOTO: 0.3, INPAINTED: 0.2, SYNTHESISED: 0.5, TRANSLATED: 0.7}

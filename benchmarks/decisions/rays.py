@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.decisions.timing import figures, once, seconds
-from facade_core.geometry import Mesh, directions, pack
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import Mesh
+from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.raycast import RayCaster
 
 RANGE_M = 40.0

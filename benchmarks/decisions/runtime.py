@@ -22,7 +22,7 @@ print(json.dumps([time.perf_counter() - start, (memory().rss - before) / 1e6, "t
 """
 _STATEMENTS = {
     "import_onnxruntime": "import onnxruntime",
-    "load_shipped_parser": "from facade_core.parse.forest import load; load()",
+    "load_shipped_parser": "from facade_core.parsing.forest import load; load()",
     "parse_a_facade": (
         "import numpy as np; from facade_core.parse import parse; "
         "parse(np.random.default_rng(0).integers(0, 256, (400, 300, 3), dtype=np.uint8))"

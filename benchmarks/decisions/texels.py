@@ -10,10 +10,17 @@ import numpy as np
 import shapely
 
 from benchmarks.decisions.timing import figures, once, seconds
-from facade_core.atlas import AtlasSpec
-from facade_core.geometry import Charts, block_surfaces, pack, project, terrain_of
-from facade_core.street import Scene, Viewpoint, Window, propagate
-from facade_core.types import Building, Street
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import Charts
+from facade_core.geometry.equirectangular import project
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.texel_buffer import Window
 
 DENSITY = 20.0  # texels per metre
 SIZE = 2048

@@ -11,9 +11,13 @@ import zarr
 
 from benchmarks.decisions.texels import street_scene
 from benchmarks.decisions.timing import bytes_in, figures
-from facade_core.atlas import UNSEEN, write_rasters
-from facade_core.geometry import KINDS
-from facade_core.street import Scene, Viewpoint, Window, propagate
+from facade_core.atlas.rasters import write_rasters
+from facade_core.core.provenance import UNSEEN
+from facade_core.geometry.charts import KINDS
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.texel_buffer import Window
 
 PANORAMA = 1024
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.decisions.timing import figures
-from facade_core.street.blend import HIGH, LOW
-from facade_core.street.propagate import GATE_SPACINGS
+from facade_core.street.propagation.blend import HIGH, LOW
+from facade_core.street.propagation.propagate import GATE_SPACINGS
 
 SPACING = 5.0
 

@@ -9,7 +9,7 @@ import sys
 from benchmarks.figures.page import PAGE, current, due, kept
 from benchmarks.figures.records import measure, write_record
 from benchmarks.figures.rows import read_rows
-from facade_core.errors import FacadeError
+from facade_core.core.errors import FacadeError
 
 
 def main() -> None:

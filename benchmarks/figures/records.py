@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.figures.code import code_of
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.keys.stage_code import ROOT
 
 FOLDER = Path(__file__).parent / "records"

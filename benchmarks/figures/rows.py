@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.figures.records import Record
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 ROWS = Path(__file__).parent / "rows.toml"
 PLACE = re.compile(r"\{([^{}:!]+)(?:!(\w+))?(?::([^{}]*))?\}")

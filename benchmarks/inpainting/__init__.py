@@ -32,10 +32,11 @@ import numpy as np
 from benchmarks.inpainting import peers
 from benchmarks.inpainting.cases import Case, cases
 from benchmarks.parsing import confusion, scores
-from facade_core.labels import CLASSES, DOOR, UNKNOWN
-from facade_core.parse import elements, parse
-from facade_core.texture import inpaint
-from facade_core.types import Element
+from facade_core.core.labels import CLASSES, DOOR, UNKNOWN
+from facade_core.core.types import Element
+from facade_core.facade.texture.inpainting import inpaint
+from facade_core.parsing.elements import elements
+from facade_core.parsing.segmenter import parse
 
 OURS = tuple(f"{method}{given}" for method in ("floors", "tiles") for given in ("", " + layout"))
 IN_PROCESS = ("telea", "navier_stokes", "biharmonic", *OURS)
@@ -48,8 +49,8 @@ _HIDDEN = 0.3  # an element hidden by more than this share was not observed
 
 def observe(case: Case) -> tuple[np.ndarray, list[Element]]:
     """What the pipeline knows: labels parsed from the visible part, and the layout completed from its elements."""
-    from facade_core.layout import complete
-    from facade_core.layout.visible import reached, visible_boxes
+    from facade_core.facade.layout.completion import complete
+    from facade_core.facade.layout.observed import reached, visible_boxes
 
     parsing = parse(np.dstack([case.image, np.where(case.mask, 0, 255).astype(np.uint8)]))
     seen = [e for e in elements(parsing) if _hidden_share(case.mask, e) <= _HIDDEN]
@@ -129,7 +130,7 @@ def measure(
     methods, and peers as a whole; all where it is empty."""
     from PIL import Image
 
-    from facade_core.texture.pitch import bay_width, floor_height
+    from facade_core.facade.texture.floor_pitch import bay_width, floor_height
 
     seconds: dict[str, list[float]] = {}
     for case in chosen:

@@ -42,17 +42,17 @@ from benchmarks.layout.figures import f1, matches, run
 from benchmarks.layout.folds import by_fold
 from benchmarks.layout.sheet import sheet
 from catalogs.learning.layouts import LayoutRecord, read_layouts
-from facade_core.labels import ELEMENT_CLASSES
-from facade_core.layout import cases, grids, load
-from facade_core.layout.densities import TERMS
-from facade_core.layout.extension import Extension
-from facade_core.layout.frames import frame
-from facade_core.layout.grids import boxes
-from facade_core.layout.model import SHIPPED, LayoutModel
-from facade_core.layout.optimisation import search, start_of
-from facade_core.layout.proposals import propose
-from facade_core.layout.rectangles import WINDOW, iou
-from facade_core.layout.scores import terms
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.facade.layout import training_cases
+from facade_core.facade.layout.densities import TERMS
+from facade_core.facade.layout.facade_frame import frame
+from facade_core.facade.layout.grid_extension import Extension
+from facade_core.facade.layout.grids import boxes, grids
+from facade_core.facade.layout.model import SHIPPED, LayoutModel, load
+from facade_core.facade.layout.policy_optimisation import search, start_of
+from facade_core.facade.layout.proposals import propose
+from facade_core.facade.layout.rectangles import WINDOW, iou
+from facade_core.facade.layout.scores import terms
 
 
 def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:
@@ -77,7 +77,7 @@ def plausibility(
         filled: dict[bool, list[float]] = {True: [], False: []}
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = cases.hide("right", elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide("right", elements, domain, np.random.default_rng([0, i]))
             if not seen or len(seen) == len(elements):
                 continue
             for layout, truth in ((elements, True), ([*seen, *method(seen, domain, region)[0]], False)):
@@ -137,11 +137,11 @@ def places(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, dic
     """By kind, the shares of hidden windows that are found (IoU 0.5), that have one beside their place (0.15), for which one
     was proposed and not picked, and for which none was."""
     found: dict[str, dict[str, float]] = {}
-    for kind in cases.MEASURED:
+    for kind in training_cases.MEASURED:
         counts = np.zeros(4)
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
             hidden = boxes([e for e in elements if e not in set(seen) and e.label == "window"])
             if not seen or not len(hidden):
                 continue
@@ -165,9 +165,9 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     """Painted facades by style and seed, with a tree and a car: the share of the hidden texels that get the label of the truth;
     elements of the completed layout that a parse of the finished picture finds again, F1 at IoU 0.5, of all and of those that
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
-    from facade_core.facade import from_photo
-    from facade_core.parse.certainty import share_of
-    from facade_core.synth import facade
+    from facade_core.facade.pipeline import from_photo
+    from facade_core.parsing.confidence import share_of
+    from facade_core.synth.facade import facade
 
     texels, counts = {}, np.zeros((3, 3))
     for style, seed in which:
@@ -191,7 +191,7 @@ def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, floa
     """CPU seconds for 10,000 candidates, right half hidden: median and largest over a few facades."""
     seconds = []
     for record in records[:7]:
-        seen, region = cases.hide("right", record.elements, record.domain, np.random.default_rng(0))
+        seen, region = training_cases.hide("right", record.elements, record.domain, np.random.default_rng(0))
         start = start_of(seen, record.domain, np.array(region), model)
         search(model.policies, start, model.densities, model.weights, model.mean, 1, 1, 0)
         begin = time.process_time()

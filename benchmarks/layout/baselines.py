@@ -7,17 +7,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from catalogs.learning.layouts import LayoutRecord
-from facade_core.labels import ELEMENT_CLASSES
-from facade_core.layout import complete, grids
-from facade_core.layout.extension import Extension, extend, known
-from facade_core.layout.frames import Box
-from facade_core.layout.grids import boxes
-from facade_core.layout.model import LayoutModel
-from facade_core.layout.optimisation import search, start_of, value_of
-from facade_core.layout.picking import pick
-from facade_core.layout.policy import roll_out
-from facade_core.layout.rectangles import iou, may_overlap, overlaps
-from facade_core.types import Element
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.types import Element
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.facade_frame import Box
+from facade_core.facade.layout.grid_extension import Extension, extend, known
+from facade_core.facade.layout.grids import boxes, grids
+from facade_core.facade.layout.model import LayoutModel
+from facade_core.facade.layout.policy import roll_out
+from facade_core.facade.layout.policy_optimisation import search, start_of, value_of
+from facade_core.facade.layout.rectangles import iou, may_overlap, overlaps
+from facade_core.facade.layout.selection import pick
 
 Method = Callable[[list[Element], Box, list[Box]], list[list[Element]]]
 # Of the policy search: generations of ten policies, completions a policy.

@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.layout.baselines import Method, rows_of
 from catalogs.learning.layouts import LayoutRecord
-from facade_core.labels import ELEMENT_CLASSES
-from facade_core.layout import cases
-from facade_core.layout.frames import Box, frame
-from facade_core.layout.grids import boxes
-from facade_core.layout.rectangles import iou, may_overlap, overlaps
-from facade_core.types import Element
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.types import Element
+from facade_core.facade.layout import training_cases
+from facade_core.facade.layout.facade_frame import Box, frame
+from facade_core.facade.layout.grids import boxes
+from facade_core.facade.layout.rectangles import iou, may_overlap, overlaps
 
 
 def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: float) -> np.ndarray:
@@ -54,7 +54,9 @@ def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element],
     return [spacing, aligned, abs(len(proposed) - len(hidden)) / len(hidden), both[: len(proposed)].sum(), outside]
 
 
-def run(records: Sequence[LayoutRecord], method: Method, kinds: Sequence[str] = cases.MEASURED) -> dict[str, Any]:
+def run(
+    records: Sequence[LayoutRecord], method: Method, kinds: Sequence[str] = training_cases.MEASURED
+) -> dict[str, Any]:
     """The figures of one method by kind of case, the best of the layouts it gives counting; and all kinds together."""
     report: dict[str, Any] = {}
     everything = np.zeros((2, len(ELEMENT_CLASSES), 3))
@@ -62,7 +64,7 @@ def run(records: Sequence[LayoutRecord], method: Method, kinds: Sequence[str] = 
         counts, errors, start, number = np.zeros_like(everything), [], time.process_time(), 0
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
             hidden = [e for e in elements if e not in set(seen)]
             if not seen or not hidden:
                 continue

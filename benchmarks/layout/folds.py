@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.layout.baselines import Method
 from benchmarks.layout.figures import run
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
-from facade_core.layout import cases, load
-from facade_core.layout.model import LayoutModel
+from facade_core.facade.layout import training_cases
+from facade_core.facade.layout.model import LayoutModel, load
 from tasks.training.layout import train_layout
 
 FOLDS = 5
@@ -44,7 +44,7 @@ def by_fold(data: Path, models: Path, methods: Methods, *, seed: int = 1) -> dic
             raise SystemExit(f"{path}: learned from facades of fold {fold}; remove it")
         found.append({name: run(held_out, method) for name, method in methods(model, train).items()})
         print(f"fold {fold}: {found[-1]['complete']['all']}", file=sys.stderr)
-    kinds = (*cases.MEASURED, "all")
+    kinds = (*training_cases.MEASURED, "all")
     report: dict[str, Any] = {
         name: {kind: _interval([fold[name][kind]["f1@0.5"] for fold in found]) for kind in kinds} for name in found[0]
     }
@@ -54,7 +54,7 @@ def by_fold(data: Path, models: Path, methods: Methods, *, seed: int = 1) -> dic
             label: _interval([fold[name]["all"]["by label"][label] for fold in found]) for label in labels
         }
         report[name]["count"] = {
-            kind: _interval([fold[name][kind]["count"] for fold in found]) for kind in cases.MEASURED
+            kind: _interval([fold[name][kind]["count"] for fold in found]) for kind in training_cases.MEASURED
         }
         report[name]["cpu seconds a case"] = _interval([fold[name]["right"]["cpu seconds a case"] for fold in found])
     report["complete over the best baseline"] = {

@@ -9,10 +9,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from catalogs.learning.layouts import LayoutRecord
-from facade_core.layout import cases, complete
-from facade_core.layout.frames import Box
-from facade_core.layout.model import LayoutModel
-from facade_core.types import Element
+from facade_core.core.types import Element
+from facade_core.facade.layout import training_cases
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.facade_frame import Box
+from facade_core.facade.layout.model import LayoutModel
 
 OF_A_KIND, COLUMNS, SIDE, GAP = 10, 8, 240, 10
 COLOURS = {"window": (52, 104, 196), "balcony": (222, 132, 32), "door": (36, 148, 66), "shop": (190, 52, 150)}
@@ -22,11 +23,11 @@ def sheet(records: Sequence[LayoutRecord], model: LayoutModel, out: Path) -> Non
     """Draw, row by row, ten completions each of right half, lower half and a region hidden, and of few elements seen, of
     facades spread over `records`, fronts: what was seen pale, on white; what was completed full, on grey."""
     tiles: list[Image.Image] = []
-    for turn, kind in enumerate(cases.MEASURED):
+    for turn, kind in enumerate(training_cases.MEASURED):
         usable = []
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
             if seen and len(seen) < len(elements):
                 usable.append((seen, domain, region))
         for k in range(OF_A_KIND):

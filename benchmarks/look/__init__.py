@@ -140,7 +140,7 @@ def _features() -> Any:
         return None
     import torch
 
-    from facade_core.street.translator_distance import features
+    from facade_core.street.translator.kernel_distance import features
 
     torch.set_num_threads(1)  # threads that wait for others' work take more time than they save
     return features

@@ -14,13 +14,13 @@ import pandas as pd
 import shapely
 
 from catalogs.published.snapshot import Snapshot, current
-from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import root_of_any_format
-from facade_core.atlas.zarr_types import StoreGroup, group_at
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.zarr_types import StoreGroup, group_at
+from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import WALL, Charts, Mesh
-from facade_core.geometry.packing import Placement
 from facade_core.geometry.raycast import RayCaster
-from facade_core.street.scene import Scene
+from facade_core.geometry.scene import Scene
 
 
 @dataclass(frozen=True)

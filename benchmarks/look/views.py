@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from benchmarks.look.outputs import Output
-from facade_core.export.camera import Camera
-from facade_core.export.picture import Picture, aim, averaged
+from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.picture import Picture, aim, averaged
 from facade_core.geometry.charts import GROUND, WALL
 from facade_core.geometry.raycast import MISS
 

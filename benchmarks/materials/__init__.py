@@ -24,13 +24,14 @@ import numpy as np
 import shapely
 
 from benchmarks.materials import plain
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, Mesh, pack
-from facade_core.geometry.packing import Placement
-from facade_core.street import Materials, Scene
-from facade_core.street.render import shade
-from facade_core.street.tiled import Material
-from facade_core.types import Finish, Street
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Finish, Street
+from facade_core.geometry.chart_packing import Placement, pack
+from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, Mesh
+from facade_core.geometry.scene import Scene
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.tiled import Material
+from facade_core.street.propagation.render import shade
 
 DENSITY, DENSITIES, SEED = 20.0, (8.0, 16.0, 32.0), 7
 REPEATED = 7
@@ -169,7 +170,7 @@ class _Plain:
 
 def _tint(materials: Materials, chart: int, name: str) -> tuple[np.ndarray, np.ndarray]:
     """The colours of tones of 0 and 1."""
-    from facade_core.street.materials import GLASS, SKY
+    from facade_core.street.materials.procedural import GLASS, SKY
 
     surfaces = materials.field.charts
     return (GLASS, SKY) if name == "glass" else (np.zeros(3), surfaces.tint[chart] / surfaces.grey[chart])

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from benchmarks.materials import _gradients
-from facade_core.street.grain import NAMES, Grain, Grains, add_grain, grains
-from facade_core.street.grain_file import load
+from facade_core.street.materials.grain import NAMES, Grain, Grains, add_grain, grains
+from facade_core.street.materials.grain_file import load
 from tasks.training.materials import SOURCES, picture
 
 DENSITIES = (8, 16, 32, 64)

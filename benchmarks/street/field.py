@@ -18,10 +18,12 @@ import numpy as np
 
 from catalogs.block import read_block
 from facade_core.geometry.charts import GROUND
-from facade_core.plan import Plan
-from facade_core.street import Swatches, Window, propagate, render
-from facade_core.street.propagate import see
+from facade_core.plan.plan import Plan
+from facade_core.street.propagation.propagate import propagate, see
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.street.surfaces import paint
+from facade_core.street.translator.translate import Swatches
 from tasks.examples.demo import write_demo
 from tasks.stages.planning import plan_of
 

@@ -20,12 +20,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.street.readings import Reading, View, _resolution, blended, view_of
+from facade_core.core.types import Street
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.raycast import MISS
-from facade_core.street import Materials, Scene, Swatches, Viewpoint, Window, propagate, render
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.materials.field import Materials
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.translator.translate import Swatches
 from facade_core.synth.street_truth import HALF_WIDTH, SyntheticStreet, synthetic_street
-from facade_core.types import Street
 
 TEXELS_PER_METRE, WIDTH, SUPERSAMPLED, SPACING_M, HEIGHT_M = 20.0, 1024, 3, 5.0, 2.5
 LIMITS = (np.inf, 4.0, 2.0, 1.5)

@@ -13,12 +13,12 @@ import numpy as np
 import shapely
 from numba import njit
 
+from facade_core.core.types import Ground, Way
 from facade_core.geometry.charts import GROUND, Charts
-from facade_core.street.grain import Grains
-from facade_core.street.grain_file import shipped
-from facade_core.street.ground import SQUARE_M, Drawn, Squares
-from facade_core.street.ground_kernels import soil
-from facade_core.types import Ground, Way
+from facade_core.geometry.ground.shapes import SQUARE_M, Drawn, Squares
+from facade_core.street.materials.grain import Grains
+from facade_core.street.materials.grain_file import shipped
+from facade_core.street.materials.ground_kernels import soil
 
 # Texels a metre, along a side of a square; texels that are worked out together.
 DENSITY, SIDE = 16.0, 512

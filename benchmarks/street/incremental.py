@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from facade_core.synth import exemplars
+from facade_core.synth.exemplars import exemplars
 from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
 

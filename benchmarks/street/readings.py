@@ -8,8 +8,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from facade_core.street import Scene, Viewpoint, Window, propagate
-from facade_core.street.blend import HIGH, LOW
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.propagation.blend import HIGH, LOW
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.texel_buffer import Window
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from benchmarks.street.step import cameras, steps
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry import pack
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Street
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import GROUND, ROOF, WALL, Pieces, frames
-from facade_core.geometry.gaps import streets_between
+from facade_core.geometry.ground.street_gaps import streets_between
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street import Scene
-from facade_core.types import Street
 
 TEXELS_PER_METRE = 20.0
 BUILDINGS = 200

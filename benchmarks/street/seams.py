@@ -9,15 +9,20 @@ from typing import Any
 import numpy as np
 import shapely
 
-from facade_core.atlas.provenance import PHOTO
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.provenance import PHOTO
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import WALL
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
-from facade_core.street import Scene, Window, blend, propagate
-from facade_core.street.field import Materials
+from facade_core.street.materials.field import Materials
+from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.street.surfaces import Known, surface
-from facade_core.types import Building, Street
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
 LENGTH_M, HEIGHT_M, PIECE_M = 64.0, 14.0, 16.0

@@ -11,11 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
-from facade_core.street import Scene, Swatches, Window, propagate, render
-from facade_core.types import Street
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.translator.translate import Swatches
 
 WIDTH = 512
 # So dense that the charts that a viewpoint sees hold about as many texels as a page of 2048 x 2048.

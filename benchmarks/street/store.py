@@ -10,19 +10,14 @@ from typing import Any
 
 from benchmarks.decisions.timing import bytes_in
 from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
-from facade_core.atlas import (
-    Rasters,
-    chunk_digests,
-    commit,
-    create_arrays,
-    expire,
-    open_repository,
-    open_root,
-    write_rasters,
-    write_record,
-)
-from facade_core.atlas.store import new_root
-from facade_core.street import Swatches, blend, propagate, render
+from facade_core.atlas.arrays import create_arrays
+from facade_core.atlas.journal import write_record
+from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
+from facade_core.atlas.store import commit, expire, new_root, open_repository, open_root
+from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.render import render
+from facade_core.street.translator.translate import Swatches
 
 TEXELS_PER_METRE = 10.0
 # Units of the other stages, as a block of this size has them: their records weigh on every commit.

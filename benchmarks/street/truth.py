@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.street.readings import Reading, View, blended, view_of
-from facade_core.street import Viewpoint, Window, blend, propagate
+from facade_core.core.types import Pose
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.synth.street_paint import with_photos
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
 
 TEXELS_PER_METRE = 20.0
 SPACING_M, HEIGHT_M = 5.0, 2.5

@@ -21,9 +21,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from facade_core.atlas import atlas_digest, open_repository
-from facade_core.atlas.store import BRANCH, open_root
-from facade_core.errors import StoreError
+from facade_core.atlas.journal import atlas_digest
+from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.core.errors import StoreError
 from tasks.store.commits import journal
 
 STREETS, LENGTH_M, APART_M = 16, 60.0, 400.0
@@ -164,7 +164,10 @@ def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None
 def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | None = None) -> None:
     import numpy as np
 
-    from facade_core.street import Swatches, Window, propagate, render
+    from facade_core.street.propagation.propagate import propagate
+    from facade_core.street.propagation.render import render
+    from facade_core.street.propagation.texel_buffer import Window
+    from facade_core.street.translator.translate import Swatches
 
     scene, own = plan.scene, plan.of_street(street)
     charts = np.unique(plan.views[np.isin(plan.views[:, 0], [v.id for v in own]), 1])

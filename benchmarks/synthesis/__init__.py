@@ -20,14 +20,15 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import ECP, LabelledFacade, read
-from facade_core.labels import UNKNOWN, WALL
-from facade_core.parse import lattice
-from facade_core.texture import exemplar_scale, retarget
-from facade_core.texture.consistency import Tables, tables
-from facade_core.texture.genetic import BLOCK, ELITE, POPULATION
-from facade_core.texture.structure import structure
-from facade_core.texture.tiles import GENERATIONS, evolved, synthesize_on
-from facade_core.types import Lattice
+from facade_core.core.labels import UNKNOWN, WALL
+from facade_core.core.types import Lattice
+from facade_core.facade.texture.genetic import BLOCK, ELITE, POPULATION
+from facade_core.facade.texture.retargeting import retarget
+from facade_core.facade.texture.scale import exemplar_scale
+from facade_core.facade.texture.synthesis import GENERATIONS, evolved, synthesize_on
+from facade_core.facade.texture.tiling_energy import Tables, tables
+from facade_core.parsing.floor_structure import structure
+from facade_core.parsing.lattice import lattice
 
 FACADES = ("monge_10", "monge_26", "monge_55", "monge_74", "monge_107")
 SIZE = (700, 500)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from facade_core.texture.seams import least_path
+from facade_core.facade.texture.seams import least_path
 
 _BLOCK, _OVERLAP = 60, 15
 _TOLERANCE = 1.1  # blocks within this factor of the least error are drawn from

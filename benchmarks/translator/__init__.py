@@ -50,7 +50,7 @@ def main() -> None:
 
 def inference(options: argparse.Namespace) -> dict[str, Any]:
     """Median seconds of the shipped network by panorama size."""
-    from facade_core.street import neural
+    from facade_core.street.translator import neural
 
     network, found = neural.load(), {}
     for width in (512, 1024, 2048):
@@ -69,7 +69,9 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
     """Windows in the textured block by the shipped network, by swatches and without texture."""
     from benchmarks.translator import openings
     from benchmarks.translator.scenes import ingolstadt, walk
-    from facade_core.street import Swatches, neural, render
+    from facade_core.street.propagation.render import render
+    from facade_core.street.translator import neural
+    from facade_core.street.translator.translate import Swatches
 
     scene, own, streets = ingolstadt(options.data)
     network, swatches = neural.load(), Swatches(scene, streets, seed=7)
@@ -95,7 +97,9 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
     from PIL import Image
 
     from benchmarks.translator.scenes import between, ingolstadt, walk
-    from facade_core.street import Swatches, neural, render
+    from facade_core.street.propagation.render import render
+    from facade_core.street.translator import neural
+    from facade_core.street.translator.translate import Swatches
 
     scene, own, streets = ingolstadt(options.data)
     network, swatches = neural.load(), Swatches(scene, streets, seed=7)
@@ -117,7 +121,7 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
 def shipped(options: argparse.Namespace) -> dict[str, Any]:
     """What is shipped, of the tables."""
     from benchmarks.translator import rows
-    from facade_core.street import neural
+    from facade_core.street.translator import neural
 
     network = neural.load()
     return rows.shipped_alone(options.data, lambda panorama, _: network.translate(panorama))
@@ -126,7 +130,7 @@ def shipped(options: argparse.Namespace) -> dict[str, Any]:
 def tables(options: argparse.Namespace) -> dict[str, Any]:
     """Tables 1 and 2."""
     from benchmarks.translator import rows
-    from facade_core.street import neural
+    from facade_core.street.translator import neural
 
     seconds = rows.train_rows(options.data, options.models, rows.ROWS)
     network = neural.load()
@@ -137,7 +141,7 @@ def tables(options: argparse.Namespace) -> dict[str, Any]:
 def composites(options: argparse.Namespace) -> dict[str, Any]:
     """What composite streets bring."""
     from benchmarks.translator import rows
-    from facade_core.street import neural
+    from facade_core.street.translator import neural
 
     seconds = rows.train_rows(options.data, options.models, rows.COMPOSITES)
     network = neural.load()

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.street.truth import interval
+from facade_core.core.labels import WINDOW as PARSED_WINDOW
 from facade_core.geometry.charts import CORNERS, WALL, WINDOW
 from facade_core.geometry.equirectangular import project
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.labels import WINDOW as PARSED_WINDOW
-from facade_core.parse import parse
-from facade_core.street import Panorama, Scene
+from facade_core.parsing.segmenter import parse
+from facade_core.street.propagation.render import Panorama
 
 PIXELS_PER_METRE = 16.0
 LEAST_M2, LEAST_WINDOWS = 40.0, 0.04

@@ -12,9 +12,12 @@ import numpy as np
 
 from benchmarks.street.truth import interval
 from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street import Panorama, Scene, Swatches, Window, render
-from facade_core.street.translator_steps import Course, as_picture, seen_by
+from facade_core.street.propagation.render import Panorama, render
+from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.translator.training_steps import Course, as_picture, seen_by
+from facade_core.street.translator.translate import Swatches
 
 # Budget of each row.
 BUDGET = Course(width=16, steps=300, warm=120, crop=(64, 128), batch=1, check=300)
@@ -124,7 +127,7 @@ def network(path: Path, course: Course) -> Translate:
     """A row's network as a translator."""
     import torch
 
-    from facade_core.street.translator_network import Generator, as_input
+    from facade_core.street.translator.network import Generator, as_input
 
     generator = Generator(course.width, bands=course.bands, equirectangular=course.equirectangular)
     generator.load_state_dict(torch.load(path, weights_only=True))
@@ -147,7 +150,7 @@ def _scores(
     scene: Scene, own: list[list[Viewpoint]], translate: Translate, blending: Blending, real: dict[str, np.ndarray]
 ) -> dict[str, list[float]]:
     """Per street: kernel distances of crops of its views to real ones, and the difference of consecutive outputs."""
-    from facade_core.street.translator_distance import features, kernel_distance
+    from facade_core.street.translator.kernel_distance import features, kernel_distance
 
     found: dict[str, list[float]] = {"full": [], "crop": [], "ground": [], "difference": []}
     for views in own:
@@ -193,7 +196,7 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
-    from facade_core.street.translator_distance import features
+    from facade_core.street.translator.kernel_distance import features
     from tasks.training.translator import Places, in_folders, panoramas
 
     held_out = panoramas(in_folders([data / "panoramas"]), Places(PLACES))[1]
@@ -228,7 +231,7 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, Course], *, seed: in
     import torch
 
     import tasks.training.composites
-    from facade_core.street import translator_steps, translator_training
+    from facade_core.street.translator import training, training_steps
     from tasks.training.translator import Places, in_folders, panoramas, renderings
 
     missing = [name for name in rows if not _file(models, name).is_file()]
@@ -239,12 +242,12 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, Course], *, seed: in
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
     learnt, judged, _ = panoramas(in_folders(folders), Places(("strasbourg_stra_1",), ("toulouse",)))
     rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
-    domains = translator_steps.Domains(rendered, learnt, rendered_judged, judged)
+    domains = training_steps.Domains(rendered, learnt, rendered_judged, judged)
     seconds = {}
     for name in missing:
         paired = tasks.training.composites.composites(data, seed=seed) if name == "full and composites" else []
         begun = time.perf_counter()
-        trained = translator_training.train(replace(domains, paired=paired), rows[name], seed=seed)
+        trained = training.train(replace(domains, paired=paired), rows[name], seed=seed)
         seconds[name] = round((time.perf_counter() - begun) / rows[name].steps, 2)
         models.mkdir(parents=True, exist_ok=True)
         torch.save(dict(trained.weights), _file(models, name))

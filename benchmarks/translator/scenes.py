@@ -10,13 +10,18 @@ from typing import Literal
 
 import numpy as np
 
-from facade_core.atlas.provenance import TRANSLATED
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.provenance import TRANSLATED
+from facade_core.core.types import Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.equirectangular import project
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
-from facade_core.street import Panorama, Scene, Window, propagate, render
-from facade_core.types import Street
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.render import Panorama, render
+from facade_core.street.propagation.texel_buffer import Window
 
 WIDTH = 512
 TEXELS_PER_METRE = 10.0

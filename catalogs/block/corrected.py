@@ -14,7 +14,7 @@ from catalogs.features import notes_by_reason
 from catalogs.frames import LONLAT, between
 from catalogs.readers.vectors.colours import ROOF_MATERIALS, WALL_MATERIALS, colour_of
 from catalogs.readers.vectors.roofs import usual_rise
-from facade_core.types import Building, Finish, Roof
+from facade_core.core.types import Building, Finish, Roof
 
 if TYPE_CHECKING:
     from pyproj import CRS

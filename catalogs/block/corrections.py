@@ -17,8 +17,8 @@ from typing import Any
 
 from catalogs.block.yaml_files import read_yaml
 from catalogs.readers.vectors.colours import colour_of
-from facade_core.errors import InputError
-from facade_core.labels import ELEMENT_CLASSES
+from facade_core.core.errors import InputError
+from facade_core.core.labels import ELEMENT_CLASSES
 
 SUFFIX = ".corrections.jsonl"
 # Letters of a material or a roof's shape.

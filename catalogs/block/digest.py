@@ -16,7 +16,7 @@ import shapely
 
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
-from facade_core.types import SHIPPED_MODELS, Models
+from facade_core.core.types import SHIPPED_MODELS, Models
 
 if TYPE_CHECKING:
     from catalogs.block.reading import Block

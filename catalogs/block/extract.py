@@ -23,8 +23,8 @@ from catalogs.block.part import Part
 from catalogs.features import Fault
 from catalogs.readers.pictures.aerial import Aerial
 from catalogs.readers.pictures.panoramas import PosedPanorama
-from facade_core.errors import InputError
-from facade_core.types import Area, Building, Finish, Ground, Pose, Roof, Shell, Street, Way
+from facade_core.core.errors import InputError
+from facade_core.core.types import Area, Building, Finish, Ground, Pose, Roof, Shell, Street, Way
 
 _CLASSES = {
     one.__name__: one

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from catalogs.broken import is_machines, said
-from facade_core.errors import BlockFileError, FacadeError, InputError
+from facade_core.core.errors import BlockFileError, FacadeError, InputError
 
 log = logging.getLogger(__name__)
 

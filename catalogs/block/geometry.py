@@ -31,8 +31,8 @@ from catalogs.frames import (
 )
 from catalogs.readers.files import read_buildings, read_centrelines, read_ground
 from catalogs.readers.vectors.places import read_places
-from facade_core.errors import BlockFileError
-from facade_core.types import Building, Ground, Street
+from facade_core.core.errors import BlockFileError
+from facade_core.core.types import Building, Ground, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS

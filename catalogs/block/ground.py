@@ -14,7 +14,7 @@ from shapely import LineString
 from catalogs.features import Centrelines, natural_order
 from catalogs.frames import between
 from catalogs.readers.vectors.lengths import parse_length
-from facade_core.types import Area, Ground, Way
+from facade_core.core.types import Area, Ground, Way
 
 if TYPE_CHECKING:
     from pyproj import CRS

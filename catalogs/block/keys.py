@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from catalogs.visible import shown
-from facade_core.types import Privacy, Sun
+from facade_core.core.types import Privacy, Sun
 
 
 def _even(value: int) -> int:

@@ -8,7 +8,7 @@ from hashlib import blake2b
 import numpy as np
 import shapely
 
-from facade_core.types import Building, Way
+from facade_core.core.types import Building, Way
 
 # The share of the buildings on a road that have a shop, by its rank: tertiary, secondary and primary roads.
 SHARES = {5: 0.2, 6: 0.3, 7: 0.35}

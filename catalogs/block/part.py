@@ -11,7 +11,7 @@ import shapely
 
 from catalogs.block.segments import segments
 from catalogs.features import file_stem
-from facade_core.types import Building, Ground, Shell, Street
+from facade_core.core.types import Building, Ground, Shell, Street
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -22,8 +22,8 @@ from catalogs.features import Fault, by_reason, notes_by_reason
 from catalogs.frames import known_frame
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
 from catalogs.readers.pictures.materials import MaterialPicture, material_pictures
-from facade_core.errors import BlockFileError
-from facade_core.types import SHIPPED_MODELS, Building, Elevation, Ground, Models, Privacy, Street
+from facade_core.core.errors import BlockFileError
+from facade_core.core.types import SHIPPED_MODELS, Building, Elevation, Ground, Models, Privacy, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS

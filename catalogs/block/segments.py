@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.ops import substring
 
-from facade_core.types import Street
+from facade_core.core.types import Street
 
 # No street is cut nearer to its end, or to where it was cut before, metres.
 SHORTEST_SEGMENT_M = 60.0

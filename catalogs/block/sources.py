@@ -12,7 +12,7 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import SOURCES
 from catalogs.imagery.account import is_fetched, read_account
 from catalogs.stac.facts import SourceFact
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # Who took pictures of one licence are named, so many of them; poses.json beside the pictures names all.
 NAMED = 8

@@ -14,7 +14,7 @@ from shapely import LineString
 from catalogs.features import Centreline, Centrelines, Fault, natural_order
 from catalogs.frames import between
 from catalogs.readers.limits import LONGEST_STREET
-from facade_core.types import Street
+from facade_core.core.types import Street
 
 if TYPE_CHECKING:
     from pyproj import CRS

@@ -12,7 +12,7 @@ import numpy as np
 
 from catalogs.features import Centrelines, Fault, Footprints, Models
 from catalogs.frames import between, known_frame, points_east_and_north
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS

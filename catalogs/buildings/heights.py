@@ -10,7 +10,7 @@ import shapely
 
 from catalogs.buildings.roofs import BESIDE_M, SHEDS, chances
 from catalogs.features import Footprint
-from facade_core.types import Building
+from facade_core.core.types import Building
 
 # What is known counts by its distance (metres) and by how unlike its area is (the logarithm of the ratio): it falls to 1/e, and
 # as a bell curve, over these. Set by hand in view of errors on Helsinki's tagged buildings (`python -m benchmarks.heights`): no

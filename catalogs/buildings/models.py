@@ -13,7 +13,7 @@ from catalogs.broken import reason_of
 from catalogs.features import Model, Models
 from catalogs.frames import between
 from catalogs.readers.limits import HIGHEST, LOWEST, TALLEST
-from facade_core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, Shell
 
 if TYPE_CHECKING:
     from pyproj import CRS

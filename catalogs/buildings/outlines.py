@@ -20,7 +20,7 @@ from catalogs.buildings.parts import Stated, hosts, with_parts
 from catalogs.buildings.roofs import with_roofs
 from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
 from catalogs.frames import between
-from facade_core.types import Building
+from facade_core.core.types import Building
 
 if TYPE_CHECKING:
     from pyproj import CRS

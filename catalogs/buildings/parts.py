@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from catalogs.buildings.roofs import LEAST_WALL, under_roof
 from catalogs.features import Footprint
-from facade_core.types import Building, Finish, Roof
+from facade_core.core.types import Building, Finish, Roof
 
 # A part lies in the outline that has over this share of it; one lies on others that have this share of it.
 INSIDE, ON = 0.5, 0.95

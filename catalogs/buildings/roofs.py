@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from catalogs.features import Footprint
-from facade_core.types import Building, Roof
+from facade_core.core.types import Building, Roof
 
 # Uses of a building, as OpenStreetMap has them, by the roof that they mostly have.
 FLAT = frozenset(

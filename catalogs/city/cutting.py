@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from facade_core.types import Building, Street
+from facade_core.core.types import Building, Street
 
 # Buildings and streets this near to a block's own are its context, metres: twice as far as a viewpoint sees by default, and as
 # far as what is nearest to any ground of its own may lie from another; with a sun shadows reach farther; of a panorama that

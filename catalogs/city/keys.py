@@ -11,7 +11,7 @@ from typing import Any
 from catalogs.block.keys import BlockKeys, check_keys
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.tiles import files_of_tiles
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # A block's side, metres.
 SIDE_M, LEAST_M, MOST_M = 400.0, 20.0, 20_000.0

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 BLOCKS = Path(__file__).parent / "blocks"
 _DELFSHAVEN = "https://3d.bk.tudelft.nl/opendata/cityjson/3dcities/v2.0/"

@@ -12,7 +12,7 @@ from threading import Lock
 from catalogs.features import file_stem
 from catalogs.imagery.offer import Offer
 from catalogs.readers.pictures.poses import LONLAT
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 ACCOUNT, POSES = "fetched.jsonl", "poses.json"
 # Where pictures lie until they are whole and looked at.

@@ -18,7 +18,7 @@ from catalogs.imagery.web import Away, Refused
 from catalogs.readers.pictures.folders import whole_picture
 from catalogs.readers.pictures.opening import opened
 from catalogs.readers.pictures.panoramas import check_equirectangular
-from facade_core.errors import ImageError, InputError
+from facade_core.core.errors import ImageError, InputError
 
 # At once from one service.
 THREADS = 4

@@ -13,7 +13,7 @@ from catalogs.imagery.boxes import quartered
 from catalogs.imagery.offer import Box, Offer, Wanted, fault, licensed, number, placed
 from catalogs.imagery.web import Refused, Web, shown_url
 from catalogs.readers.pictures.poses import turned
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 API = "https://graph.mapillary.com"
 # What all its pictures are under, by its terms of use; answers do not say so.

@@ -11,7 +11,7 @@ from typing import Any
 from catalogs.broken import one_line
 from catalogs.features import Fault
 from catalogs.readers.pictures.poses import LONLAT, SourcePose, day_of, implausible
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
 Box = tuple[float, float, float, float]

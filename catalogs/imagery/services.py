@@ -21,7 +21,7 @@ from catalogs.imagery.stac import stac_offers
 from catalogs.imagery.web import Refused, Token, Web, shown_url
 from catalogs.readers.pictures.panoramas import in_frame, read_panoramas
 from catalogs.readers.pictures.poses import LONLAT, SourcePose
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # The federated search over Panoramax's instances.
 PANORAMAX = "https://api.panoramax.xyz/api"

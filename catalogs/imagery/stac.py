@@ -13,7 +13,7 @@ from catalogs.imagery.boxes import quartered
 from catalogs.imagery.offer import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
 from catalogs.imagery.web import Refused, Web, shown_url
 from catalogs.readers.pictures.poses import day_of
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # Items of a page, and pages of a search at most: more belong to a smaller box.
 PAGE, PAGES = 1000, 100

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from catalogs.readers.pictures.opening import opened
-from facade_core.errors import ImageError, InputError
-from facade_core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.errors import ImageError, InputError
+from facade_core.core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.errors import InputError
-from facade_core.types import Element
+from facade_core.core.errors import InputError
+from facade_core.core.types import Element
 
-# What layout files call their rectangles, in terms of facade_core.labels; all else is dropped and counted.
+# What layout files call their rectangles, in terms of facade_core.core.labels; all else is dropped and counted.
 LABELS: Mapping[str, str] = {
     "window": "window",
     "balcony": "balcony",

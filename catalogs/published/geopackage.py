@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.published.places import Folder
 from catalogs.readers.annotations import IS_FACADE
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from shapely import Polygon

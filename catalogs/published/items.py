@@ -18,7 +18,7 @@ import numpy as np
 
 from catalogs.features import natural_order
 from catalogs.frames import LONLAT
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from facade_core.errors import InputError, MachineError
+from facade_core.core.errors import InputError, MachineError
 
 if TYPE_CHECKING:
     from obstore.store import S3Credential, S3Store

@@ -16,7 +16,7 @@ from markupsafe import Markup
 from catalogs.features import file_stem, natural_order
 from catalogs.published.items import ASSUMED
 from catalogs.visible import visible
-from facade_core.labels import PARSE_COLOURS
+from facade_core.core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -7,7 +7,7 @@ from typing import Generic, cast
 
 from catalogs.features import natural_order
 from catalogs.published.places import F, Folder, each
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # In a city's folder, from its first minute on: of which blocks it is.
 CITY = "city.json"

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from catalogs.published.s3 import S3Folder, filesystem, reached
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # Requests under way at once: they wait for the network, and for little else.
 AT_ONCE = 16

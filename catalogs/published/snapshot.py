@@ -16,7 +16,7 @@ from catalogs.published import objects
 from catalogs.published.places import F, Folder
 from catalogs.published.runs import publishes
 from catalogs.published.s3 import S3Folder
-from facade_core.errors import InputError, MachineError, StoreError
+from facade_core.core.errors import InputError, MachineError, StoreError
 
 if TYPE_CHECKING:
     import icechunk

@@ -14,7 +14,7 @@ from catalogs.frames import LONLAT
 from catalogs.published.items import BBOX
 from catalogs.query.where import named_in
 from catalogs.visible import visible, visible_json
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import geopandas as gpd

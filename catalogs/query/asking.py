@@ -17,7 +17,7 @@ from catalogs.published.runs import Run, runs_in
 from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
 from catalogs.published.snapshot import current
 from catalogs.query.where import parse_since, refusal, select_where
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import duckdb

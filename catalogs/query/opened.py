@@ -15,7 +15,7 @@ from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.query.answers import located
 from catalogs.query.asking import query
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import geopandas as gpd

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import duckdb

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from catalogs.features import file_stem
 from catalogs.readers.json_text import load_json
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # (id of a facade or building, what is corrected, value): see `catalogs.block.corrections`.
 Said = tuple[str, str, Any]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import mapbox_earcut
 import numpy as np
 
-from facade_core.errors import GeometryError
-from facade_core.types import SEMANTICS, Shell
+from facade_core.core.errors import GeometryError
+from facade_core.core.types import SEMANTICS, Shell
 
 _SMALLEST = 1e-6  # m2; twice the area that a face encloses at least
 FARTHEST = 1e9  # no coordinate of a real frame is larger

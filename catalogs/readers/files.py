@@ -10,7 +10,7 @@ from typing import Any
 from catalogs.broken import refusing
 from catalogs.features import Centrelines, Footprints, Models
 from catalogs.readers.limits import within_limits
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # Suffix -> module and function; modules are imported when a file of theirs is read.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {

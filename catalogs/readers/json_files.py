@@ -9,7 +9,7 @@ from catalogs.readers import walls
 from catalogs.readers.cityjson import buildings as cityjson
 from catalogs.readers.json_text import is_sequence, load_json
 from catalogs.readers.vectors import features as vectors
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
 

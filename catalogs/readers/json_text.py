@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 _LONGEST_WORD = len("-Infinity")
 

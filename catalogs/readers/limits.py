@@ -12,7 +12,7 @@ import shapely
 from catalogs.broken import one_line
 from catalogs.features import Centreline, Centrelines, Fault, Footprint, Footprints, Model, Models, Remark
 from catalogs.readers.faces import MOST_CORNERS
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 MOST_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MOST_FEATURES = 5_000_000  # of a file; a block has thousands

@@ -14,8 +14,8 @@ from catalogs.broken import reason_of
 from catalogs.features import Fault, Footprint, Footprints
 from catalogs.readers.faces import FARTHEST
 from catalogs.readers.json_text import load_json
-from facade_core.errors import InputError
-from facade_core.types import Roof
+from facade_core.core.errors import InputError
+from facade_core.core.types import Roof
 
 # How far a body reaches behind a wall of which no more is known.
 DEPTH_M = 10.0

@@ -12,7 +12,7 @@ from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.stac.snapshot import collections_in, to_json
 from catalogs.stac.versions import supersede
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 CATALOG = "catalog.json"
 

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from facade_core.atlas.encoded import FOLDERS
-from facade_core.atlas.provenance import PROVENANCE
 from facade_core.atlas.rasters import Rasters, write_rasters
-from facade_core.atlas.spec import TEXT, Array, AtlasSpec, Axis
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.geometry.packing import Placement
-from facade_core.labels import FLAGS
+from facade_core.atlas.stored_files import FOLDERS
+from facade_core.core.atlas_spec import TEXT, Array, AtlasSpec, Axis
+from facade_core.core.labels import FLAGS
+from facade_core.core.provenance import PROVENANCE
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.chart_packing import Placement
 
 # Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
 # another format begins anew at the next run.
@@ -31,7 +31,7 @@ SEEDS = (
         "facade_maps/labels",
         PAGE,
         "uint8",
-        "class id as in facade_core.labels, 255 unknown",
+        "class id as in facade_core.core.labels, 255 unknown",
         {**FLAGS, "ancillary_variables": "confidence occluded"},
     ),
     Array("facade_maps/occluded", PAGE, "bool", "hidden in the facade image"),

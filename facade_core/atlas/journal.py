@@ -12,8 +12,8 @@ from typing import Any, Required, TypedDict
 
 import numpy as np
 
-from facade_core.atlas.held import read_held
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.journal_cache import read_held
+from facade_core.core.zarr_types import StoreGroup
 
 
 class Record(TypedDict, total=False):
@@ -58,7 +58,7 @@ class Record(TypedDict, total=False):
     # ground from panoramas: of each camera that shows it the panorama, its share and how far it was on the mean, metres
     cameras: list[list[Any]]
     # exemplars: their size at the block's density, what was masked of them, what of their wall is in shadow, and what tells
-    # their style, `facade_core.style.look_of`
+    # their style, `facade_core.plan.exemplar_style.look_of`
     width_m: float
     height_m: float
     hidden: float
@@ -75,7 +75,7 @@ class Record(TypedDict, total=False):
     changed: float | None
     compared: float
     capture_date_before: str | None
-    # where it changed, `facade_core.rectify.changes.Compared.by_cell`; where the store has a picture of how it was, and its
+    # where it changed, `Compared.by_cell`; where the store has a picture of how it was, and its
     # digest
     change_map: list[str]
     before_file: str

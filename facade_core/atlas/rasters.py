@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.zarr_types import StoreArray
-from facade_core.errors import StoreError
-from facade_core.geometry.packing import THIN, Placement
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import StoreError
+from facade_core.core.zarr_types import StoreArray
+from facade_core.geometry.chart_packing import THIN, Placement
 
 
 @dataclass(frozen=True)

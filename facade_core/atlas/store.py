@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, cast
 import icechunk
 
 from facade_core.atlas.arrays import FORMAT
-from facade_core.atlas.held import note_commit
-from facade_core.atlas.place import Place
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import FormatError, LostStoreError, StoreError
+from facade_core.atlas.journal_cache import note_commit
+from facade_core.atlas.location import Place
+from facade_core.core.errors import FormatError, LostStoreError, StoreError
+from facade_core.core.zarr_types import StoreGroup
 
 if TYPE_CHECKING:
     import xarray as xr

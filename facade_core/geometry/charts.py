@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from facade_core.grouping import Grouped
+from facade_core.core.grouping import Grouped
 
 KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
 WALL, ROOF, GROUND, WINDOW, DOOR, CEILING, METAL = range(7)

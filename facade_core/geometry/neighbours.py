@@ -11,10 +11,10 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.geometry.eaves import OVERHANG_M
-from facade_core.geometry.edges import ASIDE_M, OPEN
-from facade_core.geometry.terrain import Terrain
-from facade_core.types import Building
+from facade_core.core.types import Building
+from facade_core.geometry.buildings.eaves import OVERHANG_M
+from facade_core.geometry.buildings.roof_edges import ASIDE_M, OPEN
+from facade_core.geometry.ground.terrain import Terrain
 
 # The outline of a model lies this near to its neighbours'.
 OUTLINE_M = 0.3

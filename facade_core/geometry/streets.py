@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
-from facade_core.grouping import Grouped
+from facade_core.core.grouping import Grouped
 
 SHORTEST = 1.0  # m; a shorter street has no viewpoint
 

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from facade_core.core.grouping import grouped
 from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh
-from facade_core.grouping import grouped
 
 # What a wall is to the streets: on one; beside it, in sight but narrow; out of sight.
 ROLES = ("street", "side", "back")

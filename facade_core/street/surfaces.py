@@ -7,22 +7,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
-from facade_core.atlas.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
+from facade_core.core.levelling import LEVELLED_M, LEVELLED_REACHES, level
+from facade_core.core.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN
+from facade_core.core.types import Sun
+from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import GROUND
-from facade_core.geometry.packing import Placement
-from facade_core.street.by_example import FILLED_M, by_example
-from facade_core.street.contact import contact
-from facade_core.street.enclosed import enclosed
-from facade_core.street.facade_light import in_its_light
-from facade_core.street.field import Materials
-from facade_core.street.overhead import Aerial, from_above
-from facade_core.street.scene import Scene
-from facade_core.street.sun import lit, sunlight
-from facade_core.street.translate import footprint
-from facade_core.street.window import Window
-from facade_core.types import Sun
+from facade_core.geometry.overhead_view import Aerial, from_above
+from facade_core.geometry.party_walls import enclosed
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.contact import contact
+from facade_core.street.lighting.facade_light import in_its_light
+from facade_core.street.lighting.sun import lit, sunlight
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.ground_by_example import FILLED_M, by_example
+from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.translator.translate import footprint
 
 # Metres around a chart that its levelling depends on.
 BESIDE_M = LEVELLED_M * LEVELLED_REACHES

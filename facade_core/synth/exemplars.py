@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.errors import LayoutError
+from facade_core.core.errors import LayoutError
 from facade_core.synth.facade import PaintedFacade, facade
-from facade_core.synth.plan import GROUND_SHARE
+from facade_core.synth.facade_plan import GROUND_SHARE
 from facade_core.synth.styles import BY_NAME, STYLES
 
 STOREY = 3.2  # metres, upper storeys

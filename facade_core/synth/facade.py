@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from facade_core.errors import LayoutError
+from facade_core.core.errors import LayoutError
+from facade_core.core.types import Element
 from facade_core.synth import entrances, materials, ornament, railings, shops
 from facade_core.synth.canvas import GAMMA, Canvas, linear
-from facade_core.synth.light import shade
+from facade_core.synth.canvas_light import shade
+from facade_core.synth.facade_plan import Opening, Plan, plan
 from facade_core.synth.occluders import paint_occluders
-from facade_core.synth.plan import Opening, Plan, plan
 from facade_core.synth.styles import BY_NAME, STYLES
 from facade_core.synth.weather import weather
 from facade_core.synth.windows import SKY_HIGHEST, SKY_LOWEST, Fabrics, panes_differ, window_tile
-from facade_core.types import Element
 
 LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
 FINEST, COARSEST = 0.01, 0.2  # metres per pixel
@@ -33,7 +33,7 @@ _BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
 class PaintedFacade:
     """A painted facade and the truth about it.
 
-    image (H, W, 3) uint8 RGB; labels (H, W) uint8, amodal class ids of `facade_core.labels`, without sky: the facade
+    image (H, W, 3) uint8 RGB; labels (H, W) uint8, amodal class ids of `facade_core.core.labels`, without sky: the facade
     fills the raster; elements, exact rectangles in whole pixels, half-open, drawn over one another in the order of
     `labels.ELEMENT_CLASSES`; occluded (H, W) bool, True where something stands in front; element_states, one planted
     type per element, such as "window:blind-half"; floors below the eaves, ground floor included, and columns.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.street.grain import PLASTER_FINE, PLASTER_ROUGH, SETTS, add_grain
-from facade_core.street.grain_file import shipped
+from facade_core.street.materials.grain import PLASTER_FINE, PLASTER_ROUGH, SETTS, add_grain
+from facade_core.street.materials.grain_file import shipped
 from facade_core.synth.canvas import Canvas, fractal, linear, noise
 
 # Pixels whose grain is worked out together.
@@ -103,7 +103,7 @@ def photographed(
     shape: tuple[int, int], scale: float, example: int, weight: float, rng: np.random.Generator
 ) -> np.ndarray:
     """What a material's colour is multiplied by, in linear light, (H, W) float32 about 1: the grain of photographs of it
-    (`facade_core.street.grain`), as pixels of 1 / scale metres see it."""
+    (`facade_core.street.materials.grain`), as pixels of 1 / scale metres see it."""
     rows, columns = shape
     out, grains, seed = np.empty(shape, np.float32), shipped(), int(rng.integers(1 << 31))
     across = (np.arange(columns) + 0.5) / scale

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.synth.canvas import Canvas, linear
-from facade_core.synth.plan import Opening, Plan
+from facade_core.synth.facade_plan import Opening, Plan
 
 Box = tuple[float, float, float, float]
 CORNICE = (0.62, 0.62, 0.60, 0.52, 0.46, 0.26, 0.20, 0.13, 0.12, 0.05)

@@ -9,19 +9,19 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.errors import LayoutError
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import LayoutError
+from facade_core.core.numba_cache import njit
+from facade_core.core.types import Building, Pose, Roof, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import GROUND, WALL
-from facade_core.geometry.packing import pack
-from facade_core.geometry.surfaces import block_surfaces
-from facade_core.geometry.terrain import terrain_of
-from facade_core.kernels import njit
-from facade_core.rectify.camera import camera_from_world, position
-from facade_core.street.scene import Scene
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.poses.panorama_camera import camera_from_world, position
 from facade_core.synth.exemplars import exemplars
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.occluders import paint_occluders
-from facade_core.types import Building, Pose, Roof, Street
 
 # Metres from the axis of the street to its facades, and of what stands before them to the facades.
 HALF_WIDTH, KERB = 9.0, 3.0

@@ -197,7 +197,7 @@ def _run(
 def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
     from catalogs.published.places import local_side
-    from facade_core.errors import FacadeError, WithheldError
+    from facade_core.core.errors import FacadeError, WithheldError
     from flows.cli.console import tell
     from flows.server.starting import ServerDown, server
 

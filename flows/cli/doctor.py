@@ -37,7 +37,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     from itertools import chain
 
     from catalogs.published.places import local_side
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from flows.lock import is_held
     from tasks.doctor import examine_machine
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from catalogs.imagery.web import Away
-from facade_core.errors import FacadeError, MachineError
+from facade_core.core.errors import FacadeError, MachineError
 
 # Of sysexits.h: an error of our own or of the machine; a cluster, or a service of pictures, that is gone for now.
 UNUSABLE, CRASHED, GONE = 2, 70, 75

@@ -58,7 +58,7 @@ def fetch_imagery(
       streetloom fetch-imagery block.yaml --from my-panoramas/ --licence "mine"
       streetloom fetch-imagery --bbox 7.750 48.581 7.754 48.583 --to pictures/
     """
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from flows.cli.interrupts import end_early
 
     if (block_file is None) == (bbox is None):
@@ -103,7 +103,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
       streetloom match block.yaml my-photos/
       streetloom match block.yaml my-photos/ --take matches.csv
     """
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from flows.cli.console import progress
     from tasks.matching.finding import PLACES, UNPLACED, match_photos
     from tasks.matching.table import TABLE, read_table, write_table

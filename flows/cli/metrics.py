@@ -29,7 +29,7 @@ def metrics(out: Folder, otlp: str | None) -> None:
     from prometheus_client import generate_latest
 
     from catalogs.published.runs import publishes, stores_in
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from tasks.metrics import metrics_of
 
     if not (runs := stores_in(out)):

@@ -48,7 +48,7 @@ class LocalPath(click.Path):
     """A file or folder to write. What has a scheme would become a folder of that name, with the results in it."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from facade_core.errors import InputError
+        from facade_core.core.errors import InputError
 
         name = param.opts[0] if isinstance(param, click.Option) else param.human_readable_name if param else "path"
         if not str(value).strip():  # a variable of a script that is not set

@@ -76,7 +76,7 @@ def query(
     from catalogs.query import query as find
     from catalogs.query.answers import format_items, parquet_bytes
     from catalogs.query.where import all_of
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
 
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
@@ -192,7 +192,7 @@ def catalog(folder: Folder, to: str | None) -> None:
     from catalogs.published.s3 import S3Folder, folder_at
     from catalogs.published.s3_copy import copy_catalog, copy_run
     from catalogs.stac.catalog import write_catalog
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from flows.lock import locked
 
     target = folder_at(to) if to else None
@@ -248,7 +248,7 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
       streetloom view out/mine --edit --photos my-photos/
       streetloom view out/town --edit                  a page lists the city's blocks, each to be opened
     """
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from flows.cli.interrupts import end_early
 
     if not host.strip():  # it would be every address of the machine
@@ -304,7 +304,7 @@ def _run_in(folder: Folder) -> Folder:
     """
     from catalogs.published.runs import stores_in
     from catalogs.published.s3 import S3Folder
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
     from flows.lock import is_held
 
     found = list(stores_in(folder).items())

@@ -184,7 +184,7 @@ def train_translation_network(
     """
     from dataclasses import replace
 
-    from facade_core.street.translator_training import FULL, SMALL
+    from facade_core.street.translator.training import FULL, SMALL
     from flows.cli.console import progress
     from tasks.training.translator import Places, train_translator
 
@@ -229,7 +229,7 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     import importlib
     import pkgutil
 
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
 
     try:
         import benchmarks

@@ -88,7 +88,7 @@ class WithBox(click.Command):
     """A command whose --bbox says in one line what it wants."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        from facade_core.errors import InputError
+        from facade_core.core.errors import InputError
 
         try:
             return super().make_context(*args, **kwargs)
@@ -104,7 +104,7 @@ def user() -> str:
     """Who types. Raises InputError where the machine has no name for them, as in some containers."""
     import getpass
 
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
 
     try:
         return getpass.getuser()

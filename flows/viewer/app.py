@@ -18,7 +18,7 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from catalogs.published.places import Folder
-from facade_core.errors import FacadeError, InputError, StoreError
+from facade_core.core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_held
 from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import Guard, guard, in_address

@@ -15,8 +15,8 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from catalogs.block.corrections import corrections_file, read_corrections
-from facade_core.errors import FacadeError, StoreError
-from facade_core.labels import ELEMENT_CLASSES
+from facade_core.core.errors import FacadeError, StoreError
+from facade_core.core.labels import ELEMENT_CLASSES
 from flows.viewer.guard import refusal_to_edit
 from flows.viewer.redo import Redo
 from tasks.corrections import Taker, block_of

@@ -10,7 +10,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from catalogs.readers.pictures.opening import read_picture
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, read, written
 from tasks.corrections import block_of
 from tasks.matching.table import TABLE, Decision, Match, alone, decided, read_table, write_table

@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 
 from catalogs.published.places import Folder
 from catalogs.published.snapshot import Snapshot, current_if_any
-from facade_core.errors import InputError, StoreError
+from facade_core.core.errors import InputError, StoreError
 from tasks.viewing import View
 from tasks.viewing.opening import opening
 

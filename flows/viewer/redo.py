@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.published.places import Folder
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.lock import is_held
 from tasks.compute.following import follow
 

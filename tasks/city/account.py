@@ -14,7 +14,7 @@ from catalogs.published.runs import CITY
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import unit_key
-from facade_core.errors import BlockFileError, InputError
+from facade_core.core.errors import BlockFileError, InputError
 from tasks.city.blocks import City, CityBlock, read_city
 from tasks.city.cost import WHAT, shipped
 from tasks.city.counting import Counts

@@ -22,10 +22,10 @@ from catalogs.block.reading import block_of, extract_of, read_block, with_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.cutting import Cut, cut_city, reach_of
 from catalogs.city.keys import check_city
-from facade_core.errors import BlockFileError, InputError
-from facade_core.fronts import outlines_as_walls
-from facade_core.naming import number_of
-from facade_core.style import order_of
+from facade_core.core.errors import BlockFileError, InputError
+from facade_core.core.name_hash import number_of
+from facade_core.plan.exemplar_inputs import outlines_as_walls
+from facade_core.plan.exemplar_style import order_of
 from tasks.city.counting import NOTHING, Counts, counts_of
 from tasks.city.sources import source_of_block
 

@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 
 from catalogs.block.reading import Block
-from facade_core.facades import FREE
-from facade_core.geometry.density import FAR_M, NEAR_M, PARTY, coarsest
+from facade_core.geometry.texel_density import FAR_M, NEAR_M, PARTY, coarsest
 from facade_core.geometry.walls import JOINT_M, NARROW_M
+from facade_core.plan.facades import FREE
 from tasks.stages.planning import plan_of
 
 # Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
@@ -74,7 +74,7 @@ def planned_of(block: Block) -> dict[str, float]:
 
 
 class _Density:
-    """Texels by how near a street comes (`facade_core.geometry.density`), whatever stands between and whichever way a wall
+    """Texels by how near a street comes (`geometry.texel_density`), whatever stands between and whichever way a wall
     looks."""
 
     def __init__(self, block: Block) -> None:

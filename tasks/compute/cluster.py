@@ -18,7 +18,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from facade_core.errors import FacadeError, MachineError
+from facade_core.core.errors import FacadeError, MachineError
 from tasks.compute.attempts import Copy, Unit, fetched
 from tasks.compute.deadlines import Deadlines
 from tasks.compute.leases import Forget, Lease, Leases

@@ -21,14 +21,14 @@ def compile_together() -> None:
     A part that another process is at work on is left to it, and waited for at the end, for as long as a part may take: one that
     was stopped must not hold up others.
     """
-    from facade_core.compiled import PARTS
-    from facade_core.kernels import CACHE as folder
-    from facade_core.kernels import code_digest
+    from facade_core.core.numba_cache import CACHE as folder
+    from facade_core.core.numba_cache import code_digest
+    from facade_core.kernel_warmup import PARTS
 
     if folder is None:  # nothing can be shared
         return
     try:
-        done = folder / f"compiled-{code_digest('facade_core.compiled')}"
+        done = folder / f"compiled-{code_digest('facade_core.kernel_warmup')}"
         if done.exists():
             return
         left = [part for part in PARTS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]

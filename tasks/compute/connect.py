@@ -14,7 +14,7 @@ from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any
 
 from catalogs.published.s3 import folder_at
-from facade_core.errors import InputError, MachineError
+from facade_core.core.errors import InputError, MachineError
 from tasks.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
 from tasks.compute.leases import Forget
 from tasks.compute.patience import USUAL, Patience

@@ -17,7 +17,7 @@ from typing import Any
 
 from catalogs.published.places import Folder
 from catalogs.published.s3 import folder_at
-from facade_core.errors import FacadeError
+from facade_core.core.errors import FacadeError
 from tasks.outcome import machine_error, machine_fault
 
 # Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.

@@ -26,7 +26,7 @@ from catalogs.published.places import Folder
 from catalogs.published.runs import CITY, runs_in
 from catalogs.published.snapshot import current
 from catalogs.readers.annotations import Said, pictures_of, read_annotations, said_in
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
 from tasks.corrections.walls import unreached
 from tasks.published.opened import Published, opened, published

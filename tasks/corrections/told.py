@@ -15,9 +15,9 @@ from catalogs.block.corrected import LEAST_M
 from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked, is_number
 from catalogs.frames import LONLAT, between
 from catalogs.readers.annotations import Measured, Said
-from facade_core.correction import unlike
-from facade_core.errors import InputError
-from facade_core.types import Element
+from facade_core.core.errors import InputError
+from facade_core.core.types import Element
+from facade_core.facade.correction import unlike
 from tasks.corrections.words import words
 from tasks.published.opened import Published
 
@@ -247,7 +247,7 @@ class Told:
 
     @cached_property
     def _outlines(self) -> Mapping[int, Any]:
-        from facade_core.export.footprints import footprints
+        from facade_core.export.bodies.footprints import footprints
 
         return footprints(self.found.textured)
 

@@ -11,7 +11,7 @@ PLASTER = "plaster"
 
 def words() -> dict[str, list[str]]:
     """By what is corrected, the words that it may be."""
-    from facade_core.street.field import ROOFING
+    from facade_core.street.materials.field import ROOFING
 
     return {
         "roof_shape": list(ROOF_SHAPES),

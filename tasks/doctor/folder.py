@@ -19,12 +19,12 @@ from catalogs.published.files import amiss
 from catalogs.published.places import Folder
 from catalogs.published.runs import publishes
 from catalogs.published.snapshot import current_if_any
-from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
+from facade_core.atlas.integrity import DAMAGE, broken_tags, is_whole, unreadable
 from facade_core.atlas.journal import Record
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import FacadeError, FormatError, StoreError
+from facade_core.core.errors import FacadeError, FormatError, StoreError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
 from tasks.keys.runs import run_of
 from tasks.kinds.order import read_journals

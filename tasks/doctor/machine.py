@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 
-from facade_core.errors import ModelError
+from facade_core.core.errors import ModelError
 from tasks.doctor.findings import Finding
 
 PACKAGE = "streetloom"
@@ -96,9 +96,9 @@ def _rays() -> Finding:
 
 def _shipped() -> dict[Path, Callable[[Path], object]]:
     """The files of the models that come with the package, and what loads each."""
-    from facade_core.layout import model as layouts
-    from facade_core.parse import forest, network
-    from facade_core.street import neural
+    from facade_core.facade.layout import model as layouts
+    from facade_core.parsing import forest, network
+    from facade_core.street.translator import neural
 
     return {
         network.SHIPPED: network.load,
@@ -121,7 +121,7 @@ def models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding
 
 def second_opinion() -> Finding:
     """Whether faces and number plates are looked for by models of other packages, beside the parser."""
-    from facade_core.detect import models as detect
+    from facade_core.imagery.detect import models as detect
 
     if lacking := detect.missing():
         said = (

@@ -12,7 +12,9 @@ import yaml
 
 from catalogs.block import Block, read_block
 from facade_core.geometry.walls import STREET
-from facade_core.synth import NORDIC, PaintedFacade, exemplar, facade
+from facade_core.synth.exemplars import exemplar
+from facade_core.synth.facade import PaintedFacade, facade
+from facade_core.synth.styles import NORDIC
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
 

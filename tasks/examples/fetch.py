@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from catalogs.examples.sources import BLOCKS, SOURCES, Source, download
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
 from tasks.progress import advance, begin_stage
 

@@ -22,7 +22,7 @@ from catalogs.features import file_stem
 from catalogs.readers.files import read_buildings
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.panoramas import read_panoramas
-from facade_core.errors import BlockFileError, InputError
+from facade_core.core.errors import BlockFileError, InputError
 from facade_core.geometry.walls import STREET
 from tasks.examples.demo import paint_exemplars
 from tasks.stages.planning import plan_of

@@ -13,13 +13,13 @@ import numpy as np
 
 from catalogs.readers.annotations import EXPORTED
 from catalogs.visible import visible_json
-from facade_core.types import Element
+from facade_core.core.types import Element
 from tasks.export.models import with_ground
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.buildings import Modelled
+    from facade_core.export.bodies.buildings import Modelled
 
 TEXTURES = "textures"
 # What a building is of, as it was stated or corrected, by the names of attributes.
@@ -43,7 +43,7 @@ def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
 
 def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """BLOCK.city.jsonl: a header, then a feature per line, with textures beside it."""
-    from facade_core.export.cityjson import Pool, document
+    from facade_core.export.city_models.cityjson import Pool, document
 
     url, notes = _reference_system(found)
     origin = origin_of(found)
@@ -62,7 +62,7 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
 def _write_document(
     found: Published, buildings: np.ndarray, folder: Path, name: str, *, openings: bool
 ) -> tuple[list[str], list[str]]:
-    from facade_core.export.cityjson import Pool, document
+    from facade_core.export.city_models.cityjson import Pool, document
 
     url, notes = _reference_system(found)
     pool = Pool(origin_of(found))
@@ -83,10 +83,10 @@ def _objects(
     found: Published, buildings: np.ndarray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """The files of the texture pages, which are written, and every feature as (id, what makes its city objects in a pool)."""
-    from facade_core.export.buildings import ground_faces
-    from facade_core.export.cityjson import geometry_of
-    from facade_core.export.models import GROUND_NODE, layout_of, page_jpeg
-    from facade_core.grouping import grouped
+    from facade_core.core.grouping import grouped
+    from facade_core.export.bodies.buildings import ground_faces
+    from facade_core.export.city_models.cityjson import geometry_of
+    from facade_core.export.models.textured_parts import GROUND_NODE, layout_of, page_jpeg
 
     source = found.textured
     shown = with_ground(found, buildings)
@@ -132,7 +132,7 @@ def building_objects(
     taken: set[str],
 ) -> dict[str, Any]:
     """A building and its installations by id: a Solid where its surfaces close, and what stands out of it."""
-    from facade_core.export.cityjson import geometry_of
+    from facade_core.export.city_models.cityjson import geometry_of
 
     made = model_of(found, drawn, triangles, index, layouts, pool.origin)
     opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
@@ -177,7 +177,7 @@ def model_of(
     origin: np.ndarray,
 ) -> Modelled:
     """A building as faces on the grid around `origin` (3,), with the openings and balconies of `layouts`."""
-    from facade_core.export.buildings import modelled
+    from facade_core.export.bodies.buildings import modelled
 
     assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
     facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
@@ -212,8 +212,8 @@ def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
 
 def measured_heights(found: Published) -> dict[str, float]:
     """The height of each building by its id, as exports state it."""
-    from facade_core.export.models import layout_of
-    from facade_core.grouping import grouped
+    from facade_core.core.grouping import grouped
+    from facade_core.export.models.textured_parts import layout_of
 
     source, buildings = found.textured, found.choose(())
     drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
@@ -239,8 +239,8 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
     """The elements of the finished facades of some buildings by their charts, in metres, with the ledges that pictures show."""
-    from facade_core.export.facade_stages import chart_raster
-    from facade_core.export.ledges import ledges_of
+    from facade_core.export.bodies.ledges import ledges_of
+    from facade_core.export.pictures.facade_stages import chart_raster
 
     placement = found.plan.scene.placement
     layouts = {}

@@ -24,9 +24,9 @@ OWN = ("name", "roofType", "measuredHeight", "storeysAboveGround")
 
 def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """BLOCK.gml: LoD3 where a building has openings, else LoD2, with textures beside it."""
-    from facade_core.export.citygml import city_model, ncname
-    from facade_core.export.models import layout_of, page_jpeg
-    from facade_core.grouping import grouped
+    from facade_core.core.grouping import grouped
+    from facade_core.export.city_models.citygml import city_model, ncname
+    from facade_core.export.models.textured_parts import layout_of, page_jpeg
 
     source, shown = found.textured, with_ground(found, buildings)
     drawn = layout_of(source, source.chosen(shown))
@@ -63,8 +63,8 @@ def _building(
     layouts: Mapping[int, Any],
     images: list[str],
 ) -> Element:
-    from facade_core.export.citygml import Textured, add, attribute, solid, surfaces_of
-    from facade_core.export.cityjson import Pool
+    from facade_core.export.city_models.citygml import Textured, add, attribute, solid, surfaces_of
+    from facade_core.export.city_models.cityjson import Pool
 
     origin = origin_of(found)
     made = model_of(found, drawn, triangles, index, layouts, origin)
@@ -109,10 +109,10 @@ def _building(
 
 def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]) -> list[Element]:
     """The ground's pieces, each a relief of one triangulated surface."""
-    from facade_core.export.buildings import ground_faces
-    from facade_core.export.citygml import Textured, add
-    from facade_core.export.cityjson import Pool
-    from facade_core.export.models import GROUND_NODE
+    from facade_core.export.bodies.buildings import ground_faces
+    from facade_core.export.city_models.citygml import Textured, add
+    from facade_core.export.city_models.cityjson import Pool
+    from facade_core.export.models.textured_parts import GROUND_NODE
 
     origin, members = origin_of(found), []
     for number, faces in enumerate(ground_faces(drawn, triangles, origin)):
@@ -135,6 +135,6 @@ def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str
 def _member() -> Element:
     from lxml import etree
 
-    from facade_core.export.citygml import NAMESPACES, tag
+    from facade_core.export.city_models.citygml import NAMESPACES, tag
 
     return etree.Element(tag("cityObjectMember"), nsmap=NAMESPACES)

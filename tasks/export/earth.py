@@ -9,12 +9,12 @@ import numpy as np
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.earth import EarthFrame
+    from facade_core.export.tiles.earth import EarthFrame
 
 
 def on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, dict[str, Any], list[str]]:
     """The frame of a block's tiles around a point (3,), what their tileset says of it, and notes."""
-    from facade_core.export.earth import earth_frame
+    from facade_core.export.tiles.earth import earth_frame
 
     separation = found.group.attrs.get("geoid_separation")
     extras: dict[str, Any] = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot.id}

@@ -14,12 +14,12 @@ from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.annotations import Annotated
+    from facade_core.export.pictures.annotations import Annotated
 
 
 def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """annotations.json and images/ID.png: facades rectified and without what stood before them, with their elements."""
-    from facade_core.export.annotations import coco
+    from facade_core.export.pictures.annotations import coco
 
     (folder / "images").mkdir()
     facades = list(_annotated(found, buildings, folder, "images/"))
@@ -30,7 +30,7 @@ def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
 
 def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """ID.png and ID.json for every facade; the ones to open first are the ID.json."""
-    from facade_core.export.annotations import labelme
+    from facade_core.export.pictures.annotations import labelme
 
     facades = list(_annotated(found, buildings, folder, ""))
     names = [f"{file_stem(facade.facade)}.json" for facade in facades]
@@ -44,8 +44,8 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    from facade_core.export.annotations import Annotated
-    from facade_core.export.facade_stages import chart_raster
+    from facade_core.export.pictures.annotations import Annotated
+    from facade_core.export.pictures.facade_stages import chart_raster
 
     facades = found.rectified(buildings)
     said = PngInfo()
@@ -78,9 +78,9 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     import shapely
 
     from catalogs.published.geopackage import write_layers
-    from facade_core.export.footprints import footprints
+    from facade_core.core.grouping import grouped
+    from facade_core.export.bodies.footprints import footprints
     from facade_core.geometry.charts import GROUND, ROOF
-    from facade_core.grouping import grouped
     from tasks.export.city import is_facade
 
     plan, charts = found.plan, found.plan.scene.charts
@@ -130,7 +130,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
 
 def _levels(found: Published, triangles: np.ndarray) -> dict[str, float]:
     """How high a building's lowest and highest corners lie, chimneys and parapets among them, in the block's heights."""
-    from facade_core.export.surfaces import heights
+    from facade_core.export.bodies.map_surfaces import heights
 
     low, high = heights(found.textured, triangles)
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
@@ -138,7 +138,7 @@ def _levels(found: Published, triangles: np.ndarray) -> dict[str, float]:
 
 def _surfaces(found: Published, kind: int, buildings: np.ndarray) -> list[dict[str, Any]]:
     """The surfaces of one kind of some buildings (-1: the ground) as rows: outlines with heights, slope and area."""
-    from facade_core.export.surfaces import surface_polygons
+    from facade_core.export.bodies.map_surfaces import surface_polygons
 
     source = found.textured
     charts = source.chosen(buildings)

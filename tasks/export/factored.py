@@ -16,8 +16,8 @@ from tasks.progress import advance
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.factored.pictures import Shown
-    from facade_core.factored.wall import Pieces
+    from facade_core.export.factored.pictures import Shown
+    from facade_core.export.factored.wall import Pieces
 
 FIGURES = "figures.json"
 # Coarse tiles above factored ones have this share of the texels of those above unique texels.
@@ -29,13 +29,13 @@ def write_factored(
 ) -> tuple[list[str], list[str]]:
     """block.glb with a node a building, whose facades are factored; figures.json, what it comes to. shown: the
     buildings, and -1 for the ground."""
-    from facade_core.export.encoders import encoder
-    from facade_core.export.models import local_frame
-    from facade_core.factored.glb import factored_glb
-    from facade_core.factored.parts import joined, parts_of, rest
-    from facade_core.factored.pictures import held, pictures_of
-    from facade_core.factored.wall import NEAR
-    from facade_core.grouping import Grouped
+    from facade_core.core.grouping import Grouped
+    from facade_core.export.factored.glb import factored_glb
+    from facade_core.export.factored.parts import joined, parts_of, rest
+    from facade_core.export.factored.pictures import held, pictures_of
+    from facade_core.export.factored.wall import NEAR
+    from facade_core.export.models.encoders import encoder
+    from facade_core.export.models.textured_parts import local_frame
 
     start = time.monotonic()
     source = found.textured
@@ -83,15 +83,15 @@ def write_factored_tiles(
     variations; beside them their pictures, which they share. shown: the buildings, and -1 for the ground."""
     from dataclasses import replace
 
-    from facade_core.export.cells import COARSE, quadtree
-    from facade_core.export.encoders import MIPMAPS, encoder
-    from facade_core.export.models import local_frame, part_of
-    from facade_core.export.shells import simplified_shells
-    from facade_core.export.tiles import count_tiles, write_tileset
-    from facade_core.factored.parts import joined
-    from facade_core.factored.pictures import held, pictures_of
-    from facade_core.factored.tiles import Leaves
-    from facade_core.factored.wall import FAR, NEAR
+    from facade_core.export.factored.parts import joined
+    from facade_core.export.factored.pictures import held, pictures_of
+    from facade_core.export.factored.tiles import Leaves
+    from facade_core.export.factored.wall import FAR, NEAR
+    from facade_core.export.models.encoders import MIPMAPS, encoder
+    from facade_core.export.models.textured_parts import local_frame, part_of
+    from facade_core.export.tiles.cells import COARSE, quadtree
+    from facade_core.export.tiles.far_shells import simplified_shells
+    from facade_core.export.tiles.tileset import count_tiles, write_tileset
 
     start = time.monotonic()
     whole = found.textured
@@ -167,7 +167,7 @@ def write_factored_tiles(
 
 def _figures(pictures: Shown, whole: Pieces, rest_bytes: float) -> dict[str, Any]:
     """What pictures come to on a graphics card, and what elements keep of theirs."""
-    from facade_core.factored.pictures import held
+    from facade_core.export.factored.pictures import held
 
     grains = held([one for one, again in zip(pictures.pictures, pictures.repeated, strict=True) if again])
     density = np.array([density * pictures.scale[key] for key, density in whole.elements] or [0.0])

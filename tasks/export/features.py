@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from catalogs.published.items import COLUMNS, Column
-from facade_core.errors import InputError
-from facade_core.export.features import Features, Property
+from facade_core.core.errors import InputError
+from facade_core.export.models.features import Features, Property
 from facade_core.geometry.charts import KINDS
 from tasks.published.opened import Published
 

@@ -14,7 +14,7 @@ from typing import Any
 from catalogs.published import objects
 from catalogs.published.places import Folder, at, each, local_side, remove
 from catalogs.published.s3 import S3Folder, folder_at
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
 from tasks.published.opened import Published, published
 

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.block import read_block
-from facade_core.errors import FacadeError, InputError
+from facade_core.core.errors import FacadeError, InputError
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 from tasks.store.standing import recorded_source
 from tasks.units.images import read_exemplar_picture
 
 if TYPE_CHECKING:
-    from facade_core.factored.library import Library
-    from facade_core.factored.seen import Facade
-    from facade_core.factored.wall import Detail, Pieces
+    from facade_core.export.factored.library import Library
+    from facade_core.export.factored.wall import Detail, Pieces
+    from facade_core.export.factored.wall_units import Facade
 
 # A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
 SAME = 4.0
@@ -37,9 +37,9 @@ class Laid:
 
 def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], more: int) -> Laid:
     """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
-    from facade_core.factored.seen import Seen
-    from facade_core.factored.wall import Pieces, lay
-    from facade_core.grouping import grouped
+    from facade_core.core.grouping import grouped
+    from facade_core.export.factored.wall import Pieces, lay
+    from facade_core.export.factored.wall_units import Seen
 
     source = found.textured
     planes = _planes(found, buildings)
@@ -60,9 +60,9 @@ def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], mor
 
 def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
     """The facades with a finished layout whose walls are plane: their polygons."""
-    from facade_core.export.openings import outlines
-    from facade_core.factored.wall import Plane, flat
-    from facade_core.grouping import grouped
+    from facade_core.core.grouping import grouped
+    from facade_core.export.bodies.openings import outlines
+    from facade_core.export.factored.wall import Plane, flat
 
     source = found.textured
     of_chart = grouped(source.mesh.chart)
@@ -80,9 +80,9 @@ def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
 def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library], dict[int, int], list[str]]:
     """A library for each exemplar that the facades are made from, and for each facade with a picture of its own; whose is
     whose."""
-    from facade_core.export.facade_stages import chart_raster
-    from facade_core.factored.library import library_of
-    from facade_core.parse import elements
+    from facade_core.export.factored.library import library_of
+    from facade_core.export.pictures.facade_stages import chart_raster
+    from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
     given = _given(found)
@@ -142,7 +142,7 @@ def _given(found: Published) -> dict[str, Path]:
 def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
     """A given exemplar with all its pixels; None where it is not what was stored, or has no more. What hid a facade, or is
     private, was made anew before it was stored: such an exemplar is not taken."""
-    from facade_core.resizing import resized
+    from facade_core.core.resizing import resized
 
     if path is None:
         return None
@@ -157,8 +157,8 @@ def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
 
 
 def _facade(found: Published, index: int) -> Facade:
-    from facade_core.export.facade_stages import chart_raster
-    from facade_core.factored.seen import Facade
+    from facade_core.export.factored.wall_units import Facade
+    from facade_core.export.pictures.facade_stages import chart_raster
 
     placement, chart = found.plan.scene.placement, int(found.plan.facades.chart[index])
     seed, labels = (chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels"))

@@ -8,8 +8,8 @@ from typing import cast
 
 import numpy as np
 
-from facade_core.export.lit import HELD, Lighting, Texels
-from facade_core.types import Sun
+from facade_core.core.types import Sun
+from facade_core.export.lighting.lit import HELD, Lighting, Texels
 from tasks.published.opened import Published
 from tasks.units.materials import field_of, materials
 

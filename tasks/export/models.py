@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.features import file_stem
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.export.earth import on_earth
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.looks import Time
-    from facade_core.export.models import Textured
+    from facade_core.export.models.gltf_materials import Time
+    from facade_core.export.models.textured_parts import Textured
 
 # How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
 TEXTURES = "jpeg"
@@ -29,7 +29,7 @@ FIGURES = "figures.json"
 def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[Textured, list[str]]:
     """What models of a block show, lit or as it is, and what there is to say of that. Raises InputError where a night is asked
     for of what is not lit."""
-    from facade_core.export.lit import relit
+    from facade_core.export.lighting.lit import relit
     from tasks.export.lighting import lighting, mostly_photographed
 
     asked = lit
@@ -63,10 +63,10 @@ def write_models(
         from tasks.export.factored import write_factored
 
         return write_factored(found, buildings, with_ground(found, buildings), folder)
-    from facade_core.export.encoders import ENCODERS
-    from facade_core.export.glb import glb_bytes
-    from facade_core.export.looks import look_of
-    from facade_core.export.models import layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.models.encoders import ENCODERS
+    from facade_core.export.models.glb import glb_bytes
+    from facade_core.export.models.gltf_materials import look_of
+    from facade_core.export.models.textured_parts import layout_of, local_frame, nodes_of, page_pictures
 
     source, notes = shown(found, lit, night, lit_by_default=True)
     frame = local_frame(found.plan.scene.mesh)
@@ -107,12 +107,12 @@ def write_3dtiles(
         return write_factored_tiles(found, buildings, with_ground(found, buildings), folder)
     from dataclasses import replace
 
-    from facade_core.export.cells import COARSE, quadtree
-    from facade_core.export.encoders import MIPMAPS, encoder
-    from facade_core.export.looks import texels_held
-    from facade_core.export.models import local_frame, part_of
-    from facade_core.export.shells import simplified_shells
-    from facade_core.export.tiles import count_tiles, scale_of_view, write_tileset
+    from facade_core.export.models.encoders import MIPMAPS, encoder
+    from facade_core.export.models.gltf_materials import texels_held
+    from facade_core.export.models.textured_parts import local_frame, part_of
+    from facade_core.export.tiles.cells import COARSE, quadtree
+    from facade_core.export.tiles.far_shells import simplified_shells
+    from facade_core.export.tiles.tileset import count_tiles, scale_of_view, write_tileset
     from tasks.export.features import features_of
 
     encoded = encoder(textures)

@@ -11,14 +11,14 @@ import numpy as np
 
 from catalogs.features import file_stem
 from catalogs.visible import visible, visible_json
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
     from pystac import Item
 
-    from facade_core.export.plane import WallPlane
+    from facade_core.export.bodies.plane import WallPlane
 
 # Of the file's tiles, texels: those of a facade are few.
 BLOCK = 256
@@ -26,8 +26,8 @@ BLOCK = 256
 
 def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """ID.tif for every facade that has surfaces, textured or not, and ID.json, a STAC Item, beside it."""
-    from facade_core.export.facade_stages import chart_raster
-    from facade_core.export.plane import wall_plane
+    from facade_core.export.bodies.plane import wall_plane
+    from facade_core.export.pictures.facade_stages import chart_raster
 
     facades, source = found.plan.facades, found.textured
     drawn = set(source.chosen(buildings).tolist())
@@ -65,7 +65,7 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
     from rasterio.features import rasterize
     from rasterio.transform import Affine
 
-    from facade_core.export.plane import PLANE_WKT, wall_outlines
+    from facade_core.export.bodies.plane import PLANE_WKT, wall_outlines
 
     height, width = texels.shape[:2]
     polygons = [
@@ -111,7 +111,7 @@ def _item(
     from catalogs.stac.facts import SourceFact
     from catalogs.stac.items import PROJECTION
     from catalogs.stac.licences import license_links, license_of, licensors
-    from facade_core.export.plane import PLANE_WKT
+    from facade_core.export.bodies.plane import PLANE_WKT
 
     sources = [SourceFact(one.key, one.name, one.licence) for one in found.attribution.sources]
     line = row["geometry"]

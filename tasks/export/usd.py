@@ -23,10 +23,17 @@ def write_usd(
     found: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
 ) -> tuple[list[str], list[str]]:
     """BLOCK.usda, which references buildings/ID.usdc with textures/ beside them; BLOCK.usdz has them all in one file."""
-    from facade_core.export.encoders import ENCODERS
-    from facade_core.export.looks import DAY, NIGHT, look_of
-    from facade_core.export.models import GROUND_NODE, layout_of, local_frame, nodes_of, page_pictures
-    from facade_core.export.usd import PageFiles, ZUpFrame, usd_module, write_block, write_building, write_package
+    from facade_core.export.models.encoders import ENCODERS
+    from facade_core.export.models.gltf_materials import DAY, NIGHT, look_of
+    from facade_core.export.models.textured_parts import GROUND_NODE, layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.models.usd import (
+        PageFiles,
+        ZUpFrame,
+        usd_module,
+        write_block,
+        write_building,
+        write_package,
+    )
 
     usd_module()
     source, notes = shown(found, lit, night, lit_by_default=True)

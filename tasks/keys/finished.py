@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.export.camera import Camera
+from facade_core.export.pictures.camera import Camera
 from facade_core.geometry.charts import CORNERS
-from facade_core.plan import Plan
+from facade_core.plan.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
 from tasks.run import Run

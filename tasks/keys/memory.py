@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.detect import looked_for
-from facade_core.errors import InputError
-from facade_core.export.pages import LARGEST_PAGE
-from facade_core.export.views import SAMPLES, VIEW_SIZE
-from facade_core.rectify.together import WIDEST
-from facade_core.street.neural import NETWORK_PIXELS
+from facade_core.core.errors import InputError
+from facade_core.export.models.pages import LARGEST_PAGE
+from facade_core.export.pictures.views import SAMPLES, VIEW_SIZE
+from facade_core.imagery.detect.detection import looked_for
+from facade_core.imagery.poses.joint_refinement import WIDEST
+from facade_core.street.translator.neural import NETWORK_PIXELS
 from tasks.units.imagery import Imagery
 from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS, image_size
 

@@ -6,8 +6,8 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from catalogs.published.places import Folder
-from facade_core.errors import InputError, ModelError
-from facade_core.types import Models
+from facade_core.core.errors import InputError, ModelError
+from facade_core.core.types import Models
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 
@@ -37,9 +37,9 @@ def run_of(block: Block, out: Folder) -> Run:
 
 def _usable(models: Models) -> Models:
     """A block's own models. Raises InputError, with the block's key, for one that cannot be used: no facade could be made."""
-    from facade_core.layout import model as layouts
-    from facade_core.parse.certainty import certainty
-    from facade_core.parse.segmenter import load_segmenter
+    from facade_core.facade.layout import model as layouts
+    from facade_core.parsing.confidence import certainty
+    from facade_core.parsing.segmenter import load_segmenter
 
     named = (
         ("parser", models.parser, load_segmenter),

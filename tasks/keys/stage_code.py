@@ -18,23 +18,23 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import resolve_name
 from pathlib import Path
 
-from facade_core.detect.models import models_digest
+from facade_core.imagery.detect.models import models_digest
 
 VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
 HOUSE = ("facade_core", "catalogs", "tasks")
 
 # The translator that only runs with `translator: neural` take.
-NEURAL = "facade_core.street.neural"
+NEURAL = "facade_core.street.translator.neural"
 # What finds models in packages that may be installed or not: both the presence and the content of these count.
-DETECT = "facade_core.detect.models"
+DETECT = "facade_core.imagery.detect.models"
 # What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
 APART = frozenset(
     {
-        "facade_core.errors",
+        "facade_core.core.errors",
         "facade_core.atlas.journal",
         "facade_core.atlas.store",
-        "facade_core.atlas.zarr_types",
+        "facade_core.core.zarr_types",
         "tasks.store.commits",
         "tasks.outcome",
         "tasks.progress",

@@ -11,8 +11,8 @@ import numpy as np
 
 from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import Record, latest_digests, read_records, unit_key
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import material_digests, parts_key
 from tasks.run import Run

@@ -9,9 +9,9 @@ import numpy as np
 
 from catalogs.file_digest import file_digest
 from facade_core.geometry.charts import CORNERS, GROUND
-from facade_core.plan import Plan
-from facade_core.street.daylight import REACH_M
-from facade_core.street.sun import REACH_M as SHADOWS_M
+from facade_core.geometry.daylight import REACH_M
+from facade_core.plan.plan import Plan
+from facade_core.street.lighting.sun import REACH_M as SHADOWS_M
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import material_digests, parts_key
 from tasks.run import Run

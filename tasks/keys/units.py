@@ -16,17 +16,17 @@ from catalogs.block.digest import model_digests
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
 from facade_core.atlas.journal import unit_key
-from facade_core.entries import has_back_door, turns_corner
+from facade_core.core.types import AS_FOUND, Models, Pose
 from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import JOINT_M
-from facade_core.plan import Plan
-from facade_core.types import AS_FOUND, Models, Pose
+from facade_core.plan.doors import has_back_door, turns_corner
+from facade_core.plan.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 from tasks.units.imagery import Imagery, Taken
 
 if TYPE_CHECKING:
-    from facade_core.rectify.together import Alone
+    from facade_core.imagery.poses.joint_refinement import Alone
     from tasks.units.bundles import Member
 
 # What of a block a panorama may be matched with, metres from where it was taken.

@@ -11,13 +11,13 @@ import shapely
 from catalogs.block import Block
 from catalogs.readers.pictures.poses import day_of
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import STREET
-from facade_core.plan import Plan, Sightings
-from facade_core.rectify.bundles import LEAST_SEEN, bundles_of
-from facade_core.rectify.camera import GROUND_REACH_M
-from facade_core.rectify.together import Alone
+from facade_core.imagery.poses.bundles import LEAST_SEEN, bundles_of
+from facade_core.imagery.poses.joint_refinement import Alone
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.plan.plan import Plan, Sightings
 from tasks.keys.memory import bundle_memory
 from tasks.keys.units import bundle_key
 from tasks.kinds.kind import Change, Kind, same_name

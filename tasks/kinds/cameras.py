@@ -11,11 +11,11 @@ import shapely
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
-from facade_core.atlas.posed import read_posed
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.cameras.exposure import factors
+from facade_core.atlas.refined_poses import read_posed
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS, Charts
-from facade_core.plan import Plan
+from facade_core.imagery.cameras.exposure import factors
+from facade_core.plan.plan import Plan
 from tasks.kinds.poses import refined
 from tasks.units.imagery import Taken
 

@@ -9,8 +9,8 @@ import shapely
 
 from catalogs.block.corrections import OF_FACADES, Corrections
 from catalogs.frames import LONLAT, between
-from facade_core.plan import Plan
-from facade_core.types import Corrected
+from facade_core.core.types import Corrected
+from facade_core.plan.plan import Plan
 
 if TYPE_CHECKING:
     from pyproj import CRS

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from catalogs.block import Block
-from facade_core.atlas.zarr_types import StoreGroup, group_at
-from facade_core.plan import Plan
+from facade_core.core.zarr_types import StoreGroup, group_at
+from facade_core.plan.plan import Plan
 from tasks.keys.memory import exemplar_memory
 from tasks.keys.units import exemplar_key
 from tasks.kinds.kind import Change, Kind, Records, same_key_or_name

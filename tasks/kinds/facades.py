@@ -10,16 +10,16 @@ import shapely
 from catalogs.block import Block
 from catalogs.block.part import ENTRANCE_M, Part
 from catalogs.readers.pictures.poses import day_of
-from facade_core.atlas.encoded import EARLIER, HIERARCHIES, encoded_of, forget_encoded
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.posed import read_posed
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.fronts import outlines_as_walls
+from facade_core.atlas.refined_poses import read_posed
+from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, encoded_of, forget_encoded
+from facade_core.core.name_hash import number_of
+from facade_core.core.types import Street
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.walls import LEVEL_M
-from facade_core.naming import number_of
-from facade_core.plan import Plan
-from facade_core.style import Library, Walls, choose_exemplars
-from facade_core.types import Street
+from facade_core.plan.exemplar_inputs import outlines_as_walls
+from facade_core.plan.exemplar_style import Library, Walls, choose_exemplars
+from facade_core.plan.plan import Plan
 from tasks.keys.memory import facade_memory
 from tasks.keys.units import facade_keys, with_house
 from tasks.kinds.captures import Captures, captures_of

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
-from facade_core.plan import Plan
-from facade_core.rectify.camera import GROUND_REACH_M
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.plan.plan import Plan
 from tasks.keys.memory import ground_memory
 from tasks.keys.units import ground_key
 from tasks.kinds.cameras import cameras_of_block

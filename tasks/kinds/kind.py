@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.run import Run
 from tasks.units.unit import Unit, UnitFunction
 

@@ -4,7 +4,7 @@ entry here."""
 from __future__ import annotations
 
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.zarr_types import StoreGroup
 from tasks.kinds.bundles import BUNDLES
 from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from catalogs.block import Block
-from facade_core.atlas.encoded import PAGES as FOLDER
-from facade_core.atlas.encoded import forget_encoded
 from facade_core.atlas.journal import latest_digests, read_journal
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import PAGES as FOLDER
+from facade_core.atlas.stored_files import forget_encoded
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.keys.finished import page_keys
 from tasks.keys.memory import page_memory
 from tasks.kinds.kind import Change, Kind, Records, same_name

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from catalogs.block import Block
-from facade_core.atlas.encoded import PICTURES as FOLDER
-from facade_core.atlas.encoded import forget_encoded
 from facade_core.atlas.journal import Record, latest_digests, read_journal
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.export.views import cameras, photo_share, pictured, view_names
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import PICTURES as FOLDER
+from facade_core.atlas.stored_files import forget_encoded
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.pictures.views import cameras, photo_share, pictured, view_names
+from facade_core.plan.plan import Plan
 from tasks.keys.finished import facade_pictures_key, view_keys
 from tasks.keys.memory import facade_pictures_memory, view_memory
 from tasks.kinds.kind import Change, Kind, Records

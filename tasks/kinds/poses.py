@@ -7,10 +7,10 @@ import shapely
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
-from facade_core.rectify.outlines import REACH_M
-from facade_core.types import Pose
+from facade_core.core.types import Pose
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.imagery.poses.outlines import REACH_M
+from facade_core.plan.plan import Plan
 from tasks.keys.memory import pose_memory
 from tasks.keys.units import pose_key
 from tasks.kinds.kind import Change, Kind, same_key_or_name

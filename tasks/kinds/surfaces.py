@@ -7,10 +7,10 @@ import numpy as np
 from catalogs.block import Block
 from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.surroundings import pieces_around
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.grouping import Grouped
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import GROUND
-from facade_core.grouping import Grouped
-from facade_core.plan import Plan
+from facade_core.plan.plan import Plan
 from facade_core.street.surfaces import BESIDE_M
 from tasks.keys.memory import surface_memory
 from tasks.keys.streets import SEEDING

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from catalogs.block import Block
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.keys.memory import texture_memory
 from tasks.keys.units import texture_key
 from tasks.kinds.kind import Change, Kind

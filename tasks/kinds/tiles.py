@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from catalogs.block import Block
-from facade_core.atlas.encoded import COARSE, forget_encoded
-from facade_core.atlas.encoded import TILES as FOLDER
 from facade_core.atlas.journal import latest_digests, read_journal
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.export.block_tiles import tiles_of
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import COARSE, forget_encoded
+from facade_core.atlas.stored_files import TILES as FOLDER
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.tiles.block_tiles import tiles_of
+from facade_core.plan.plan import Plan
 from tasks.keys.finished import tile_key, tile_shape
 from tasks.keys.memory import tile_memory
 from tasks.kinds.kind import Change, Kind, Records, same_name

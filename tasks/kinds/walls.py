@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
-from facade_core.rectify.camera import WALL_REACH_M
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
+from facade_core.plan.plan import Plan
 from tasks.keys.memory import wall_memory
 from tasks.keys.units import wall_key
 from tasks.kinds.cameras import cameras_of_block

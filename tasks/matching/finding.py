@@ -14,11 +14,11 @@ from catalogs.features import Fault
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.panoramas import in_frame, stated_place
 from catalogs.readers.pictures.poses import SourcePose, read_poses
-from facade_core.errors import FacadeError, InputError
-from facade_core.geometry.terrain import Terrain, terrain_of
-from facade_core.naming import number_of
-from facade_core.plan import Plan
-from facade_core.rectify.matching import Likely, likely_walls, taken_by
+from facade_core.core.errors import FacadeError, InputError
+from facade_core.core.name_hash import number_of
+from facade_core.geometry.ground.terrain import Terrain, terrain_of
+from facade_core.imagery.poses.photo_matching import Likely, likely_walls, taken_by
+from facade_core.plan.plan import Plan
 from tasks.matching.table import COLUMNS, Candidate, Table, found_row
 from tasks.outcome import reason_of
 from tasks.progress import advance, begin_stage

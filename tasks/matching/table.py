@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 
-from facade_core.errors import InputError
-from facade_core.types import Pose
+from facade_core.core.errors import InputError
+from facade_core.core.types import Pose
 
 # Its name, beside a block file.
 TABLE = "matches.csv"

@@ -11,7 +11,7 @@ from pathlib import Path
 from catalogs.block import read_block
 from catalogs.block.adding import add_imagery, imagery_line
 from catalogs.file_digest import file_digest
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.matching.table import Table
 from tasks.stages.planning import plan_of
 

@@ -10,8 +10,8 @@ from datetime import datetime
 from catalogs.published.places import Folder
 from catalogs.stac.facts import SourceFact
 from catalogs.stac.snapshot import item_stem
-from facade_core.errors import InputError
-from facade_core.export.attribution import Attribution, Source
+from facade_core.core.errors import InputError
+from facade_core.export.city_models.attribution import Attribution, Source
 
 
 def attribution_of(

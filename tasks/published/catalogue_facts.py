@@ -15,13 +15,13 @@ import numpy as np
 import shapely
 
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
-from facade_core.export.footprints import footprints
-from facade_core.export.models import textured_scene
-from facade_core.grouping import Grouped
-from facade_core.layout.model import SHIPPED as LAYOUTS
-from facade_core.parse.network import SHIPPED as NETWORK
-from facade_core.plan import Plan
-from facade_core.street.neural import SHIPPED as TRANSLATOR
+from facade_core.core.grouping import Grouped
+from facade_core.export.bodies.footprints import footprints
+from facade_core.export.models.textured_parts import textured_scene
+from facade_core.facade.layout.model import SHIPPED as LAYOUTS
+from facade_core.parsing.network import SHIPPED as NETWORK
+from facade_core.plan.plan import Plan
+from facade_core.street.translator.neural import SHIPPED as TRANSLATOR
 from tasks.published.rows import Rows, made_at
 from tasks.published.stored import StoredBlock
 from tasks.run import Run

@@ -10,12 +10,12 @@ from pathlib import Path
 from catalogs.features import file_stem
 from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot
-from facade_core.atlas.encoded import picture_path, read_encoded
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.export.hidden import LONGEST_PREVIEW
-from facade_core.export.picture import file_of
-from facade_core.export.views import pictured, spread
-from facade_core.resizing import resized
+from facade_core.atlas.stored_files import picture_path, read_encoded
+from facade_core.core.resizing import resized
+from facade_core.export.pictures.hidden import LONGEST_PREVIEW
+from facade_core.export.pictures.picture import file_of
+from facade_core.export.pictures.views import pictured, spread
 from tasks.keys.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.zarr_types import StoreGroup
 from tasks.kinds.kind import Kind
 from tasks.kinds.order import KINDS
 from tasks.kinds.streets import STREETS

@@ -15,14 +15,14 @@ import numpy as np
 from catalogs.published.places import Folder
 from catalogs.published.runs import runs_in
 from catalogs.published.snapshot import Snapshot, current
-from facade_core.errors import FormatError, InputError
-from facade_core.types import Element
+from facade_core.core.errors import FormatError, InputError
+from facade_core.core.types import Element
 from tasks.published.attribution import read_attribution
 from tasks.published.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
-    from facade_core.export.attribution import Attribution
-    from facade_core.export.models import Textured
+    from facade_core.export.city_models.attribution import Attribution
+    from facade_core.export.models.textured_parts import Textured
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Published(StoredBlock):
     @cached_property
     def textured(self) -> Textured:
         """The block with the pages that were published; of a part of a city what is its own."""
-        from facade_core.export.models import part_of, textured_scene
+        from facade_core.export.models.textured_parts import part_of, textured_scene
 
         found = textured_scene(self.plan.scene, self.page)
         return replace(found, mesh=part_of(found.mesh, self.plan.own[found.mesh.chart]))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot
-from facade_core.atlas.encoded import page_path, read_encoded
+from facade_core.atlas.stored_files import page_path, read_encoded
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 

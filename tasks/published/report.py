@@ -9,7 +9,7 @@ from typing import Any
 
 from catalogs.published.report import write_report
 from facade_core.geometry.walls import ROLES, STREET
-from facade_core.style import SHADED
+from facade_core.plan.exemplar_style import SHADED
 from tasks.published.images import Images
 from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import Rows, raised

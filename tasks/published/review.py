@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.facades import Facades
+from facade_core.plan.facades import Facades
 
 # A facade that told more than this of a change did change: of those that did not, .065 was told at most (`python -m
 # benchmarks.changes`).

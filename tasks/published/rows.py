@@ -14,10 +14,10 @@ import numpy as np
 
 from catalogs.published.items import ASSUMED, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
-from facade_core.atlas.provenance import PROVENANCE, TRANSLATED
-from facade_core.facades import Facades
+from facade_core.core.provenance import PROVENANCE, TRANSLATED
+from facade_core.core.types import Pose
 from facade_core.geometry.walls import ROLES, STREET
-from facade_core.types import Pose
+from facade_core.plan.facades import Facades
 from tasks.kinds.order import KINDS
 from tasks.published.stored import StoredBlock
 from tasks.run import Run

@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.plan_tables import Values, read_plan, read_table
-from facade_core.atlas.posed import read_posed
+from facade_core.atlas.refined_poses import read_posed
 from facade_core.atlas.store import open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import Values, read_plan, read_table
 from tasks.kinds.order import STAGES
 from tasks.store.standing import made_by
 

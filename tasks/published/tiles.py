@@ -15,16 +15,16 @@ import numpy as np
 
 from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot
-from facade_core.atlas.encoded import read_checked, read_encoded, tile_paths
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.export.attribution import Attribution
-from facade_core.export.block_tiles import Tile, tiles_of
-from facade_core.export.glb import with_copyright
-from facade_core.export.joined import join_glbs, part_of_file
-from facade_core.export.models import local_frame, textured_scene
-from facade_core.export.overview import overview_glb, scale_afar, shown_afar
-from facade_core.export.pages import scaled
-from facade_core.export.tile_model import coarse_rasters, coarse_size
+from facade_core.atlas.stored_files import read_checked, read_encoded, tile_paths
+from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.models.glb import with_copyright
+from facade_core.export.models.joined import join_glbs, part_of_file
+from facade_core.export.models.pages import scaled
+from facade_core.export.models.textured_parts import local_frame, textured_scene
+from facade_core.export.tiles.block_tiles import Tile, tiles_of
+from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
+from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
 from tasks.keys.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock

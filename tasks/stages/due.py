@@ -13,8 +13,8 @@ import numpy as np
 from catalogs.block import Block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.keys.streets import SEEDING, street_keys
 from tasks.keys.units import changed_parts, parts_of
 from tasks.kinds.bundles import bundles, members_of

@@ -16,15 +16,15 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.block.corrections import OF_BUILDINGS
 from catalogs.features import file_stem
 from facade_core.atlas.arrays import FORMAT, create_arrays
-from facade_core.atlas.plan_tables import read_plan, write_plan
 from facade_core.atlas.store import BRANCH, commit, format_of, new_root, open_repository, root_of_any_format
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import predecessors
 from facade_core.geometry.walls import STREET
-from facade_core.identity import Each, here
-from facade_core.plan import Plan
+from facade_core.plan.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
+from facade_core.plan.identity import Each, here
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan, write_plan
 from tasks.keys.stage_code import stage_code
 from tasks.kinds.corrected import corrected_of, facades_by_place
 from tasks.progress import advance, begin_stage

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from catalogs.block.digest import geometry_digest
-from facade_core.geometry.packing import Places
-from facade_core.geometry.terrain import terrain_of
-from facade_core.identity import Each, here
-from facade_core.ingest import ingest, on_ground, with_panoramas
-from facade_core.ownership import Own
-from facade_core.plan import Plan
+from facade_core.geometry.chart_packing import Places
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.plan.core_region import Own
+from facade_core.plan.identity import Each, here
+from facade_core.plan.ingest import ingest, on_ground, with_panoramas
+from facade_core.plan.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.units.images import image_size
 from tasks.units.materials import under_aerial

@@ -14,7 +14,7 @@ from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.journal import read_journal, read_records
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.errors import StoreError
+from facade_core.core.errors import StoreError
 from tasks.compute.connect import Compute
 from tasks.keys.streets import SEEDING, street_keys
 from tasks.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault

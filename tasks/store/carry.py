@@ -15,16 +15,16 @@ import numpy as np
 
 from catalogs.block import Block
 from facade_core.atlas.arrays import FORMAT, OF_STAGE, clear_rasters, resize_arrays
-from facade_core.atlas.encoded import FOLDERS
 from facade_core.atlas.journal import Record, forget_record, latest_digests, read_records
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters
-from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import StoreError
-from facade_core.geometry.packing import Places
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import FOLDERS
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import StoreError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.chart_packing import Places
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
 from tasks.kinds.kind import Change, Records
 from tasks.kinds.order import KINDS, STAGES, read_journals
 from tasks.run import Run

@@ -9,9 +9,9 @@ import icechunk
 
 from catalogs.features import file_stem
 from facade_core.atlas.journal import Record, read_journal, unit_key, write_record
-from facade_core.atlas.place import Place
+from facade_core.atlas.location import Place
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.zarr_types import StoreGroup
 
 
 def begin(store: Place) -> tuple[icechunk.Session, Any]:

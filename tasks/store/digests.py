@@ -9,11 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from facade_core.atlas.arrays import OF_STAGE
-from facade_core.atlas.encoded import ENCODING, encoded_digest, encoded_of
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import ENCODING, encoded_digest, encoded_of
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
 
 T = TypeVar("T")
 

@@ -7,8 +7,8 @@ from difflib import get_close_matches
 
 from facade_core.atlas.journal import forget_record, read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.errors import InputError
-from facade_core.plan import Plan
+from facade_core.core.errors import InputError
+from facade_core.plan.plan import Plan
 from tasks.run import Run
 from tasks.units.context import plan_of_run
 

@@ -6,8 +6,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from facade_core.errors import MachineError
-from facade_core.ingest import Plan
+from facade_core.core.errors import MachineError
+from facade_core.plan.ingest import Plan
 
 # Free at every stage: the run's own server, its log, and commits that are being made.
 RESERVE = 50_000_000

@@ -13,11 +13,11 @@ from catalogs.published.places import Folder
 from catalogs.published.runs import CITY
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
-from facade_core.atlas.check import DAMAGE, is_whole
+from facade_core.atlas.integrity import DAMAGE, is_whole
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import InputError, StoreError
+from facade_core.core.errors import InputError, StoreError
+from facade_core.core.zarr_types import StoreGroup
 from tasks.keys.stage_code import stage_code, version_of
 from tasks.keys.units import parts_of
 from tasks.kinds.order import KINDS, read_journals

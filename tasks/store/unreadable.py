@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from facade_core.atlas.arrays import OF_STAGE
-from facade_core.atlas.check import Coordinates
-from facade_core.atlas.encoded import ENCODING, FOLDERS, encoded_of
+from facade_core.atlas.integrity import Coordinates
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.zarr_types import StoreArray, StoreGroup
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import ENCODING, FOLDERS, encoded_of
+from facade_core.core.zarr_types import StoreArray, StoreGroup
+from facade_core.plan.plan import Plan
 from tasks.kinds.order import STAGES
 from tasks.kinds.surfaces import parts_of_block
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from catalogs.published.places import Folder
 from facade_core.atlas.arrays import clear_rasters
-from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
-from facade_core.atlas.encoded import ENCODING, FOLDERS, encoded_of
+from facade_core.atlas.integrity import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
 from facade_core.atlas.journal import Record, forget_record, read_journal, unit_key
-from facade_core.atlas.plan_tables import placement_of, read_plan, read_table
 from facade_core.atlas.rasters import picture_digest
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_table, root_of_any_format
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import FormatError
-from facade_core.grouping import Grouped
-from facade_core.plan import Plan
+from facade_core.atlas.stored_files import ENCODING, FOLDERS, encoded_of
+from facade_core.core.errors import FormatError
+from facade_core.core.grouping import Grouped
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import placement_of, read_plan, read_table
 from tasks.keys.streets import street_keys
 from tasks.kinds.grounds import names_of_ground
 from tasks.kinds.order import STAGES, read_journals

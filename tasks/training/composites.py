@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.learning.datasets import ecp, split
+from facade_core.core.types import Pose
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.translator_views import WIDTHS, Pair, sequence
+from facade_core.street.translator.training_views import WIDTHS, Pair, sequence
 from facade_core.synth.street_paint import photographed_ground, with_photos
 from facade_core.synth.street_truth import (
     SyntheticStreet,
     panorama,
     synthetic_street,
 )
-from facade_core.types import Pose
 from tasks.progress import advance, begin_stage
 from tasks.training.materials import picture
 from tasks.training.parser import cmp_photos

@@ -12,15 +12,14 @@ from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.layouts import LayoutRecord
 from catalogs.published.places import Folder
 from catalogs.published.runs import runs_in
-from facade_core.atlas.provenance import PHOTO
-from facade_core.correction import texels_of
-from facade_core.errors import InputError
-from facade_core.export.facade_stages import chart_raster
-from facade_core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, UNKNOWN, WALL
-from facade_core.parse import parse
-from facade_core.parse.network_views import ANY_CLASS
-from facade_core.parse.segmenter import seen_outside
-from facade_core.types import Element, Shares
+from facade_core.core.errors import InputError
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, UNKNOWN, WALL
+from facade_core.core.provenance import PHOTO
+from facade_core.core.types import Element, Shares
+from facade_core.export.pictures.facade_stages import chart_raster
+from facade_core.facade.correction import texels_of
+from facade_core.parsing.segmenter import parse, seen_outside
+from facade_core.parsing.training_views import ANY_CLASS
 from tasks.kinds.corrected import corrected_of
 from tasks.published.opened import published
 from tasks.store.standing import recorded_source

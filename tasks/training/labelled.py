@@ -9,10 +9,10 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.in_front import Looked
-from facade_core.labels import CLASSES, SKY
-from facade_core.parse.in_front import told_in_front
-from facade_core.parse.network_views import ANY_CLASS
-from facade_core.synth import exemplars
+from facade_core.core.labels import CLASSES, SKY
+from facade_core.parsing.occluder_labels import told_in_front
+from facade_core.parsing.training_views import ANY_CLASS
+from facade_core.synth.exemplars import exemplars
 
 
 def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping[str, Looked]) -> list[LabelledFacade]:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
-from facade_core.layout import learning
-from facade_core.layout.model import save
+from facade_core.facade.layout import learning
+from facade_core.facade.layout.model import save
 from tasks.progress import advance, begin_stage
 
 

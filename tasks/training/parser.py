@@ -8,11 +8,12 @@ from pathlib import Path
 
 from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
 from catalogs.learning.in_front import looked_in_front
-from facade_core.errors import InputError
-from facade_core.parse import certainty, network, network_export, parse, training, training_network
-from facade_core.parse.model_file import add_to_record, read_record
-from facade_core.parse.network_views import ANY_CLASS
-from facade_core.parse.training_network import Course
+from facade_core.core.errors import InputError
+from facade_core.core.model_file import add_to_record, read_record
+from facade_core.parsing import confidence, forest_training, network, network_export, network_training
+from facade_core.parsing.network_training import Course
+from facade_core.parsing.segmenter import parse
+from facade_core.parsing.training_views import ANY_CLASS
 from tasks.progress import advance, begin_stage
 from tasks.published.catalogue_facts import OF_FACADES
 from tasks.training.corrected import LEAST, CorrectedFacade, labelled
@@ -35,9 +36,9 @@ CORRECTED_COURSE = Course(steps=200, per_step={"corrected": 4}, rate=1e-3, fixed
 def train_forest(data: Path, out: Path, *, seed: int) -> Path:
     """Train the forest on facades/ecp without its held-out fold; writes forest.onnx and forest.json into `out`."""
     train, _ = split(list(ecp(data / "facades" / "ecp")))
-    model = training.train([(f.image, f.labels) for f in train], seed=seed, progress=stage_progress())
+    model = forest_training.train([(f.image, f.labels) for f in train], seed=seed, progress=stage_progress())
     path = out / "forest.onnx"
-    training.save(model, path, training_set=[f"ecp/{f.name}" for f in train], seed=seed)
+    forest_training.save(model, path, training_set=[f"ecp/{f.name}" for f in train], seed=seed)
     return path
 
 
@@ -57,7 +58,7 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
     }
     # Painted facades are seen as often as one of so many photos: they teach that a clean wall is not something in front.
     taught = {"ecp": sets["ecp"], "cmp": [*sets["cmp"], *sets["painted"]], "swiss": sets["swiss"]}
-    weights = training_network.train(taught, course, seed=seed, state=out / "network.state", progress=stage_progress())
+    weights = network_training.train(taught, course, seed=seed, state=out / "network.state", progress=stage_progress())
     path = out / "network.onnx"
     network_export.save(weights, path, training_set=_names(sets), seed=seed)
     measure_certainty(path, apart)
@@ -70,9 +71,9 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
     observed = []
     for number, photo in enumerate(photos):
         report("certainty", number, len(photos))
-        observed.append(certainty.observed(parse(photo.image, model=model), photo.labels, photo.possible))
+        observed.append(confidence.observed(parse(photo.image, model=model), photo.labels, photo.possible))
     report("certainty", len(photos), len(photos))
-    add_to_record(model, certainty=certainty.fit(observed))
+    add_to_record(model, certainty=confidence.fit(observed))
 
 
 def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
@@ -90,9 +91,9 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
         "artdeco": lambda: split(list(read(ARTDECO, data / "facades" / "artdeco")))[0],
         "ruemonge2014": lambda: list(read(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
     }[name]()
-    start = training_network.finished(out / "network.state")
+    start = network_training.finished(out / "network.state")
     state = out / f"{name}.state"
-    weights = training_network.train(
+    weights = network_training.train(
         {name: facades}, FOLD_COURSES[name], seed=seed, state=state, start=start, progress=stage_progress()
     )
     path = out / f"{name}.onnx"
@@ -120,7 +121,7 @@ def train_corrected(
         raise InputError(f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {LEAST}")
     learnt, held_out = split(usable)
     sets: Sets = {"corrected": learnt}
-    weights = training_network.train(
+    weights = network_training.train(
         sets,
         course,
         seed=seed,
@@ -164,7 +165,7 @@ def _card(photos: Sequence[LabelledFacade], course: Course, seed: int, figures: 
 
 _CARD = """# Model card: network.onnx, a facade parser that learnt from corrections
 
-The shipped parser (`facade_core/parse/models/network.md`), which went on for {steps} steps of {views}
+The shipped parser (`facade_core/parsing/models/network.md`), which went on for {steps} steps of {views}
 views with facades whose elements people corrected; seed {seed}. Its licence is what those of the pictures and of the
 shipped parser's sets allow together. How sure it may be was measured of the shipped one; {figures}.
 

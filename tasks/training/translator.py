@@ -13,14 +13,14 @@ import shapely
 
 from catalogs.block import Block, read_block
 from catalogs.readers.pictures.opening import opened
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street import translator_training
-from facade_core.street.translator_steps import Course, Domains
-from facade_core.street.translator_views import WIDTHS, Rendering, sequence
+from facade_core.street.translator import training
+from facade_core.street.translator.training_steps import Course, Domains
+from facade_core.street.translator.training_views import WIDTHS, Rendering, sequence
 from facade_core.synth.furniture import street_furniture
-from facade_core.synth.relief import relief
+from facade_core.synth.model_relief import relief
 from facade_core.synth.street_truth import synthetic_street
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
@@ -85,9 +85,9 @@ def train_translator(
     and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by, ModelError
     without torch.
     """
-    from facade_core.street import translator_export
+    from facade_core.street.translator import network_export
 
-    translator_training.require_torch()  # before minutes of rendering
+    training.require_torch()  # before minutes of rendering
     streets = [street_of(run) for run in runs]
     blocks = [*blocks, *(street.block for street in streets)]
     learnt, judged, names = panoramas(
@@ -97,7 +97,7 @@ def train_translator(
     rendered, rendered_judged = renderings(blocks, seed=seed)
     pairs = composites(paired, seed=seed) if paired else []
     domains = Domains(rendered, learnt, rendered_judged, judged, pairs)
-    trained = translator_training.train(
+    trained = training.train(
         domains, course, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_sheets(out)
     )
     path = out / "translator.onnx"
@@ -111,7 +111,7 @@ def train_translator(
         "best_step": trained.step,
         "kernel_distances": {str(step): round(value, 4) for step, value in trained.distances.items()},
     }
-    translator_export.save(trained.weights, course, path, record)
+    network_export.save(trained.weights, course, path, record)
     return path
 
 

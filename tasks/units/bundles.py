@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.cameras.exposure import look_down
-from facade_core.rectify.camera import camera_from_world, position
-from facade_core.rectify.together import Alone, Together, refine_together
-from facade_core.types import Pose
+from facade_core.core.types import Pose
+from facade_core.imagery.cameras.exposure import look_down
+from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
+from facade_core.imagery.poses.panorama_camera import camera_from_world, position
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_panorama

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository
-from facade_core.plan import Plan
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
 from tasks.run import Run
 
 

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import Record, read_records
-from facade_core.atlas.spec import Array
 from facade_core.atlas.store import open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.detect import look, looked_for
-from facade_core.errors import StoreError
-from facade_core.export import draw_cut
-from facade_core.facade import Exemplar, prepare_exemplar
-from facade_core.labels import FLAGS, SHOP
-from facade_core.privacy import shielded
-from facade_core.rectify.no_data import no_data
-from facade_core.resizing import resized_with_labels
-from facade_core.style import look_of
+from facade_core.core.atlas_spec import Array
+from facade_core.core.errors import StoreError
+from facade_core.core.labels import FLAGS, SHOP
+from facade_core.core.resizing import resized_with_labels
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.pictures.hidden import draw_cut
+from facade_core.facade.pipeline import Exemplar, prepare_exemplar
+from facade_core.imagery.detect.detection import look, looked_for
+from facade_core.imagery.privacy import shielded
+from facade_core.imagery.rectify.no_data import no_data
+from facade_core.plan.exemplar_style import look_of
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
 from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
@@ -31,7 +31,7 @@ IMAGE = Array(
 PREVIEW = Array(
     "preview", ("preview_row", "preview_column", "band"), "uint8", "picture as given: cut off dark, made anew tinted"
 )
-LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.labels, 255 unknown", FLAGS)
+LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
 
 
 def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:

@@ -11,25 +11,27 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.encoded import earlier_path, encoded_digest, hierarchy_path, write_encoded
 from facade_core.atlas.journal import Record
-from facade_core.atlas.provenance import PHOTO, PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.correction import texels_of, with_elements
-from facade_core.detect import looked_for, shop_names
-from facade_core.errors import FacadeError, ImageError
-from facade_core.facade import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
+from facade_core.atlas.stored_files import earlier_path, encoded_digest, hierarchy_path, write_encoded
+from facade_core.core.errors import FacadeError, ImageError
+from facade_core.core.labels import SHOP, WINDOW
+from facade_core.core.provenance import PHOTO, PROVENANCE
+from facade_core.core.types import AS_FOUND
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.correction import texels_of, with_elements
+from facade_core.facade.pipeline import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
+from facade_core.facade.texture.ground_floor import without_shops
+from facade_core.facade.texture.retargeting import Style, style_of
+from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.geometry.walls import STREET
-from facade_core.labels import SHOP, WINDOW
-from facade_core.parse.certainty import share_of
-from facade_core.plan import Plan
-from facade_core.privacy import shielded
-from facade_core.texture import Style, style_of, without_shops
-from facade_core.types import AS_FOUND
-from facade_core.variation import Hierarchy
-from facade_core.walls import wall_of
+from facade_core.imagery.detect.detection import looked_for
+from facade_core.imagery.detect.signs import shop_names
+from facade_core.imagery.privacy import shielded
+from facade_core.parsing.confidence import share_of
+from facade_core.plan.facade_walls import wall_of
+from facade_core.plan.plan import Plan
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
@@ -42,7 +44,7 @@ if TYPE_CHECKING:
     from tasks.units.imagery import Imagery
 
 
-# The classes that are counted, and what `facade_core.parse.certainty.Figures` has, as the catalogue names them.
+# The classes that are counted, and what `facade_core.parsing.confidence.Figures` has, as the catalogue names them.
 _COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _TOLD = ("window_to_wall", "windows", "floors")
 

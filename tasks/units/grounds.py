@@ -7,7 +7,8 @@ from typing import Any, cast
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.cameras import in_the_way, photographed
+from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.occluder_masks import in_the_way
 from tasks.outcome import refusal
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name

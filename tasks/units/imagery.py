@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from catalogs.features import file_stem
-from facade_core.types import AS_FOUND, Corrected, Pose
+from facade_core.core.types import AS_FOUND, Corrected, Pose
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import numpy as np
 from catalogs.readers.pictures.days import day_taken
 from catalogs.readers.pictures.folders import labels_beside
 from catalogs.readers.pictures.opening import LEAST_SIDE, Picture, opened, read_picture
-from facade_core.errors import ImageError
-from facade_core.labels import CLASSES, UNKNOWN
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import CLASSES, UNKNOWN
 from tasks.outcome import refusing
 
 # Of a frame of 35 mm film, 36 x 24 mm.
@@ -91,7 +91,7 @@ def read_exemplar_picture(path: Path) -> Picture:
 def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
     """The labels (h, w) uint8 that lie beside an exemplar, at the size it was reduced to; None where there are none.
 
-    Raises ImageError where they are not of a picture of these proportions, or no classes of `facade_core.labels`.
+    Raises ImageError where they are not of a picture of these proportions, or no classes of `facade_core.core.labels`.
     """
     import cv2
 

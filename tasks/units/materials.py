@@ -12,15 +12,15 @@ import numpy as np
 
 from catalogs.readers.pictures.aerial import Aerial
 from catalogs.readers.pictures.materials import MaterialPicture
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import InputError
-from facade_core.plan import Plan
-from facade_core.street.field import Materials
-from facade_core.street.grain import Grains, learn
-from facade_core.street.grain_file import with_own
-from facade_core.street.overhead import Aerial as Sampler
-from facade_core.street.overhead import shown_from_above
-from facade_core.street.tiled import Material
+from facade_core.core.errors import InputError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.overhead_view import Aerial as Sampler
+from facade_core.geometry.overhead_view import shown_from_above
+from facade_core.plan.plan import Plan
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.grain import Grains, learn
+from facade_core.street.materials.grain_file import with_own
+from facade_core.street.materials.tiled import Material
 from tasks.run import Run
 from tasks.units.images import read_whole
 

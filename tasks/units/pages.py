@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.encoded import encoded_digest, page_path, write_encoded
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.export.pages import between_charts
+from facade_core.atlas.stored_files import encoded_digest, page_path, write_encoded
+from facade_core.export.models.pages import between_charts
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.unit import Piece

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.encoded import (
+from facade_core.atlas.journal import Record, read_journal, read_records
+from facade_core.atlas.store import open_root
+from facade_core.atlas.stored_files import (
     encoded_digest,
     page_path,
     picture_path,
@@ -19,17 +21,15 @@ from facade_core.atlas.encoded import (
     tile_paths,
     write_encoded,
 )
-from facade_core.atlas.journal import Record, read_journal, read_records
-from facade_core.atlas.store import open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import ImageError
-from facade_core.export.block_tiles import tiles_of
-from facade_core.export.camera import Camera
-from facade_core.export.facade_stages import TEXTURE, StoredFacade, stages_of
-from facade_core.export.picture import aim, file_of
-from facade_core.export.tile_model import coarse_rasters
-from facade_core.export.views import SAMPLES, paint
-from facade_core.plan import Plan
+from facade_core.core.errors import ImageError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.facade_stages import TEXTURE, StoredFacade, stages_of
+from facade_core.export.pictures.picture import aim, file_of
+from facade_core.export.pictures.views import SAMPLES, paint
+from facade_core.export.tiles.block_tiles import tiles_of
+from facade_core.export.tiles.tile_model import coarse_rasters
+from facade_core.plan.plan import Plan
 from tasks.outcome import failure, machine_fault, store_fault
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name

@@ -7,12 +7,12 @@ import time
 from typing import Any
 
 from facade_core.atlas.journal import Record
-from facade_core.cameras.exposure import look_down
-from facade_core.errors import ImageError
-from facade_core.rectify import refine_pose
-from facade_core.rectify.full_circle import check_full
-from facade_core.rectify.misplaced import misplaced
-from facade_core.rectify.outlines import outline
+from facade_core.core.errors import ImageError
+from facade_core.imagery.cameras.exposure import look_down
+from facade_core.imagery.poses.misplaced import misplaced
+from facade_core.imagery.poses.outlines import outline
+from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.rectify.full_circle import check_full
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_panorama

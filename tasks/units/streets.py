@@ -14,18 +14,18 @@ import numpy as np
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
-from facade_core.plan import Plan
-from facade_core.street import neural
-from facade_core.street.blend import blend
-from facade_core.street.field import Materials
-from facade_core.street.propagate import propagate, see
-from facade_core.street.render import render
-from facade_core.street.sky import under_sky
+from facade_core.plan.plan import Plan
+from facade_core.street.lighting.sky import under_sky
+from facade_core.street.materials.field import Materials
+from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.propagate import propagate, see
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.street.surfaces import paint
-from facade_core.street.translate import Swatches, Translator
-from facade_core.street.window import Window
+from facade_core.street.translator import neural
+from facade_core.street.translator.translate import Swatches, Translator
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.materials import own_grains, roof_material

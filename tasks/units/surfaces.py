@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.provenance import resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.surroundings import Reader
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.geometry.packing import Placement
-from facade_core.plan import Plan
-from facade_core.street.field import Materials
-from facade_core.street.own_walls import wall_material
+from facade_core.core.provenance import resolve
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.wall_material import wall_material
+from facade_core.geometry.chart_packing import Placement
+from facade_core.plan.plan import Plan
+from facade_core.street.materials.field import Materials
 from facade_core.street.surfaces import Known, Pixels, surface
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name

@@ -9,11 +9,11 @@ from typing import Any, cast
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.provenance import PHOTO, UNSEEN
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.rectify import own_texture
-from facade_core.street.overhead import from_above, shown_from_above
+from facade_core.core.provenance import PHOTO, UNSEEN
+from facade_core.geometry.overhead_view import from_above, shown_from_above
+from facade_core.imagery.rectify.model_texture import own_texture
 from tasks.outcome import refusal
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.encoded import encoded_digest, read_checked, read_encoded, tile_paths, write_encoded
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import StoreError
-from facade_core.export.models import Textured, textured_scene
-from facade_core.export.tile_model import Earlier, tile_model
+from facade_core.atlas.stored_files import encoded_digest, read_checked, read_encoded, tile_paths, write_encoded
+from facade_core.core.errors import StoreError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.models.textured_parts import Textured, textured_scene
+from facade_core.export.tiles.tile_model import Earlier, tile_model
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.unit import Piece, Unit

@@ -11,8 +11,10 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.cameras import Camera, before_buildings, beside_edges, photographed_wall
-from facade_core.types import Pose
+from facade_core.core.types import Pose
+from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
+from facade_core.imagery.cameras.walls import photographed_wall
 from tasks.outcome import refusal
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.provenance import UNSEEN
-from facade_core.errors import InputError
-from facade_core.export import Camera
+from facade_core.core.errors import InputError
+from facade_core.core.provenance import UNSEEN
+from facade_core.export.pictures.camera import Camera
 from facade_core.geometry.raycast import MISS
-from facade_core.plan import Plan
-from facade_core.street.field import Materials
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
+from facade_core.street.materials.field import Materials
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.street.surfaces import paint
-from facade_core.street.window import Window
 from tasks.units.materials import field_of
 from tasks.units.streets import add_viewpoint, replay
 from tasks.viewing.reading import View

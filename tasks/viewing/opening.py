@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.export.views import PHOTO_WORTH, photo_share
+from facade_core.export.pictures.views import PHOTO_WORTH, photo_share
 from tasks.viewing.reading import View
 
 # A facade that lies more aside than this (cosine) is not ahead; one that is nearer than this, metres, is seen too steeply.

@@ -16,14 +16,14 @@ from catalogs.published.places import Folder
 from catalogs.published.report import to_look_at
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import Record
-from facade_core.atlas.plan_tables import placement_of, read_facades, read_table
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import InputError, StoreError
-from facade_core.export.facade_stages import StoredFacade
-from facade_core.facades import Facades
-from facade_core.geometry.packing import Placement
-from facade_core.labels import PARSE_COLOURS
+from facade_core.core.errors import InputError, StoreError
+from facade_core.core.labels import PARSE_COLOURS
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.pictures.facade_stages import StoredFacade
+from facade_core.geometry.chart_packing import Placement
+from facade_core.plan.facades import Facades
+from facade_core.plan.plan_tables import placement_of, read_facades, read_table
 from tasks.kinds.order import read_journals
 from tasks.outcome import refused
 from tasks.published.review import CHANGED, look_first

@@ -12,7 +12,7 @@ from benchmarks.figures.code import changed, code_of
 from benchmarks.figures.page import PAGE, current, kept, rendered
 from benchmarks.figures.records import FOLDER, Record, measure
 from benchmarks.figures.rows import Measured, Row, Rows, figure_of, read_rows
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # The day since which figures come with a record: none is carried over by hand after it.
 RECORDS_SINCE = date(2026, 11, 25)

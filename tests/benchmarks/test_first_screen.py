@@ -4,10 +4,13 @@ import numpy as np
 import shapely
 
 from benchmarks.first_screen import PAGE, bare
-from facade_core.atlas import AtlasSpec
-from facade_core.geometry import ROOF, WALL, block_surfaces, pack, terrain_of
-from facade_core.street import Scene
-from facade_core.types import Building, Street
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import ROOF, WALL
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 

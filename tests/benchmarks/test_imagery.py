@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.imagery import edge_tilt, psnr, scene_of_walls, speed
-from facade_core.rectify import View
+from facade_core.imagery.rectify.fusion import View
 
 
 def striped(turn_deg: float) -> View:

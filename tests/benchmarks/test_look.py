@@ -10,7 +10,7 @@ from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_e
 from benchmarks.look.photos import panorama_places, perspective
 from benchmarks.look.repeats import autocorrelation, highest_peak, material, standing_out
 from benchmarks.look.walls import _in_triangle, _likeness, _roof_shape, _to_boxes
-from facade_core.street.materials import plaster
+from facade_core.street.materials.procedural import plaster
 
 KEY = {"pairs": {"1": {"A": "out", "B": "against"}, "2": {"A": "against", "B": "out"}}}
 

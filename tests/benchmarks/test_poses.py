@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.poses import _compare
-from facade_core.rectify import View, fuse_views
+from facade_core.imagery.rectify.fusion import View, fuse_views
 
 
 def wall(right: int, down: int) -> View:

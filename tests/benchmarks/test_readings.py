@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.street.readings import Reading, View, blended
-from facade_core.street.blend import BlendState, add_views, blend
+from facade_core.street.propagation.blend import BlendState, add_views, blend
 
 TEXELS = 40
 

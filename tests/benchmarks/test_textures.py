@@ -8,7 +8,7 @@ import pytest
 from benchmarks.inpainting import goals, main, peers, similarity, structure
 from benchmarks.inpainting.cases import Case, hole
 from benchmarks.synthesis.resizing import carve, quilt
-from facade_core.labels import DOOR, UNKNOWN
+from facade_core.core.labels import DOOR, UNKNOWN
 
 PIECES = {
     "tree_1": np.full((60, 40), 255, np.uint8),

@@ -13,8 +13,8 @@ from PIL import Image
 
 from benchmarks.matching import photo_of
 from catalogs.block import read_block
+from facade_core.core.types import Pose
 from facade_core.synth.street_truth import synthetic_street
-from facade_core.types import Pose
 from tasks.matching.table import COLUMNS, TABLE, Candidate, Table, found_row, read_table, write_table
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import HOUSES, STREET, made

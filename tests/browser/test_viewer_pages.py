@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.atlas.encoded import earlier_path, encoded_digest, write_encoded
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from facade_core.atlas.stored_files import earlier_path, encoded_digest, write_encoded
 from flows.lock import locked
 from tests.chromium import tab, wait
 from tests.pipeline.viewed import get, viewing

@@ -20,7 +20,7 @@ from benchmarks.clients.blender import (
     own_picture,
     shot,
 )
-from facade_core.export.glb import pictures_of
+from facade_core.export.models.glb import pictures_of
 from tasks.published.opened import Published
 from tests.clients.conftest import Exported, first, present
 

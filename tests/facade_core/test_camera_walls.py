@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas.provenance import INPAINTED, PHOTO, UNSEEN
-from facade_core.cameras import Camera, Shown, beside_edges, photographed_wall
-from facade_core.cameras.walls import believed_of_wall, covered
+from facade_core.core.provenance import INPAINTED, PHOTO, UNSEEN
+from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.walls import taken_whole
-from facade_core.rectify import View
-from facade_core.street.field import Materials
+from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.occluder_masks import beside_edges
+from facade_core.imagery.cameras.walls import believed_of_wall, covered, photographed_wall
+from facade_core.imagery.rectify.fusion import View
+from facade_core.street.materials.field import Materials
 from facade_core.street.surfaces import Known, surface
 from facade_core.synth.street_paint import painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose, Street
 
 SIZE = (40, 60)
 

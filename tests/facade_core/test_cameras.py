@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facade_core.cameras import Camera, factors, look_down, photographed, usual_of
-from facade_core.cameras.ground import ALONE_M, NEAR_M, believed
-from facade_core.cameras.standing import HIGHEST_DEG, in_the_way
+from facade_core.core.types import Pose
 from facade_core.geometry.charts import GROUND
-from facade_core.rectify import View
-from facade_core.rectify.camera import GROUND_REACH_M
+from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
+from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, believed, photographed
+from facade_core.imagery.cameras.occluder_masks import HIGHEST_DEG, in_the_way
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.imagery.rectify.fusion import View
 from facade_core.synth.street_paint import painted_ground
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
 
 SIZE = (40, 60)
 USUAL = (np.log(np.full(3, 100.0)), np.full(3, 0.05))
@@ -134,7 +135,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
 
 def test_a_view_of_the_panorama_is_masked_where_the_parser_sees_things(monkeypatch: pytest.MonkeyPatch) -> None:
     """A red car straight ahead, wherever the picture's part of the panorama begins."""
-    import facade_core.cameras.standing as module
+    import facade_core.imagery.cameras.occluder_masks as module
 
     class Parsing:
         def __init__(self, occluded: np.ndarray) -> None:

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.atlas.provenance import PHOTO, SYNTHESISED
-from facade_core.correction import texels_of, with_elements
-from facade_core.facade import Facade
-from facade_core.labels import DOOR, WALL, WINDOW
-from facade_core.parse import lattice
-from facade_core.types import Element
+from facade_core.core.labels import DOOR, WALL, WINDOW
+from facade_core.core.provenance import PHOTO, SYNTHESISED
+from facade_core.core.types import Element
+from facade_core.facade.correction import texels_of, with_elements
+from facade_core.facade.pipeline import Facade
+from facade_core.parsing.lattice import lattice
 
 
 def facade(provenance: int) -> Facade:

@@ -9,15 +9,17 @@ import pytest
 import shapely
 from scipy import ndimage
 
-from facade_core.entries import has_back_door, turns_corner
+from facade_core.core.labels import DOOR, SHOP, WINDOW
+from facade_core.core.types import Building, Street
+from facade_core.facade.texture.building_walls import Wall, on_wall
+from facade_core.facade.texture.ground_floor import without_shops
+from facade_core.facade.texture.retargeting import Style, style_of
 from facade_core.geometry.walls import BACK
-from facade_core.ingest import ingest
-from facade_core.labels import DOOR, SHOP, WINDOW
-from facade_core.plan import Plan
-from facade_core.synth import facade as paint
-from facade_core.texture import Style, Wall, on_wall, style_of, without_shops
-from facade_core.types import Building, Street
-from facade_core.walls import wall_of
+from facade_core.plan.doors import has_back_door, turns_corner
+from facade_core.plan.facade_walls import wall_of
+from facade_core.plan.ingest import ingest
+from facade_core.plan.plan import Plan
+from facade_core.synth.facade import facade as paint
 from tasks.kinds.facades import entrances_of
 
 MPP = 0.05

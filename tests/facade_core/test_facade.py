@@ -9,16 +9,17 @@ import cv2
 import numpy as np
 import pytest
 
-import facade_core.facade
-from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
-from facade_core.errors import ImageError
-from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar
-from facade_core.in_front import no_spill
-from facade_core.labels import SKY, WALL, WINDOW
-from facade_core.street.own_walls import lit_colour
-from facade_core.synth import facade as paint
-from facade_core.texture import Wall, on_wall, style_of
-from facade_core.types import Element, Parsing
+import facade_core.facade.pipeline
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import SKY, WALL, WINDOW
+from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED
+from facade_core.core.types import Element, Parsing
+from facade_core.facade.pipeline import count_columns, from_exemplar, from_photo, prepare_exemplar
+from facade_core.facade.texture.building_walls import Wall, on_wall
+from facade_core.facade.texture.retargeting import style_of
+from facade_core.facade.wall_material import lit_colour
+from facade_core.parsing.occluders import no_spill
+from facade_core.synth.facade import facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
 
@@ -83,8 +84,8 @@ def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.Mo
     def never(*_: Any, **__: Any) -> None:
         raise AssertionError("neither its lattice nor its variations are kept")
 
-    monkeypatch.setattr("facade_core.facade.encode", never)
-    monkeypatch.setattr("facade_core.facade.lattice", never)
+    monkeypatch.setattr("facade_core.facade.pipeline.encode", never)
+    monkeypatch.setattr("facade_core.facade.pipeline.lattice", never)
     prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, storey=3.2)
     assert set(prepared.seconds) >= {"parse", "elements", "complete", "inpaint", "scale"}
 
@@ -144,7 +145,7 @@ def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkey
         drawn.append(labels.shape)
         return picture, labels
 
-    monkeypatch.setattr("facade_core.facade.on_wall", seen)
+    monkeypatch.setattr("facade_core.facade.pipeline.on_wall", seen)
     fine, coarse, _ = (
         from_exemplar(style, wall, (16 * of, 20 * of), metres_per_pixel=0.05, seed=3)
         for wall, of in ((back, 20), (back, 5), (front, 5))
@@ -197,7 +198,7 @@ def test_columns_are_counted_in_the_fullest_row() -> None:
 
 def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    true_parse = facade_core.facade.parse
+    true_parse = facade_core.facade.pipeline.parse
     thing = np.zeros(clean.labels.shape, bool)
     thing[150:200, 40:90] = True
     thing[5, 5] = True  # a speck is noise
@@ -206,7 +207,7 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
         found = true_parse(image)
         return Parsing(found.labels, found.confidence, found.occluded | thing)
 
-    monkeypatch.setattr(facade_core.facade, "parse", sees_a_thing)
+    monkeypatch.setattr(facade_core.facade.pipeline, "parse", sees_a_thing)
     made = from_photo(clean.image, np.zeros(clean.labels.shape, bool))
     assert made.masked == ((40, 150, 90, 200),)
     assert made.occluded[149:201, 39:91].all()

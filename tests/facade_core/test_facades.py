@@ -10,17 +10,18 @@ import pytest
 import shapely
 from scipy import ndimage
 
-from facade_core.facades import Facades
-from facade_core.geometry.roofs import roof_shell
+from facade_core.core.labels import DOOR, SHOP, WINDOW
+from facade_core.core.types import Building, Roof, Street
+from facade_core.facade.texture.building_walls import Wall, on_wall
+from facade_core.facade.texture.retargeting import Style, style_of
+from facade_core.facade.texture.storeys import STOREY_M, storeys_on
+from facade_core.geometry.buildings.roof_shapes import roof_shell
 from facade_core.geometry.walls import BACK, STREET, free_part
-from facade_core.ingest import ingest
-from facade_core.labels import DOOR, SHOP, WINDOW
-from facade_core.plan import Plan
-from facade_core.synth import facade as paint
-from facade_core.texture import Style, Wall, on_wall, style_of
-from facade_core.texture.storeys import STOREY_M, storeys_on
-from facade_core.types import Building, Roof, Street
-from facade_core.walls import wall_of
+from facade_core.plan.facade_walls import wall_of
+from facade_core.plan.facades import Facades
+from facade_core.plan.ingest import ingest
+from facade_core.plan.plan import Plan
+from facade_core.synth.facade import facade as paint
 
 MPP = 0.0625
 L_SHAPED = shapely.Polygon([(0, 0), (20, 0), (20, 10), (10, 10), (10, 22), (0, 22)])

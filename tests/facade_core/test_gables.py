@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shapely
 
-from facade_core.ingest import ingest
-from facade_core.types import Building, Roof, Street
+from facade_core.core.types import Building, Roof, Street
+from facade_core.plan.ingest import ingest
 
 HOUSE = Building("h", shapely.box(0, 0, 9, 20), 6.0, "levels", 2)
 STREETS = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.grouping import Grouped
+from facade_core.core.grouping import Grouped
 
 
 @pytest.mark.parametrize("kind", [np.int32, np.int64])

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import shapely
 
+from facade_core.core.types import Building, Pose, Street
 from facade_core.geometry.walls import STREET
-from facade_core.ingest import ingest
-from facade_core.plan import Plan
-from facade_core.rectify import sightings
-from facade_core.types import Building, Pose, Street
+from facade_core.imagery.rectify.panorama import sightings
+from facade_core.plan.ingest import ingest
+from facade_core.plan.plan import Plan
 
 
 def house(name: str, x: float, y: float, height: float = 8.0) -> Building:
@@ -31,7 +31,7 @@ STREETS = [
 def plan(
     houses: list[Building], streets: list[Street] = STREETS, last: Plan | None = None, poses: Sequence[Pose] = ()
 ) -> Plan:
-    from facade_core.geometry.packing import Places
+    from facade_core.geometry.chart_packing import Places
 
     return ingest(
         houses,

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from facade_core.kernels import PACKAGE, code_digest, first_writable
+from facade_core.core.numba_cache import PACKAGE, code_digest, first_writable
 
 CALLED = "from code_.kernels import njit\n\n@njit(cache=True)\ndef called():\n    return {}\n"
 CALLER = (
@@ -42,8 +42,8 @@ def test_a_caller_is_compiled_anew_where_what_it_calls_changed_and_only_there(tm
 
 
 def test_a_digest_is_of_what_a_module_imports_at_any_depth() -> None:
-    assert code_digest("facade_core.labels") != code_digest("facade_core.types")
-    assert code_digest("facade_core.labels") == code_digest("facade_core.labels")
+    assert code_digest("facade_core.core.labels") != code_digest("facade_core.core.types")
+    assert code_digest("facade_core.core.labels") == code_digest("facade_core.core.labels")
 
 
 def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path: Path) -> None:

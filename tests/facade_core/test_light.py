@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.light import linear, srgb
+from facade_core.core.linear_light import linear, srgb
 
 
 def test_srgb_is_the_standards() -> None:

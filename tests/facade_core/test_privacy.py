@@ -1,6 +1,6 @@
 import numpy as np
 
-from facade_core.privacy import shielded
+from facade_core.imagery.privacy import shielded
 
 
 def scene():

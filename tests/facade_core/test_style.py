@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.labels import DOOR, SHOP, WALL, WINDOW
-from facade_core.style import NEIGHBOURS_M, ROUNDS, Library, Walls, choose_exemplars, look_of
-from facade_core.synth import facade
-from facade_core.texture import tinted, without_shops
-from facade_core.texture.structure import storeys
+from facade_core.core.labels import DOOR, SHOP, WALL, WINDOW
+from facade_core.facade.texture.ground_floor import without_shops
+from facade_core.facade.texture.tint import tinted
+from facade_core.parsing.floor_structure import storeys
+from facade_core.plan.exemplar_style import NEIGHBOURS_M, ROUNDS, Library, Walls, choose_exemplars, look_of
+from facade_core.synth.facade import facade
 
 # A house every 20 m on both sides of a street 18 m wide.
 STEP, ACROSS = 20.0, 18.0

@@ -233,7 +233,7 @@ BOMBS: Mapping[str, Callable[[Path], None]] = {
 def main(folder: Path, names: list[str]) -> None:
     """Write and read each, one line for each that takes more than ROOM, 20 s, or ends in another exception."""
     from catalogs.readers.files import read_buildings, read_centrelines
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
 
     warnings.simplefilter("ignore")
     limit = resource.getrlimit(resource.RLIMIT_AS)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-from facade_core.synth import exemplars
+from facade_core.synth.exemplars import exemplars
 from tasks.stages.publish import publish_block
 from tests.pipeline.stages import Textured, texture, write_block
 

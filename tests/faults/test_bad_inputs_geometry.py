@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from catalogs.block import Block, read_block
-from facade_core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError
 from tasks.stages.ingest import no_facade
 from tasks.stages.planning import plan_of
 

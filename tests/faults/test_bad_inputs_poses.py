@@ -14,7 +14,7 @@ from pyproj import CRS
 
 from catalogs.block import read_block
 from catalogs.readers.pictures.panoramas import read_panoramas
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tests.faults.test_bad_inputs_pictures import changed
 
 UTM = CRS.from_epsg(32635)

@@ -19,7 +19,7 @@ from rasterio.transform import from_origin
 from catalogs.block import read_block
 from catalogs.readers.pictures.aerial import read_aerial
 from catalogs.readers.pictures.elevation import read_elevation
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tests.faults.test_bad_inputs_pictures import changed
 
 UTM = CRS.from_epsg(32635)

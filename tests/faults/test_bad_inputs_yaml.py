@@ -14,7 +14,7 @@ import pytest
 from catalogs.block import read_block
 from catalogs.block.keys import check_keys, known_keys
 from catalogs.block.yaml_files import LARGEST, read_yaml
-from facade_core.errors import BlockFileError, InputError
+from facade_core.core.errors import BlockFileError, InputError
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 

@@ -11,7 +11,7 @@ import pytest
 
 from catalogs.features import Centrelines, Footprints, Models
 from catalogs.readers.files import read_buildings, read_centrelines
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tests.faults.geometry_files import BUILDINGS, STREETS
 
 # What is done to a file's bytes.

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.check import unreadable
+from facade_core.atlas.integrity import unreadable
 from facade_core.atlas.journal import forget_record, read_journal, unit_key, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from facade_core.errors import LostStoreError, StoreError
+from facade_core.core.errors import LostStoreError, StoreError
 from tasks.history import after_viewpoint
 from tasks.run import Run
 from tasks.store.standing import nothing_due

@@ -117,7 +117,7 @@ def test_the_environment_is_as_declared(tmp_path: Path) -> None:
 
 
 def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
-    from facade_core.parse import forest
+    from facade_core.parsing import forest
 
     missing, *_ = packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
     assert missing.well is False

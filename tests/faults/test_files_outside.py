@@ -14,7 +14,7 @@ from PIL import Image
 from catalogs.features import Models
 from catalogs.readers.beside import OUTSIDE
 from catalogs.readers.files import read_buildings
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 WALL = np.array([(0, 0, 0), (9, 0, 0), (9, 0, 6), (0, 0, 6)], np.float32)
 

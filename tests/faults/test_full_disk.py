@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from facade_core.errors import MachineError
+from facade_core.core.errors import MachineError
 from tasks.kinds.order import STAGES
 from tasks.outcome import raising_machine_errors
 from tasks.stages import ingest

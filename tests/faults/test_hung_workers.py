@@ -13,7 +13,7 @@ import cloudpickle
 import pytest
 from distributed import Client, LocalCluster
 
-from facade_core.errors import MachineError
+from facade_core.core.errors import MachineError
 from tasks.compute.cluster import Cluster, ClusterGone, UnitOverran
 from tasks.compute.connect import connect
 from tasks.compute.patience import Patience

@@ -23,7 +23,7 @@ import psutil
 import pytest
 
 from catalogs.query import query
-from facade_core.errors import FacadeError, StoreError
+from facade_core.core.errors import FacadeError, StoreError
 from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
 from tasks.viewing import Reader

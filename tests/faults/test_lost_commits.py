@@ -12,9 +12,9 @@ import zarr
 
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, Repository, commit, new_root, open_repository
-from facade_core.errors import StoreError
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import StoreError
 from tasks.store.carry import forget_units
 from tasks.store.commits import begin, finish
 

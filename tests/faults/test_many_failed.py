@@ -11,7 +11,7 @@ import zarr
 from catalogs.block import read_block
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from facade_core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError
 from tasks.outcome import failure
 from tasks.run import Run
 from tasks.stages.publish import publish_block

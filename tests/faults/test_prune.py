@@ -13,9 +13,9 @@ from click.testing import CliRunner
 
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import Snapshot, current
-from facade_core.atlas.check import is_whole
+from facade_core.atlas.integrity import is_whole
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.cli.commands import main
 from flows.lock import locked
 from tasks.history import after_viewpoint

@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from catalogs.block import TextureSettings
-from facade_core.errors import FacadeError, ImageError
-from facade_core.types import SHIPPED_MODELS, Pose
+from facade_core.core.errors import FacadeError, ImageError
+from facade_core.core.types import SHIPPED_MODELS, Pose
 from tasks.stages.due import what_is_set_aside
 from tasks.units import facades as facade
 from tasks.units.imagery import Imagery

@@ -6,7 +6,7 @@ from datetime import datetime
 
 import pytest
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.asked import Asked, ends_at
 
 

@@ -15,9 +15,9 @@ import pytest
 from catalogs.published import objects
 from catalogs.published.places import local_side
 from catalogs.published.s3 import S3Folder
-from facade_core.atlas import FORMAT
+from facade_core.atlas.arrays import FORMAT
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.errors import InputError, MachineError
+from facade_core.core.errors import InputError, MachineError
 from flows import lease as leases
 from flows.lock import is_held, locked
 from tests.bucket import served

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.lock import locked
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,7 +8,7 @@ from __future__ import annotations
 VIEW_SIZE = (150, 240)
 
 if __name__ == "__main__":
-    from facade_core.export import views
+    from facade_core.export.pictures import views
     from flows.__main__ import main
 
     views.VIEW_SIZE = VIEW_SIZE

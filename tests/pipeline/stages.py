@@ -19,11 +19,11 @@ from PIL import Image
 
 from catalogs.block import read_block
 from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository, open_root
-from facade_core.facade import Exemplar, prepare_exemplar
-from facade_core.synth import exemplars
+from facade_core.facade.pipeline import Exemplar, prepare_exemplar
+from facade_core.plan.plan_tables import read_plan
+from facade_core.synth.exemplars import exemplars
 from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
 from tasks.kinds.order import KINDS, STAGES
@@ -127,7 +127,7 @@ def _prepare_once(image: np.ndarray, hidden: np.ndarray, **more: Any) -> Exempla
 def sooner() -> Iterator[None]:
     """Stages in this process take less time: small views, and no exemplar prepared twice."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("facade_core.export.views.VIEW_SIZE", VIEW_SIZE)
+        patch.setattr("facade_core.export.pictures.views.VIEW_SIZE", VIEW_SIZE)
         patch.setattr("tasks.units.exemplars.prepare_exemplar", _prepare_once)
         yield
 

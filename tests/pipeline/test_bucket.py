@@ -28,8 +28,8 @@ from catalogs.published.places import local_side
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import current
 from catalogs.query import query
-from facade_core.atlas import open_atlas
-from facade_core.errors import FacadeError, InputError
+from facade_core.atlas.snapshot import open_atlas
+from facade_core.core.errors import FacadeError, InputError
 from flows.cli.commands import main
 from flows.lock import locked
 from tasks.compute.workers import standing
@@ -48,8 +48,8 @@ RUN = f"""
 import json, sys
 from pathlib import Path
 from catalogs.published.s3 import folder_at
-import facade_core.export.views
-facade_core.export.views.VIEW_SIZE = {VIEW_SIZE}
+import facade_core.export.pictures.views
+facade_core.export.pictures.views.VIEW_SIZE = {VIEW_SIZE}
 from flows.block import unrecorded_block
 if __name__ == "__main__":
     print(json.dumps(unrecorded_block(Path(sys.argv[1]), folder_at(sys.argv[2]), workers=int(sys.argv[3]))))

@@ -12,10 +12,10 @@ from PIL import Image
 
 from catalogs.published.snapshot import current
 from catalogs.query import query
-from facade_core.atlas.encoded import read_encoded
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.errors import InputError
-from facade_core.synth import facade as paint
+from facade_core.atlas.stored_files import read_encoded
+from facade_core.core.errors import InputError
+from facade_core.synth.facade import facade as paint
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tasks.store.wounds import find_wounds

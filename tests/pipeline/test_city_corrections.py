@@ -12,7 +12,7 @@ import yaml
 from catalogs.block import read_block
 from catalogs.block.corrections import Correction, corrections_file, read_corrections
 from catalogs.query import query
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.city.account import known
 from tasks.city.blocks import read_city
 from tasks.corrections import Taker, import_corrections

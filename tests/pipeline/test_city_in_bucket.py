@@ -17,13 +17,13 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-import facade_core.export.views
+import facade_core.export.pictures.views
 from catalogs.published import objects
 from catalogs.published.joined import joined_in
 from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import S3Folder, folder_at
 from catalogs.query import query
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows import city as flows_of_cities
 from flows.asked import Asked
 from flows.block import unrecorded_block
@@ -68,7 +68,7 @@ def cities(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, S3F
     keys = yaml.safe_load(file.read_text()) | {"name": "town", "cut": {"metres": 70}}
     file.write_text(yaml.safe_dump(keys))
     with served("city") as address, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(facade_core.export.views, "VIEW_SIZE", VIEW_SIZE)
+        patch.setattr(facade_core.export.pictures.views, "VIEW_SIZE", VIEW_SIZE)
         patch.setattr(running, "_called", called)
         patch.setenv("XDG_CACHE_HOME", str(base / "cache"))
         out = S3Folder(f"{address.removeprefix('s3://')}/town")

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from facade_core.errors import StoreError
+from facade_core.core.errors import StoreError
 from tasks.store.commits import journal
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 

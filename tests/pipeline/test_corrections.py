@@ -14,8 +14,8 @@ import pytest
 from catalogs.block import read_block
 from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.query import query
-from facade_core.errors import InputError
-from facade_core.layout.model import SHIPPED
+from facade_core.core.errors import InputError
+from facade_core.facade.layout.model import SHIPPED
 from tasks.corrections import Taker, import_corrections
 from tasks.export.formats import export
 from tasks.store.commits import journal

@@ -20,7 +20,7 @@ import pytest
 import yaml
 
 from deploy.rehearsal.postgres import postgres, unfit
-from facade_core.errors import StoreError
+from facade_core.core.errors import StoreError
 from flows.block import flow_run_name
 from flows.lock import locked
 from flows.server.starting import free_port

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from catalogs.block import Block, read_block
-from facade_core.atlas import FORMAT, commit, open_repository, open_root, read_journal
-from facade_core.errors import FormatError
+from facade_core.atlas.arrays import FORMAT
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.store import commit, open_repository, open_root
+from facade_core.core.errors import FormatError
 from tasks.history import after_viewpoint
 from tasks.keys.runs import run_of
 from tasks.run import Run

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas import TRANSLATED, UNSEEN, open_repository, read_journal
-from facade_core.errors import InputError
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.store import open_repository
+from facade_core.core.errors import InputError
+from facade_core.core.provenance import TRANSLATED, UNSEEN
 from tasks.history import after_viewpoint
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.store import open_repository, open_root
-from facade_core.labels import WALL
-from facade_core.street.own_walls import lit_colour
-from facade_core.synth import exemplars
+from facade_core.core.labels import WALL
+from facade_core.core.provenance import PHOTO
+from facade_core.facade.wall_material import lit_colour
+from facade_core.synth.exemplars import exemplars
 from tasks.units.context import plan_of_run
 from tests.pipeline import stages
 from tests.pipeline.test_changes import WALL as PAINTED_WALL

@@ -347,8 +347,8 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
     """The ids of all charts, and where they lie."""
     import zarr
 
-    from facade_core.atlas.plan_tables import read_plan
     from facade_core.atlas.store import open_repository
+    from facade_core.plan.plan_tables import read_plan
 
     session = open_repository(folder / "out" / "store").readonly_session("main")
     assert read_journal(zarr.open_group(session.store, mode="r"), "streets")

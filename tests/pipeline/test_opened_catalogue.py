@@ -13,13 +13,14 @@ import zarr
 
 import catalogs
 from catalogs.block import read_block
-from facade_core.atlas import PHOTO, open_atlas
 from facade_core.atlas.journal import read_journal, write_record
+from facade_core.atlas.snapshot import open_atlas
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from facade_core.errors import InputError
-from facade_core.labels import BALCONY, DOOR, SHOP, WINDOW
-from facade_core.parse import parse
-from facade_core.privacy import CELL_M
+from facade_core.core.errors import InputError
+from facade_core.core.labels import BALCONY, DOOR, SHOP, WINDOW
+from facade_core.core.provenance import PHOTO
+from facade_core.imagery.privacy import CELL_M
+from facade_core.parsing.segmenter import parse
 from tasks.keys.runs import run_of
 from tasks.stages.publish import publish_block
 

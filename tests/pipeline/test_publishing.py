@@ -19,10 +19,17 @@ from catalogs.block import read_block
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.query import query
-from facade_core.atlas.encoded import HIERARCHIES, forget_encoded, page_path, picture_path, read_encoded, tile_paths
 from facade_core.atlas.journal import forget_record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.export.glb import header_of, with_copyright
+from facade_core.atlas.stored_files import (
+    HIERARCHIES,
+    forget_encoded,
+    page_path,
+    picture_path,
+    read_encoded,
+    tile_paths,
+)
+from facade_core.export.models.glb import header_of, with_copyright
 from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
 from tasks.kinds import pictures

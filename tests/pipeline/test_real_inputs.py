@@ -16,9 +16,9 @@ import yaml
 import zarr
 from PIL import Image
 
-from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.store import open_repository
-from facade_core.synth import exemplars
+from facade_core.core.provenance import PHOTO
+from facade_core.synth.exemplars import exemplars
 from tests.pipeline.runs import run
 
 X, Y, GROUND = 121_000.0, 487_000.0, 1.5

@@ -10,7 +10,7 @@ import pytest
 
 from catalogs.query import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.compute.connect import Serial
 from tasks.stages import streets
 from tasks.stages.publish import publish_block

@@ -10,10 +10,11 @@ import pytest
 import zarr
 from PIL import Image
 
-from facade_core.atlas import PHOTO, TRANSLATED, open_repository
-from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.store import open_repository
+from facade_core.core.provenance import PHOTO, TRANSLATED
 from facade_core.geometry.charts import ROOF
-from facade_core.street.overhead import raster_points
+from facade_core.geometry.overhead_view import raster_points
+from facade_core.plan.plan_tables import read_plan
 from tasks.stages.publish import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, texture, write_block
 

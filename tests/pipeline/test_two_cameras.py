@@ -12,12 +12,12 @@ import zarr
 from PIL import Image
 
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.posed import read_posed
-from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.refined_poses import read_posed
 from facade_core.atlas.store import open_repository
-from facade_core.synth import facade as paint
+from facade_core.core.provenance import PHOTO
+from facade_core.plan.plan_tables import read_plan
+from facade_core.synth.facade import facade as paint
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1536, 2.5, 600.0

@@ -19,20 +19,12 @@ import xarray as xr
 import zarr
 
 from catalogs.query import query
-from facade_core.atlas import (
-    INPAINTED,
-    MATERIAL,
-    PHOTO,
-    SYNTHESISED,
-    TRANSLATED,
-    Rasters,
-    atlas_digest,
-    open_repository,
-    read_rasters,
-)
-from facade_core.atlas.journal import VOLATILE
-from facade_core.atlas.plan_tables import read_plan
-from facade_core.errors import StoreError
+from facade_core.atlas.journal import VOLATILE, atlas_digest
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.store import open_repository
+from facade_core.core.errors import StoreError
+from facade_core.core.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED, TRANSLATED
+from facade_core.plan.plan_tables import read_plan
 from tasks.kinds.order import STAGES
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal

@@ -18,7 +18,7 @@ from catalogs.block import read_block
 from catalogs.block.sources import sources_of
 from catalogs.imagery.services import TOKEN, service_of, stac
 from catalogs.query import query
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.cli.commands import main
 from tasks.fetching import Fetched, fetch_for_block, fetch_for_box
 from tasks.stages.publish import publish_block

@@ -15,9 +15,9 @@ from pyproj import Transformer
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
 from catalogs.block import read_block
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
+from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
-from facade_core.types import Pose
 from flows.cli.commands import main
 from tasks.city.blocks import read_city
 from tasks.matching.table import COLUMNS, Decision, Table, alone, decided, found_row, read_table, write_table

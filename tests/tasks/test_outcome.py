@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from zarr.errors import GroupNotFoundError
 
-from facade_core.errors import FacadeError, ImageError, MachineError, ModelError, StoreError
+from facade_core.core.errors import FacadeError, ImageError, MachineError, ModelError, StoreError
 from tasks.compute.cluster import ClusterGone, WorkersDied
 from tasks.compute.connect import connect
 from tasks.outcome import failure, machine_error, machine_fault

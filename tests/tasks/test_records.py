@@ -10,7 +10,7 @@ from PIL import Image
 
 from catalogs.block import TextureSettings
 from catalogs.readers.pictures.folders import image_files
-from facade_core.errors import FacadeError, ImageError
+from facade_core.core.errors import FacadeError, ImageError
 from tasks.keys.units import exemplar_key
 from tasks.outcome import Outcome, failure, is_done
 from tasks.progress import StageProgress, advance, begin_stage, listen

@@ -20,7 +20,7 @@ from catalogs.readers.citygml.appearance import Appearance, add_texture, remarks
 from catalogs.readers.citygml.stream import elements, id_of, local_name, numbers_of
 from catalogs.readers.citygml.surfaces import chosen_surfaces, rings_of, units_of
 from catalogs.readers.faces import Face, shell_of
-from facade_core.errors import GeometryError, InputError
+from facade_core.core.errors import GeometryError, InputError
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element

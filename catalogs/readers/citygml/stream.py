@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element

@@ -11,7 +11,7 @@ import numpy as np
 
 from catalogs.readers.citygml.stream import id_of, local_name, numbers_of
 from catalogs.readers.faces import SEMANTIC_OF
-from facade_core.errors import GeometryError
+from facade_core.core.errors import GeometryError
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element

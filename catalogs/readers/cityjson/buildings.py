@@ -22,7 +22,7 @@ from catalogs.readers.cityjson.surfaces import Appearance, faces_of, instance_po
 from catalogs.readers.cityjson.values import list_of, mapping_of, number_of, points_of, transformed
 from catalogs.readers.faces import Face, shell_of
 from catalogs.readers.json_text import is_sequence, load_json, parse_json
-from facade_core.errors import GeometryError, InputError
+from facade_core.core.errors import GeometryError, InputError
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
 _FLAT = 0.01  # m

@@ -9,7 +9,7 @@ from typing import Any
 
 from catalogs.readers.cityjson.surfaces import DEPTHS
 from catalogs.readers.cityjson.values import list_of
-from facade_core.errors import GeometryError
+from facade_core.core.errors import GeometryError
 
 BUILDINGS = ("Building", "BuildingPart")
 _LOD = re.compile(r"(\d)(?:\.(\d+))?")

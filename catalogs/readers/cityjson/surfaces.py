@@ -11,7 +11,7 @@ import numpy as np
 
 from catalogs.readers.cityjson.values import list_of, mapping_of, points_of, within_reach
 from catalogs.readers.faces import FARTHEST, SEMANTIC_OF, Face
-from facade_core.errors import GeometryError
+from facade_core.core.errors import GeometryError
 
 # How many levels of nesting lie between a geometry and its surfaces.
 DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}

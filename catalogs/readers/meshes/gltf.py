@@ -15,7 +15,7 @@ from catalogs.features import Remark
 from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
 from catalogs.readers.limits import MOST_TRIANGLES
 from catalogs.readers.meshes.surfaces import Surface, is_inside, is_surface_name, semantic_of
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _COMPRESSED = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))

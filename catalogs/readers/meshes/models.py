@@ -17,7 +17,7 @@ from catalogs.readers.meshes.gltf import read_gltf
 from catalogs.readers.meshes.npz import check_arrays
 from catalogs.readers.meshes.obj import read_obj
 from catalogs.readers.meshes.surfaces import Surface, models_of
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def read_meshes(path: Path, lod: str | None = None) -> Models:

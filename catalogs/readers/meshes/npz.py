@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalogs.broken import said
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 UNPACKED = 512 * 2**20  # bytes
 # A small archive may unpack to the first, a larger one to so many times its size: coordinates pack to a fifth.

@@ -13,7 +13,7 @@ from catalogs.features import Fault, Remark
 from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
 from catalogs.readers.faces import MOST_CORNERS, Face, shell_of
 from catalogs.readers.meshes.surfaces import Surface, is_inside, is_surface_name, semantic_of
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 _NAMELESS = ("", "default", "(null)", "off")
 _FARTHEST_INDEX = 2**62

@@ -12,7 +12,7 @@ import shapely
 
 from catalogs.features import Fault, Model
 from catalogs.readers.faces import FARTHEST, MOST_CORNERS
-from facade_core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, Shell
 
 # A word in a surface's name and what it says; the first that occurs counts, so that a roof window is a window.
 _WORDS = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}

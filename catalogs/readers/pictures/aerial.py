@@ -17,7 +17,7 @@ from catalogs.file_digest import file_digest
 from catalogs.frames import to_lonlat
 from catalogs.readers.pictures.rasters import PICTURES, check_place, driver_of, frame_of
 from catalogs.readers.pictures.rasters import raster as opened_raster
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from facade_core.errors import ImageError
+from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
     from PIL.Image import Image

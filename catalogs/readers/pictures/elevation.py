@@ -11,8 +11,8 @@ import numpy as np
 from catalogs.readers.pictures.rasters import PICTURES, check_place, driver_of, frame_of
 from catalogs.readers.pictures.rasters import raster as opened_raster
 from catalogs.readers.pictures.virtual_rasters import check_virtual
-from facade_core.errors import InputError
-from facade_core.types import Elevation
+from facade_core.core.errors import InputError
+from facade_core.core.types import Elevation
 
 if TYPE_CHECKING:
     from pyproj import CRS

@@ -8,7 +8,7 @@ from pathlib import Path
 from catalogs.broken import one_line
 from catalogs.features import Fault
 from catalogs.readers.pictures.opening import LEAST_SIDE, REMEDY, opened
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
 LABELS = ".labels.png"

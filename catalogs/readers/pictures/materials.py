@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.opening import opened
-from facade_core.errors import InputError
-from facade_core.types import MATERIALS
+from facade_core.core.errors import InputError
+from facade_core.core.types import MATERIALS
 
 # NAME.jpg, or NAME-1.5m.jpg of a picture that is so wide.
 _NAMED = re.compile(r"(.+?)(?:-(\d+(?:\.\d+)?)m)?")

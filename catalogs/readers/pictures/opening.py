@@ -17,7 +17,7 @@ import numpy as np
 
 from catalogs.broken import is_machines, said
 from catalogs.readers.pictures.deep import is_deep, read_deep
-from facade_core.errors import ImageError
+from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
     from PIL.Image import Image

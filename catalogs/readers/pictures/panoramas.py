@@ -16,8 +16,8 @@ from catalogs.readers.pictures.days import day_taken
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.opening import opened
 from catalogs.readers.pictures.poses import LONLAT, SourcePose, dms_degrees, implausible, read_poses
-from facade_core.errors import InputError
-from facade_core.types import Pose
+from facade_core.core.errors import InputError
+from facade_core.core.types import Pose
 
 if TYPE_CHECKING:
     from PIL.Image import Image

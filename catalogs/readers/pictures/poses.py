@@ -17,7 +17,7 @@ import numpy as np
 from catalogs.broken import is_machines, one_line, said
 from catalogs.frames import known_frame, points_east_and_north
 from catalogs.visible import shown
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 LONLAT = "EPSG:4326"
 # Bytes of a file: read, a small one of lists in lists takes twenty times its size.

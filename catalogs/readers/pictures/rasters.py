@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.broken import one_line, refusing
 from catalogs.frames import known_frame, points_east_and_north
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 LARGEST = 4_000_000  # bytes
 REMEDY = "give one GeoTIFF (gdal_translate)"

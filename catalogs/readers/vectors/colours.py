@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from facade_core.types import Finish
+from facade_core.core.types import Finish
 
 Colour = tuple[int, int, int]
 # A name says what kind of colour a wall or roof has, not how pure: none is as red as a screen's red.

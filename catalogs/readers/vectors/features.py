@@ -20,7 +20,7 @@ from catalogs.readers.vectors.classes import ground_tags
 from catalogs.readers.vectors.columns import CLASSES
 from catalogs.readers.vectors.layers import Features, read_features, read_layers
 from catalogs.readers.vectors.osm import footprint_of, is_part, is_street, listed
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 _BUILDINGS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 # Columns by which a layer may hold what lies on the ground, and tags by which a feature does.

@@ -16,7 +16,7 @@ from catalogs.broken import is_machines
 from catalogs.features import Centrelines, Fault, Feature
 from catalogs.readers.vectors.centrelines import centrelines_of
 from catalogs.readers.vectors.osm import is_street, listed
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def read_graphml(path: Path) -> Centrelines:

@@ -18,7 +18,7 @@ from catalogs.readers.limits import MOST_FEATURES
 from catalogs.readers.vectors.columns import INEXACT, columns_of, identifiers, tags_of
 from catalogs.readers.vectors.shapefile_tables import check_table
 from catalogs.readers.vectors.tables import check_tables
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

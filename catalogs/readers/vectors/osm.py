@@ -19,8 +19,8 @@ from catalogs.readers.vectors.centrelines import centrelines_of, place_of
 from catalogs.readers.vectors.colours import finish_of
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
 from catalogs.readers.vectors.roofs import roof_of, tagged_rise
-from facade_core.errors import InputError
-from facade_core.types import Roof
+from facade_core.core.errors import InputError
+from facade_core.core.types import Roof
 
 # Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
 STREETS = frozenset(

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
-from facade_core.types import Roof
+from facade_core.core.types import Roof
 
 # Other spellings of shapes in use; what is not listed is passed on as it is written.
 _SHAPES = {"shed": "skillion", "lean-to": "skillion", "monopitch": "skillion", "pent": "skillion", "pitched": "gabled"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 _FIXED = 32  # bytes of a table's header before its fields
 

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from catalogs.broken import said
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 # What GDAL keeps beside the layers: indices of places, of which it reads the tables behind them.
 _MODULES = ("rtree",)

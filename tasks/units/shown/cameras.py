@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.provenance import PHOTO, UNSEEN
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.cameras import Camera, Shown, usual_of
-from facade_core.detect import look_on_panorama
-from facade_core.plan import Plan
-from facade_core.rectify.camera import position
-from facade_core.street.scene import Scene
-from facade_core.types import Pose
+from facade_core.core.provenance import PHOTO, UNSEEN
+from facade_core.core.types import Pose
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.exposure import usual_of
+from facade_core.imagery.detect.detection import look_on_panorama
+from facade_core.imagery.poses.panorama_camera import position
+from facade_core.plan.plan import Plan
 from tasks.outcome import refusing
 from tasks.units.imagery import Taken
 from tasks.units.images import read_panorama

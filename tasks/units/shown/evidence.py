@@ -11,18 +11,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from catalogs.readers.pictures.opening import LEAST_SIDE
-from facade_core.detect import Seen, look, look_on_panorama
-from facade_core.errors import ImageError
-from facade_core.in_front import things_in_front
-from facade_core.parse import parse
-from facade_core.plan import Plan
-from facade_core.rectify import Rectified, View, fuse_views, own_texture, rectify, rectify_view
-from facade_core.rectify.changes import compare
-from facade_core.rectify.cut import below_foot, cut_to_facade
-from facade_core.rectify.fusion import as_one
-from facade_core.rectify.no_data import no_data
-from facade_core.resizing import resized
-from facade_core.types import Box, Pose
+from facade_core.core.errors import ImageError
+from facade_core.core.resizing import resized
+from facade_core.core.types import Box, Pose
+from facade_core.imagery.detect.detection import Seen, look, look_on_panorama
+from facade_core.imagery.rectify.change_detection import compare
+from facade_core.imagery.rectify.crop import below_foot, cut_to_facade
+from facade_core.imagery.rectify.fusion import View, as_one, fuse_views
+from facade_core.imagery.rectify.model_texture import own_texture
+from facade_core.imagery.rectify.no_data import no_data
+from facade_core.imagery.rectify.panorama import rectify_view
+from facade_core.imagery.rectify.photo import Rectified, rectify
+from facade_core.parsing.occluders import things_in_front
+from facade_core.parsing.segmenter import parse
+from facade_core.plan.plan import Plan
 from tasks.outcome import refusing
 from tasks.units.images import capture_date, focal_length, read_panorama, read_textures, read_whole
 

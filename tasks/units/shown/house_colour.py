@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.atlas.provenance import PHOTO
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.labels import WALL
-from facade_core.plan import Plan
-from facade_core.street.own_walls import LEAST_M2, lit_colour
+from facade_core.core.labels import WALL
+from facade_core.core.provenance import PHOTO
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.wall_material import LEAST_M2, lit_colour
+from facade_core.plan.plan import Plan
 
 # Texels of a facade that are looked at, evenly over it: a colour needs no more, and units declare no memory for neighbours.
 LOOKED_AT = 1 << 17

@@ -14,7 +14,7 @@ from PIL import Image
 
 from catalogs.block import Block, TextureSettings, read_block
 from catalogs.block import keys as block_keys
-from facade_core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError
 
 Read = Callable[..., Block]
 

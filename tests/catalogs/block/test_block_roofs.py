@@ -12,7 +12,7 @@ from PIL import Image
 from pyproj import Transformer
 
 from catalogs.block import Block
-from facade_core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError
 
 rasterio = pytest.importorskip("rasterio")
 Read = Callable[..., Block]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from catalogs.block import Block
-from facade_core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError
 
 
 def test_it_is_read_and_changes_the_digest(read: Callable[..., Block]) -> None:

@@ -11,7 +11,7 @@ import shapely
 from catalogs.block.corrected import corrected_buildings, known_by_place, of_buildings, owners_of
 from catalogs.block.corrections import Correction, Corrections
 from catalogs.frames import LONLAT, between
-from facade_core.types import Building, Finish, Roof, Shell
+from facade_core.core.types import Building, Finish, Roof, Shell
 
 CRS = "EPSG:32635"
 EAST, NORTH = 385_000.0, 6_671_000.0

@@ -23,7 +23,7 @@ from catalogs.block.corrections import Correction, Corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.part import Part
 from catalogs.readers.pictures.materials import MaterialPicture
-from facade_core.types import Models
+from facade_core.core.types import Models
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Edit = Callable[[Path], Any]

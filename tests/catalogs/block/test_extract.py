@@ -15,8 +15,8 @@ from catalogs.block.part import Chosen, Whole
 from catalogs.block.reading import OF_PART, extract_of, read_block
 from catalogs.features import Fault
 from catalogs.readers.pictures.panoramas import PosedPanorama
-from facade_core.errors import InputError
-from facade_core.types import Area, Pose, Roof, Shell, Way
+from facade_core.core.errors import InputError
+from facade_core.core.types import Area, Pose, Roof, Shell, Way
 from tests.pipeline.stages import write_block
 
 

@@ -13,7 +13,7 @@ from pyproj import CRS
 from catalogs.block import Block
 from catalogs.block.ground import block_ground, ways_of
 from catalogs.features import Centrelines, Feature
-from facade_core.types import Way
+from facade_core.core.types import Way
 
 LINE = shapely.LineString([(0, 0), (40, 0)])
 UTM = CRS("EPSG:32635")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 
 from catalogs.block.likely_shops import likely_shops
-from facade_core.types import Building, Way
+from facade_core.core.types import Building, Way
 
 
 def street(rank: int) -> list[Way]:

@@ -17,7 +17,7 @@ from shapely import LineString, Polygon, box, transform
 from catalogs.block import Block, read_block
 from catalogs.examples.sources import BLOCKS
 from catalogs.features import file_stem
-from facade_core.errors import BlockFileError
+from facade_core.core.errors import BlockFileError
 
 # Two houses and a street in Amsterdam, metres of EPSG:28992.
 ORIGIN = (121_000.0, 487_000.0)

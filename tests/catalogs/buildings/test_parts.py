@@ -8,7 +8,7 @@ from shapely import Polygon
 
 from catalogs.buildings.outlines import Buildings, block_buildings
 from catalogs.features import Footprint, Footprints
-from facade_core.types import Building, Finish
+from facade_core.core.types import Building, Finish
 
 STOREY = 3.0
 ALL = shapely.box(0, 0, 40, 20)

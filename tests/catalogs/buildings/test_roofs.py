@@ -10,7 +10,7 @@ from shapely import Polygon, box
 
 from catalogs.buildings.outlines import block_buildings
 from catalogs.features import Footprint, Footprints
-from facade_core.types import Building, Roof
+from facade_core.core.types import Building, Roof
 
 RD = CRS.from_epsg(28992)
 

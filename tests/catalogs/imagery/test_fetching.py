@@ -23,7 +23,7 @@ from catalogs.imagery.offer import Offer, Wanted
 from catalogs.imagery.services import stac
 from catalogs.imagery.web import Away
 from catalogs.readers.pictures.panoramas import read_panoramas
-from facade_core.errors import ImageError, InputError
+from facade_core.core.errors import ImageError, InputError
 
 BOX = (7.0, 48.0, 8.0, 49.0)
 GOOD = Shot("good", 7.5, 48.5, 30.0)
@@ -77,7 +77,7 @@ def _fisheye() -> bytes:
 
 
 def test_what_is_no_panorama_is_told_and_not_fetched_again(served: Imagery, tmp_path: Path) -> None:
-    from facade_core.rectify.fisheye import is_fisheye
+    from facade_core.imagery.rectify.fisheye import is_fisheye
     from tasks.units.images import read_image
 
     def look(path: Path) -> None:

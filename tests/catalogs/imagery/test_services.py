@@ -17,7 +17,7 @@ from catalogs.imagery.account import read_account
 from catalogs.imagery.fetching import fetch_offers
 from catalogs.imagery.offer import Offer, Wanted
 from catalogs.imagery.services import TOKEN, Service, mapillary, service_of, stac
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 BOX = (7.0, 48.0, 8.0, 49.0)
 GOOD = Shot("good", 7.5, 48.5, 30.0)

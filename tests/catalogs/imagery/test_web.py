@@ -12,7 +12,7 @@ from benchmarks.imagery_server import Imagery, serving
 from catalogs.imagery import web
 from catalogs.imagery.services import TOKEN, service_of, stac
 from catalogs.imagery.web import Away, Refused, Token, Web
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def test_a_service_that_is_busy_is_asked_again_after_the_pause_that_it_wants(served: Imagery) -> None:

@@ -18,8 +18,8 @@ from catalogs.learning.datasets import (
     split,
     swiss,
 )
-from facade_core.errors import ImageError, InputError
-from facade_core.labels import BALCONY, DOOR, ROOF, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.errors import ImageError, InputError
+from facade_core.core.labels import BALCONY, DOOR, ROOF, SKY, UNKNOWN, WALL, WINDOW
 
 ANY = 0b1111111
 

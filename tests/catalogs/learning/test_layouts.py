@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from catalogs.learning.layouts import LABELS, read_layouts, split_layouts
-from facade_core.errors import InputError
-from facade_core.types import Element
+from facade_core.core.errors import InputError
+from facade_core.core.types import Element
 
 
 def write(path, *records):

@@ -17,7 +17,7 @@ from shapely import LineString, from_wkb, from_wkt
 import catalogs
 from catalogs.features import natural_order
 from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, Column, write_items
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def row(number: int, **changes: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 
 from catalogs.published import objects
 from catalogs.published.s3 import S3Folder
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tests.bucket import KEY, SECRET, served
 
 

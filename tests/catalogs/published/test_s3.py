@@ -21,7 +21,7 @@ import catalogs
 from catalogs.published.s3 import S3Folder, filesystem, folder_at
 from catalogs.published.s3_copy import copy_run, put_object
 from catalogs.query.asking import _dataset, query
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.cli.commands import main
 from tests.bucket import served
 from tests.catalogs.stac.test_stac import aside, publish, row

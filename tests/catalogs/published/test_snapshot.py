@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.published.snapshot import Snapshot, current, current_if_any, make_current, snapshot_in
-from facade_core.errors import InputError, StoreError
+from facade_core.core.errors import InputError, StoreError
 
 
 def published(out: Path, id: str) -> Snapshot[Path]:

@@ -20,7 +20,7 @@ import catalogs
 from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
 from catalogs.query import format_items, query
 from catalogs.query.where import all_of, parse_since
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.cli.commands import main
 
 

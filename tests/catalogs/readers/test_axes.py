@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from catalogs.readers.axes import EARTH_RADIUS, Axes, axes_of
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 FILE = Path("city.gml")
 FOOT = 1200 / 3937  # m; US survey foot

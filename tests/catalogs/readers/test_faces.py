@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catalogs.readers.faces import Face, shell_of
-from facade_core.types import SEMANTICS, Shell
+from facade_core.core.types import SEMANTICS, Shell
 
 WALL = np.array([[0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]], np.float64)
 HOLE = np.array([[1, 0, 1], [1, 0, 2], [2, 0, 2], [2, 0, 1]], np.float64)

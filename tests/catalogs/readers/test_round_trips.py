@@ -27,9 +27,9 @@ from catalogs.readers.pictures.elevation import read_elevation
 from catalogs.readers.vectors.features import read_centrelines, read_footprints
 from catalogs.readers.vectors.graphml import read_graphml
 from catalogs.readers.walls import read_walls
-from facade_core.export.attribution import Attribution
-from facade_core.export.cityjson import Face, Pool, document, geometry_of
-from facade_core.types import SEMANTICS
+from facade_core.core.types import SEMANTICS
+from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.city_models.cityjson import Face, Pool, document, geometry_of
 
 EAST, NORTH = 385_000.0, 6_672_000.0
 FRAME = "EPSG:3067"

@@ -9,7 +9,7 @@ import pytest
 from shapely import box
 
 from catalogs.readers.walls import DEPTH_M, read_walls
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def wall(x0: float, y0: float, x1: float, y1: float, low: float = 0.5, high: float = 20.5) -> list[list[float]]:

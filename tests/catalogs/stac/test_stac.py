@@ -32,7 +32,7 @@ from catalogs.stac.catalog import write_catalog
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
 from catalogs.stac.items import CITY3D, FILE, PROCESSING, PROJECTION, VERSION, ZARR
 from catalogs.stac.snapshot import write_stac
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.cli.commands import main
 
 CORE = Path(pystac.__file__).parent / "validation" / "jsonschemas"

@@ -12,33 +12,22 @@ import pytest
 import xarray as xr
 import zarr
 
-from facade_core.atlas import (
-    FORMAT,
-    INPAINTED,
-    PHOTO,
-    SYNTHESISED,
-    TRANSLATED,
-    UNSEEN,
-    AtlasSpec,
-    Rasters,
+from facade_core.atlas.arrays import FORMAT, create_arrays
+from facade_core.atlas.journal import (
     atlas_digest,
-    chart_digests,
-    commit,
-    create_arrays,
-    expire,
+    forget_record,
     latest_digests,
-    open_repository,
     read_journal,
-    read_rasters,
-    resolve,
+    read_records,
     unit_key,
-    write_rasters,
     write_record,
 )
-from facade_core.atlas.journal import forget_record, read_records
-from facade_core.atlas.store import PAGES_A_MANIFEST, new_root, open_root
-from facade_core.errors import StoreError
-from facade_core.geometry import pack
+from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters, write_rasters
+from facade_core.atlas.store import PAGES_A_MANIFEST, commit, expire, new_root, open_repository, open_root
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import StoreError
+from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, resolve
+from facade_core.geometry.chart_packing import pack
 
 TEXELS = np.array([[300, 200], [20, 30], [25, 12], [140, 128], [60, 60]])
 OWNER = np.array([0, 0, 0, 1, 1])

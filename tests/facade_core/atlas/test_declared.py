@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
-from facade_core.atlas import AtlasSpec, create_arrays, open_table, write_table
-from facade_core.atlas.arrays import ARRAYS, journal, resize_arrays
+from facade_core.atlas.arrays import ARRAYS, create_arrays, journal, resize_arrays
 from facade_core.atlas.rasters import write_chunks
-from facade_core.atlas.tables import TABLES, TEXT, Table
-from facade_core.errors import StoreError
+from facade_core.atlas.store import open_table, write_table
+from facade_core.atlas.table_schema import TABLES, TEXT, Table
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import StoreError
 from tests.facade_core.atlas.stores import FORMAT_4, unpack
 
 STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets", "pages", "tiles", "pictures")
@@ -55,7 +56,7 @@ def test_resized_arrays_are_those_created(
 
 def test_arrays_are_those_of_the_stores_of_before(tmp_path: Any) -> None:
     """But for attributes, which only say more, and for what there was not yet."""
-    from facade_core.atlas import open_repository, open_root
+    from facade_core.atlas.store import open_repository, open_root
 
     held = open_root(open_repository(unpack(FORMAT_4, tmp_path) / "store").readonly_session("main"))
     group = zarr.create_group({})

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from facade_core.atlas.arrays import journal
-from facade_core.atlas.held import holding
 from facade_core.atlas.journal import read_journal, write_record
-from facade_core.atlas.spec import Axis
+from facade_core.atlas.journal_cache import holding
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from facade_core.core.atlas_spec import Axis
 
 # Longer than what Icechunk keeps in manifests: each record is a file of its own.
 LONG = np.random.default_rng(0).bytes(2000).hex()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.atlas.levelling import filled, level, spread
+from facade_core.core.levelling import filled, level, spread
 
 
 def halves(left: int, right: int) -> tuple[np.ndarray, np.ndarray]:

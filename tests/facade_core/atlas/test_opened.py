@@ -11,22 +11,13 @@ import xarray as xr
 from distributed import Client
 
 import catalogs
-from facade_core.atlas import (
-    PHOTO,
-    SYNTHESISED,
-    Atlas,
-    Rasters,
-    chart_digests,
-    commit,
-    open_atlas,
-    open_repository,
-    open_root,
-    read_journal,
-)
-from facade_core.atlas.journal import latest_digests
-from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.store import new_root
-from facade_core.errors import FormatError, InputError, StoreError
+from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.rasters import Rasters, chart_digests
+from facade_core.atlas.snapshot import Atlas, open_atlas
+from facade_core.atlas.store import commit, new_root, open_repository, open_root
+from facade_core.core.errors import FormatError, InputError, StoreError
+from facade_core.core.provenance import PHOTO, SYNTHESISED
+from facade_core.plan.plan_tables import read_plan
 from tests.facade_core.atlas.stores import FORMAT_4, unpack
 
 TEXELS_PER_METRE = 3.0

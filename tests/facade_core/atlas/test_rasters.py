@@ -7,9 +7,9 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.atlas import AtlasSpec, Rasters, read_rasters
-from facade_core.atlas.rasters import write_rasters
-from facade_core.geometry.packing import pack
+from facade_core.atlas.rasters import Rasters, read_rasters, write_rasters
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.geometry.chart_packing import pack
 
 PAGE, CHUNK, GUTTER = 256, 32, 2
 

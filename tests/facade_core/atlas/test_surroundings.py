@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas.levelling import level
 from facade_core.atlas.surroundings import pieces_around, surrounded
-from facade_core.geometry import block_surfaces, terrain_of
+from facade_core.core.levelling import level
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.charts import ROOF, WALL, Charts
-from facade_core.types import Building, Street
+from facade_core.geometry.ground.terrain import terrain_of
 
 DENSITY = 10.0
 

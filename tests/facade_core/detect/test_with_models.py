@@ -9,10 +9,10 @@ from PIL import Image, ImageDraw, ImageFont
 from skimage import data
 
 from benchmarks.faces_and_plates import painted_plate
-from facade_core.detect import look
-from facade_core.detect.faces import find_faces, ious
-from facade_core.detect.models import REMEDY, missing
-from facade_core.detect.text import find_lines
+from facade_core.imagery.detect.detection import look
+from facade_core.imagery.detect.faces import find_faces, ious
+from facade_core.imagery.detect.models import REMEDY, missing
+from facade_core.imagery.detect.text import find_lines
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"{', '.join(missing())} not installed; {REMEDY}")
 

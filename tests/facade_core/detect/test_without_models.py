@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.detect import Seen, look, looked_for, models, seen, shop_names
-from facade_core.detect.faces import best_of, ious
-from facade_core.detect.plates import is_plate
-from facade_core.detect.seen import look_around
-from facade_core.detect.text import Line
-from facade_core.detect.tiles import tiles
-from facade_core.labels import SHOP, WALL
-from facade_core.synth import facade as paint
+from facade_core.core.labels import SHOP, WALL
+from facade_core.imagery.detect import detection as seen
+from facade_core.imagery.detect import models
+from facade_core.imagery.detect.detection import Seen, look, look_around, looked_for
+from facade_core.imagery.detect.faces import best_of, ious
+from facade_core.imagery.detect.image_tiles import tiles
+from facade_core.imagery.detect.plates import is_plate
+from facade_core.imagery.detect.signs import shop_names
+from facade_core.imagery.detect.text import Line
+from facade_core.synth.facade import facade as paint
 from tasks.doctor.machine import second_opinion
 from tasks.keys.stage_code import stage_code
 
@@ -24,7 +26,7 @@ def line(text: str, x: float, y: float, length: float = 60, height: float = 13, 
 @pytest.fixture
 def without(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(models, "FILES", {"faces": ("no-such-package", "models/none.onnx")})
-    monkeypatch.setattr("facade_core.detect.seen.models_digest", models.models_digest.__wrapped__)
+    monkeypatch.setattr("facade_core.imagery.detect.detection.models_digest", models.models_digest.__wrapped__)
 
 
 @pytest.mark.usefixtures("without")
@@ -140,7 +142,7 @@ def test_of_boxes_that_overlap_the_surest_stays() -> None:
 
 
 def test_a_face_that_is_private_is_made_anew() -> None:
-    from facade_core.facade import from_photo
+    from facade_core.facade.pipeline import from_photo
 
     painted = paint((9.0, 8.0), floors=2, columns=3, style="haussmann", metres_per_pixel=0.05, seed=2)
     nothing = np.zeros(painted.labels.shape, bool)

@@ -11,11 +11,13 @@ import shapely
 
 from benchmarks.clients import validators
 from benchmarks.programs import Absent, node, package
-from facade_core.atlas import AtlasSpec
-from facade_core.export.models import Textured, textured_scene
-from facade_core.geometry import block_surfaces, pack, terrain_of
-from facade_core.street import Scene
-from facade_core.types import Building, Street
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Building, Street
+from facade_core.export.models.textured_parts import Textured, textured_scene
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
 
 STREET = Street("s", None, shapely.LineString([(386000, 6671980), (386050, 6671980)]))
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.export.balconies import balconies_on, behind_railings
-from facade_core.export.buildings import ground_faces, modelled
-from facade_core.export.cityjson import Face, Pool, geometry_of
-from facade_core.export.models import Drawn, Textured, layout_of
-from facade_core.export.openings import openings_in, outlines
-from facade_core.geometry import ROOF, WALL, WINDOW
-from facade_core.grouping import grouped
-from facade_core.types import Element
+from facade_core.core.grouping import grouped
+from facade_core.core.types import Element
+from facade_core.export.bodies.balconies import balconies_on, behind_railings
+from facade_core.export.bodies.buildings import ground_faces, modelled
+from facade_core.export.bodies.openings import openings_in, outlines
+from facade_core.export.city_models.cityjson import Face, Pool, geometry_of
+from facade_core.export.models.textured_parts import Drawn, Textured, layout_of
+from facade_core.geometry.charts import ROOF, WALL, WINDOW
 
 
 @pytest.fixture(scope="module")

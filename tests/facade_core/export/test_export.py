@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import AtlasSpec
-from facade_core.export import Camera, aerial, aim, draw_cut, draw_facade, overlay_hidden, perspective
-from facade_core.export.pages import between_charts
-from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
-from facade_core.geometry.charts import CORNERS
-from facade_core.labels import WINDOW
-from facade_core.street import Scene
-from facade_core.street.sky import backdrop, sky
-from facade_core.types import Building, Lattice, Street
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.labels import WINDOW
+from facade_core.core.types import Building, Lattice, Street
+from facade_core.export.models.pages import between_charts
+from facade_core.export.pictures.camera import Camera, aerial
+from facade_core.export.pictures.hidden import draw_cut, overlay_hidden
+from facade_core.export.pictures.picture import aim, draw_facade, perspective
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import CORNERS, WALL
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.sky import backdrop, sky
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
 

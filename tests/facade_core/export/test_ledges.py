@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.export.ledges import DEPTH_M, LABEL, ledge, ledges_of, ledges_on
-from facade_core.labels import WALL, WINDOW
-from facade_core.types import Element
+from facade_core.core.labels import WALL, WINDOW
+from facade_core.core.types import Element
+from facade_core.export.bodies.ledges import DEPTH_M, LABEL, ledge, ledges_of, ledges_on
 
 DENSITY = 32.0
 

@@ -12,26 +12,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from facade_core.atlas.provenance import MATERIAL, PHOTO, SYNTHESISED
-from facade_core.export.albedo import shading, without
-from facade_core.export.bumps import STEEPEST, SUNK_SEES, heights, normals, sunk
-from facade_core.export.encoders import ENCODERS
-from facade_core.export.glb import glb_bytes
-from facade_core.export.grounds import Grounds
-from facade_core.export.lit import Lighting, Texels, relit
-from facade_core.export.looks import NIGHT, STRENGTH, Time, look_of
-from facade_core.export.models import Textured, layout_of, local_frame, nodes_of, page_pictures
-from facade_core.export.panes import Chances, glass, glow, openings
-from facade_core.export.substances import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
+from facade_core.core.labels import WALL, WINDOW
+from facade_core.core.provenance import MATERIAL, PHOTO, SYNTHESISED
+from facade_core.core.types import Ground, Sun, Way
+from facade_core.export.lighting.albedo import shading, without
+from facade_core.export.lighting.bumps import STEEPEST, SUNK_SEES, heights, normals, sunk
+from facade_core.export.lighting.grounds import Grounds
+from facade_core.export.lighting.lit import Lighting, Texels, relit
+from facade_core.export.lighting.panes import Chances, glass, glow, openings
+from facade_core.export.lighting.substances import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
+from facade_core.export.models.encoders import ENCODERS
+from facade_core.export.models.glb import glb_bytes
+from facade_core.export.models.gltf_materials import NIGHT, STRENGTH, Time, look_of
+from facade_core.export.models.textured_parts import Textured, layout_of, local_frame, nodes_of, page_pictures
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.charts import WALL as WALL_CHART
-from facade_core.labels import WALL, WINDOW
-from facade_core.street import Scene
-from facade_core.street import field_kernels as field
-from facade_core.street.relief import BACK_M
-from facade_core.street.sun import lit as in_light
-from facade_core.street.sun import sunlight
-from facade_core.types import Ground, Sun, Way
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.sun import lit as in_light
+from facade_core.street.lighting.sun import sunlight
+from facade_core.street.materials import field_kernels as field
+from facade_core.street.materials.relief import BACK_M
 from tests.facade_core.export.conftest import STREET, colour_of
 
 DENSITY = 10.0

@@ -13,9 +13,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from facade_core.export.glb import Node, Primitive, glb_bytes
-from facade_core.export.models import Textured, jpegs, layout_of, local_frame, nodes_of
-from facade_core.export.pages import GUTTER, draw_page, lay_out
+from facade_core.export.models.glb import Node, Primitive, glb_bytes
+from facade_core.export.models.pages import GUTTER, draw_page, lay_out
+from facade_core.export.models.textured_parts import Textured, jpegs, layout_of, local_frame, nodes_of
 from tests.facade_core.export.conftest import colour_of
 
 NAMES = {0: "a", 1: "b/1 ü"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.export.packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
+from facade_core.export.models.page_packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
 
 
 def test_pieces_lie_apart_on_few_pages() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.export.interiors import interior
-from facade_core.export.panes import Chances, glass, glow, openings, squared, through
-from facade_core.labels import DOOR, SHOP, WALL, WINDOW
+from facade_core.core.labels import DOOR, SHOP, WALL, WINDOW
+from facade_core.export.lighting.interiors import interior
+from facade_core.export.lighting.panes import Chances, glass, glow, openings, squared, through
 
 DENSITY = 20.0
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.export.models import Textured
-from facade_core.export.quadtree import LARGEST_M, Leaf, Members, grid_leaves, members_of
+from facade_core.export.models.textured_parts import Textured
+from facade_core.export.tiles.quadtree import LARGEST_M, Leaf, Members, grid_leaves, members_of
 
 places = st.lists(
     st.tuples(st.floats(-3000, 3000), st.floats(-3000, 3000), st.integers(1, 100)), min_size=1, max_size=40

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.export.body import body_of
-from facade_core.export.curtains import curtained
-from facade_core.export.models import Textured
-from facade_core.export.patches import Patch, Patches, components, flattened, is_closed, joined, open_edges
-from facade_core.export.recess import cut, meets_box
-from facade_core.geometry import block_surfaces, terrain_of
+from facade_core.core.grouping import grouped
+from facade_core.core.types import Building, Roof, Street
+from facade_core.export.bodies.body import body_of
+from facade_core.export.bodies.curtains import curtained
+from facade_core.export.bodies.patches import Patch, Patches, components, flattened, is_closed, joined, open_edges
+from facade_core.export.bodies.recess import cut, meets_box
+from facade_core.export.models.textured_parts import Textured
+from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.charts import WALL
-from facade_core.grouping import grouped
-from facade_core.types import Building, Roof, Street
+from facade_core.geometry.ground.terrain import terrain_of
 
 ORIGIN = np.array([386000.0, 6671900.0, 0.0])
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.encoded import encoded_digest, encoded_of, hierarchy_path, write_encoded
-from facade_core.errors import StoreError
-from facade_core.export.facade_stages import StoredFacade
-from facade_core.types import Element
-from facade_core.variation import encode
+from facade_core.atlas.stored_files import encoded_digest, encoded_of, hierarchy_path, write_encoded
+from facade_core.core.errors import StoreError
+from facade_core.core.types import Element
+from facade_core.export.pictures.facade_stages import StoredFacade
+from facade_core.facade.variation.encoding import encode
 
 
 def stored(group: Any, record: dict[str, Any]) -> StoredFacade:

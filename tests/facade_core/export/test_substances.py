@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.export import substances
-from facade_core.export.substances import BRICK, FRAME, GLASS, OF_MATERIAL, OF_SURFACE, RAILING, ROUGHNESS, of_labels
-from facade_core.labels import BALCONY, CLASSES, UNKNOWN, WALL, WINDOW
-from facade_core.street import field_kernels as field
-from facade_core.types import SURFACES
+from facade_core.core.labels import BALCONY, CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.core.types import SURFACES
+from facade_core.export.lighting import substances
+from facade_core.export.lighting.substances import (
+    BRICK,
+    FRAME,
+    GLASS,
+    OF_MATERIAL,
+    OF_SURFACE,
+    RAILING,
+    ROUGHNESS,
+    of_labels,
+)
+from facade_core.street.materials import field_kernels as field
 
 
 def test_every_label_material_and_surface_is_of_something() -> None:

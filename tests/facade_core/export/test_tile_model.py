@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from facade_core.export import overview, pages
-from facade_core.export.joined import join_glbs, part_of_file
-from facade_core.export.models import Textured, local_frame
-from facade_core.export.overview import overview_glb, scale_afar, shown_afar
-from facade_core.export.tile_model import COARSER, Earlier, TileModel, coarse_rasters, coarse_size, tile_model
-from facade_core.geometry import WALL
+from facade_core.export.models import pages
+from facade_core.export.models.joined import join_glbs, part_of_file
+from facade_core.export.models.textured_parts import Textured, local_frame
+from facade_core.export.tiles import overview
+from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
+from facade_core.export.tiles.tile_model import COARSER, Earlier, TileModel, coarse_rasters, coarse_size, tile_model
+from facade_core.geometry.charts import WALL
 from tests.facade_core.export.conftest import colour_of
 
 NAMES = {0: "a", 1: "b"}

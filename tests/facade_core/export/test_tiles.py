@@ -15,21 +15,21 @@ import pytest
 from PIL import Image
 from pyproj import Transformer
 
-from facade_core.errors import InputError
-from facade_core.export import cells
-from facade_core.export.attribution import Attribution, Source
-from facade_core.export.cells import COARSE, quadtree
-from facade_core.export.earth import earth_frame
-from facade_core.export.encoders import MIPMAPS, encoder
-from facade_core.export.features import Features, Property
-from facade_core.export.glb import header_of, pictures_of
-from facade_core.export.lit import relit
-from facade_core.export.looks import Time
-from facade_core.export.models import Textured, local_frame
-from facade_core.export.shells import simplified_shells
-from facade_core.export.tiles import Tiled, count_tiles, scale_of_view, write_tileset
-from facade_core.geometry import ROOF, WALL
-from facade_core.street import Scene
+from facade_core.core.errors import InputError
+from facade_core.export.city_models.attribution import Attribution, Source
+from facade_core.export.lighting.lit import relit
+from facade_core.export.models.encoders import MIPMAPS, encoder
+from facade_core.export.models.features import Features, Property
+from facade_core.export.models.glb import header_of, pictures_of
+from facade_core.export.models.gltf_materials import Time
+from facade_core.export.models.textured_parts import Textured, local_frame
+from facade_core.export.tiles import cells
+from facade_core.export.tiles.cells import COARSE, quadtree
+from facade_core.export.tiles.earth import earth_frame
+from facade_core.export.tiles.far_shells import simplified_shells
+from facade_core.export.tiles.tileset import Tiled, count_tiles, scale_of_view, write_tileset
+from facade_core.geometry.charts import ROOF, WALL
+from facade_core.geometry.scene import Scene
 from tests.facade_core.export.conftest import colour_of
 from tests.facade_core.export.test_lit import lighting
 

@@ -3,9 +3,9 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export import views
+from facade_core.core.types import Sun
+from facade_core.export.pictures import views
 from facade_core.geometry.walls import STREET
-from facade_core.types import Sun
 
 
 def test_views_are_along_the_streets_with_the_most_facades() -> None:

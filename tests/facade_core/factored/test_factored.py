@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.factored.alike import alike
-from facade_core.factored.library import Library, library_of
-from facade_core.factored.pictures import MOST_DENSITY, held, pictures_of
-from facade_core.factored.repeat import SIDES, Grain, repeating
-from facade_core.factored.seen import Facade, Seen
-from facade_core.factored.units import units_of
-from facade_core.factored.wall import FAR, NEAR, Detail, Piece, Pieces, Plane, flat, lay
+from facade_core.core.labels import BALCONY, WINDOW
+from facade_core.core.linear_light import linear, smoothed, srgb
+from facade_core.core.types import Element
+from facade_core.export.bodies.mouldings import bands_of, free_of, like
+from facade_core.export.factored.grain_similarity import alike
+from facade_core.export.factored.image_quilting import SIDES, Grain, repeating
+from facade_core.export.factored.library import Library, library_of
+from facade_core.export.factored.pictures import MOST_DENSITY, held, pictures_of
+from facade_core.export.factored.units import units_of
+from facade_core.export.factored.wall import FAR, NEAR, Detail, Piece, Pieces, Plane, flat, lay
+from facade_core.export.factored.wall_units import Facade, Seen
 from facade_core.geometry.charts import WALL, Charts
-from facade_core.labels import BALCONY, WINDOW
-from facade_core.light import linear, smoothed, srgb
-from facade_core.mouldings import bands_of, free_of, like
-from facade_core.types import Element
 
 DENSITY = 32.0
 

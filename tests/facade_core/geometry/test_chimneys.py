@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from facade_core.geometry.surfaces import block_surfaces
-from facade_core.geometry.terrain import terrain_of
-from facade_core.types import Building, Roof
+from facade_core.core.types import Building, Roof
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.ground.terrain import terrain_of
 
 OUTLINE = shapely.box(0, 0, 40, 12)
 HOUSE = Building("w1", OUTLINE, 9.0, "levels", roof=Roof("gabled", 3.0, pitch=26.0, confidence=0.5))

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import GROUND, ROOF, WALL
-from facade_core.ingest import ingest
-from facade_core.plan import Plan
-from facade_core.types import Building, Street
+from facade_core.plan.ingest import ingest
+from facade_core.plan.plan import Plan
 
 
 def plan_of(buildings: list[Building], texels_per_metre: float = 32.0) -> Plan:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
+from facade_core.core.types import Building, Roof, Street
+from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.charts import CEILING, METAL, WALL, WINDOW, Charts, Mesh
-from facade_core.geometry.surfaces import block_surfaces
-from facade_core.geometry.terrain import terrain_of
-from facade_core.types import Building, Roof, Street
+from facade_core.geometry.ground.terrain import terrain_of
 
 OUTLINE = shapely.box(0, 0, 30, 14)
 STREET = Street("s", None, shapely.LineString([(-20, -8), (60, -8)]))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
+from facade_core.core.types import Building, Roof, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.buildings.eaves import OVERHANG_M, PARAPET_M
 from facade_core.geometry.charts import CEILING, METAL, ROOF, WALL, Charts, Mesh
-from facade_core.geometry.eaves import OVERHANG_M, PARAPET_M
-from facade_core.geometry.surfaces import block_surfaces
-from facade_core.geometry.terrain import terrain_of
-from facade_core.types import Building, Roof, Street
+from facade_core.geometry.ground.terrain import terrain_of
 
 HOUSE = Building("a", shapely.box(0, 0, 20, 10), 9.0, "levels", roof=Roof("gabled", 2.0, pitch=25.0))
 STREET = Street("s", None, shapely.LineString([(-20, -8), (60, -8)]))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.errors import GeometryError
+from facade_core.core.errors import GeometryError
+from facade_core.core.types import SEMANTICS, Shell
+from facade_core.geometry.buildings.facets import facets
 from facade_core.geometry.charts import CEILING, ROOF, WALL, WINDOW
-from facade_core.geometry.facets import facets
-from facade_core.types import SEMANTICS, Shell
 
 UNKNOWN = SEMANTICS.index("unknown")
 

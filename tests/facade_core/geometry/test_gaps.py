@@ -12,9 +12,9 @@ import pytest
 import shapely
 from shapely import Polygon, box
 
-from facade_core.errors import GeometryError
-from facade_core.geometry.gaps import CLEARANCE, PLACE, streets_between
-from facade_core.types import Street
+from facade_core.core.errors import GeometryError
+from facade_core.core.types import Street
+from facade_core.geometry.ground.street_gaps import CLEARANCE, PLACE, streets_between
 
 TERRACES = [box(6 * i, y, 6 * i + 6, y + 10) for i in range(10) for y in (0, 22)]
 

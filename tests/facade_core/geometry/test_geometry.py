@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.errors import GeometryError
-from facade_core.geometry import GROUND, ROOF, WALL, block_surfaces, directions, pack, project, terrain_of, viewpoints
-from facade_core.types import Building, Street
+from facade_core.core.errors import GeometryError
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.equirectangular import directions, project
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.streets import viewpoints
 
 BOX = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
 STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
+from facade_core.core.types import SEMANTICS, Building, Roof, Shell, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.buildings.eaves import OVERHANG_M
 from facade_core.geometry.charts import METAL, Charts, Mesh
-from facade_core.geometry.eaves import OVERHANG_M
-from facade_core.geometry.surfaces import block_surfaces
-from facade_core.geometry.terrain import terrain_of
-from facade_core.types import SEMANTICS, Building, Roof, Shell, Street
+from facade_core.geometry.ground.terrain import terrain_of
 
 OUTLINE = shapely.box(0, 0, 30, 12)
 STATED = Roof("hipped", 3.0, pitch=27.0)

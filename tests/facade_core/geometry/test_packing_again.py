@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.geometry.packing import Placement, Places, pack
+from facade_core.geometry.chart_packing import Placement, Places, pack
 
 PAGE, CHUNK, GUTTER = 512, 128, 2
 

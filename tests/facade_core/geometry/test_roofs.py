@@ -7,9 +7,9 @@ import pytest
 import shapely
 import trimesh
 
-from facade_core.geometry.facets import facets
-from facade_core.geometry.roofs import WELD_M, roof_shell
-from facade_core.types import Building, Roof
+from facade_core.core.types import Building, Roof
+from facade_core.geometry.buildings.facets import facets
+from facade_core.geometry.buildings.roof_shapes import WELD_M, roof_shell
 
 RECTANGLE = shapely.box(0, 0, 20, 10)
 FOOTPRINTS = {

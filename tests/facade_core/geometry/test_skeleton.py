@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.errors import GeometryError
-from facade_core.geometry.skeleton import slabs_of
+from facade_core.core.errors import GeometryError
+from facade_core.geometry.buildings.straight_skeleton import slabs_of
 
 COURT = shapely.Polygon([(0, 0), (30, 0), (30, 20), (0, 20)], [[(10, 6), (10, 14), (20, 14), (20, 6)]])
 U = shapely.Polygon([(0, 0), (30, 0), (32, 25), (20, 26), (20, 11), (11, 11), (10, 30), (0, 30)])

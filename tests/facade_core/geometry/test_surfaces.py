@@ -11,10 +11,12 @@ import pytest
 import shapely
 import trimesh
 
-from facade_core.errors import GeometryError
-from facade_core.geometry import CEILING, GROUND, ROOF, WALL, Charts, Mesh, block_surfaces, terrain_of
-from facade_core.geometry.roofs import roof_shell
-from facade_core.types import Building, Elevation, Roof, Shell, Street
+from facade_core.core.errors import GeometryError
+from facade_core.core.types import Building, Elevation, Roof, Shell, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.buildings.roof_shapes import roof_shell
+from facade_core.geometry.charts import CEILING, GROUND, ROOF, WALL, Charts, Mesh
+from facade_core.geometry.ground.terrain import terrain_of
 
 BOX = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
 STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))

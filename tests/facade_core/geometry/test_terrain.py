@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.geometry.terrain import terrain_of
-from facade_core.types import Building, Elevation
+from facade_core.core.types import Building, Elevation
+from facade_core.geometry.ground.terrain import terrain_of
 
 
 def house(x: float, y: float, base: float | None) -> Building:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.geometry import colour_waves
-from facade_core.geometry.streets import predecessors
+from facade_core.geometry.streets import colour_waves, predecessors
 
 
 def test_waves_separate_writers_and_readers() -> None:

@@ -3,18 +3,18 @@ import itertools
 import numpy as np
 import pytest
 
-from facade_core.errors import LayoutError, ModelError
-from facade_core.labels import CLASSES
-from facade_core.layout import complete, grids
-from facade_core.layout.floors import continuations, continued
-from facade_core.layout.grids import boxes
-from facade_core.layout.ground import row_of_shops
-from facade_core.layout.model import shipped
-from facade_core.layout.proposals import Proposals, propose
-from facade_core.layout.rectangles import iou
-from facade_core.layout.rows import added, least_gap
-from facade_core.layout.whole import made_whole
-from facade_core.types import Element, Parsing
+from facade_core.core.errors import LayoutError, ModelError
+from facade_core.core.labels import CLASSES
+from facade_core.core.types import Element, Parsing
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.floor_hypotheses import continuations, continued
+from facade_core.facade.layout.gap_filling import made_whole
+from facade_core.facade.layout.grids import boxes, grids
+from facade_core.facade.layout.model import shipped
+from facade_core.facade.layout.proposals import Proposals, propose
+from facade_core.facade.layout.rectangles import iou
+from facade_core.facade.layout.rows import added, least_gap
+from facade_core.facade.layout.shop_floor import row_of_shops
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 LEFT = [(0.0, 0.0, 100.0, 160.0)]

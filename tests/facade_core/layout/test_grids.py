@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from facade_core.errors import LayoutError
-from facade_core.layout import grids
-from facade_core.types import Element
+from facade_core.core.errors import LayoutError
+from facade_core.core.types import Element
+from facade_core.facade.layout.grids import grids
 
 
 def window(cx, cy, w=10.0, h=16.0, label="window"):

@@ -3,10 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from facade_core.errors import LayoutError, ModelError
-from facade_core.layout import LayoutModel, complete, learning, load
-from facade_core.layout.model import SHIPPED, save, shipped
-from facade_core.types import Element
+from facade_core.core.errors import LayoutError, ModelError
+from facade_core.core.types import Element
+from facade_core.facade.layout import learning
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.model import SHIPPED, LayoutModel, load, save, shipped
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 

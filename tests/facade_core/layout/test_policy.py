@@ -1,9 +1,9 @@
 import numpy as np
 
-from facade_core.layout.model import shipped
-from facade_core.layout.optimisation import random_policies, search, start_of
-from facade_core.layout.policy import LENGTH, roll_out
-from facade_core.types import Element
+from facade_core.core.types import Element
+from facade_core.facade.layout.model import shipped
+from facade_core.facade.layout.policy import LENGTH, roll_out
+from facade_core.facade.layout.policy_optimisation import random_policies, search, start_of
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 REGION = np.array([[0.0, 0.0, 100.0, 160.0]])

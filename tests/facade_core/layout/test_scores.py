@@ -3,12 +3,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from facade_core.errors import LayoutError
-from facade_core.layout import score
-from facade_core.layout.densities import FLOOR, TERMS, fit_mixture, log_conditional, log_density
-from facade_core.layout.model import shipped
-from facade_core.layout.scores import measured, terms
-from facade_core.layout.statistics import (
+from facade_core.core.errors import LayoutError
+from facade_core.core.types import Element
+from facade_core.facade.layout.densities import FLOOR, TERMS, fit_mixture, log_conditional, log_density
+from facade_core.facade.layout.model import shipped
+from facade_core.facade.layout.scores import measured, score, terms
+from facade_core.facade.layout.statistics import (
     ALIGN_Y,
     COMPLETE,
     COVERAGE,
@@ -19,7 +19,6 @@ from facade_core.layout.statistics import (
     SYMMETRY,
     WIDTH_RATIO,
 )
-from facade_core.types import Element
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError
-from facade_core.labels import BALCONY, DOOR, SHOP, UNKNOWN, WALL, WINDOW
-from facade_core.parse import elements
-from facade_core.parse.boxes import per_window
-from facade_core.types import Element, Parsing
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import BALCONY, DOOR, SHOP, UNKNOWN, WALL, WINDOW
+from facade_core.core.types import Element, Parsing
+from facade_core.parsing.elements import elements, per_window
 
 
 def wall(height=200, width=160):

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from benchmarks.elements import expected_error, held
-from facade_core.errors import ModelError
-from facade_core.labels import CLASSES, DOOR, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
-from facade_core.parse import certainty, elements
-from facade_core.parse.certainty import COVERAGE, Certainty, Figures, Observed, observed, right, with_probabilities
-from facade_core.types import Element, Parsing
+from facade_core.core.errors import ModelError
+from facade_core.core.labels import CLASSES, DOOR, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.core.types import Element, Parsing
+from facade_core.parsing import confidence as certainty
+from facade_core.parsing.confidence import COVERAGE, Certainty, Figures, Observed, observed, right, with_probabilities
+from facade_core.parsing.elements import elements
 
 
 def parsed(labels, chance=0.9):

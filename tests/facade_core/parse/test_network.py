@@ -3,10 +3,12 @@ import json
 import numpy as np
 import pytest
 
-from facade_core.errors import ModelError
-from facade_core.labels import CLASSES, DOOR, ROOF, WALL
-from facade_core.parse import elements, network, parse
-from facade_core.parse.model_file import write_model
+from facade_core.core.errors import ModelError
+from facade_core.core.labels import CLASSES, DOOR, ROOF, WALL
+from facade_core.core.model_file import write_model
+from facade_core.parsing import network
+from facade_core.parsing.elements import elements
+from facade_core.parsing.segmenter import parse
 
 pytest.importorskip("onnx", reason="onnx is absent: make setup")
 

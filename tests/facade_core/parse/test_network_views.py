@@ -3,8 +3,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from facade_core.labels import UNKNOWN
-from facade_core.parse.network_views import ANY_CLASS, VIEW, Cutout, counted_in_front, cutouts, view
+from facade_core.core.labels import UNKNOWN
+from facade_core.parsing.training_views import ANY_CLASS, VIEW, Cutout, counted_in_front, cutouts, view
 
 
 @dataclass(frozen=True)

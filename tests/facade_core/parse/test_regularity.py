@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from facade_core.labels import BALCONY, DOOR, WALL, WINDOW
-from facade_core.parse.regularity import _groups, draw_windows, window_boxes
+from facade_core.core.labels import BALCONY, DOOR, WALL, WINDOW
+from facade_core.parsing.regularity import _groups, draw_windows, window_boxes
 
 
 def facade():

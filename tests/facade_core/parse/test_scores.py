@@ -4,8 +4,8 @@ import pytest
 from benchmarks import in_front
 from benchmarks.parsing import confusion, f1, matches, measure_behind, measure_occluders, put_in_front, scores, unseen
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.labels import SHOP, UNKNOWN, WALL, WINDOW
-from facade_core.types import Element
+from facade_core.core.labels import SHOP, UNKNOWN, WALL, WINDOW
+from facade_core.core.types import Element
 
 
 def test_scores_of_a_small_confusion():
@@ -32,8 +32,8 @@ def test_elements_are_paired_one_to_one_at_half_overlap():
 
 
 def test_facades_trained_on_are_left_out():
-    from facade_core.parse.model_file import read_record
-    from facade_core.parse.segmenter import SHIPPED
+    from facade_core.core.model_file import read_record
+    from facade_core.parsing.segmenter import SHIPPED
 
     trained_on = next(name for name in read_record(SHIPPED)["training_set"] if name.startswith("ecp/"))
     empty = np.zeros((2, 2), np.uint8)

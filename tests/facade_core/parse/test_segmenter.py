@@ -3,10 +3,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError, ModelError
-from facade_core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
-from facade_core.parse import elements, parse
-from facade_core.parse.segmenter import _in_front
+from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.parsing.elements import elements
+from facade_core.parsing.segmenter import _in_front, parse
 
 COLOURS = {
     WALL: (205, 190, 165),
@@ -183,7 +183,7 @@ def test_held_out_facades_and_their_lower_storeys(data):
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes
     from catalogs.learning.datasets import CMP, read, split
-    from facade_core.parse.segmenter import seen_outside
+    from facade_core.parsing.segmenter import seen_outside
 
     _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
     much = [facade for facade in held_out if (facade.outside == 1).mean() > 0.1][:6]

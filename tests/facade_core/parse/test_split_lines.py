@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError, LayoutError
-from facade_core.labels import DOOR, ROOF, UNKNOWN, WALL, WINDOW
-from facade_core.parse import lattice
+from facade_core.core.errors import ImageError, LayoutError
+from facade_core.core.labels import DOOR, ROOF, UNKNOWN, WALL, WINDOW
+from facade_core.parsing.lattice import lattice
 
 
 def plain_lattice(labels, max_lines, eta):

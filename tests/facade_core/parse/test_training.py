@@ -4,13 +4,14 @@ import shutil
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError, ModelError
-from facade_core.labels import CLASSES, ROOF, SKY, UNKNOWN, WALL, WINDOW
-from facade_core.parse import forest, parse
+from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.labels import CLASSES, ROOF, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.parsing import forest
+from facade_core.parsing.segmenter import parse
 
 pytest.importorskip("skl2onnx")
 
-from facade_core.parse import training
+from facade_core.parsing import forest_training
 
 
 def facade(seed):
@@ -35,12 +36,12 @@ def samples():
 
 @pytest.fixture(scope="module")
 def model(samples):
-    return training.train(samples, seed=3)
+    return forest_training.train(samples, seed=3)
 
 
 def test_a_trained_model_parses_what_it_was_taught(samples, model, tmp_path):
     path = tmp_path / "own.onnx"
-    training.save(model, path, training_set=["a", "b", "c"], seed=3, figures={"pixel_accuracy": 1.0})
+    forest_training.save(model, path, training_set=["a", "b", "c"], seed=3, figures={"pixel_accuracy": 1.0})
     record = json.loads(path.with_suffix(".json").read_text())
     assert (record["training_set"], record["seed"]) == (["a", "b", "c"], 3)
     image, labels = facade(9)
@@ -53,13 +54,13 @@ def test_a_trained_model_parses_what_it_was_taught(samples, model, tmp_path):
 
 def test_equal_seeds_give_equal_bytes_and_progress_is_told(samples, model):
     told = []
-    assert training.train(samples, seed=3, progress=lambda *step: told.append(step)) == model
+    assert forest_training.train(samples, seed=3, progress=lambda *step: told.append(step)) == model
     assert {step for step, _, _ in told} == {"features", "first forest", "held-out votes", "second forest"}
     assert all(done < total for _, done, total in told)
 
 
 def test_one_sample_is_enough(samples):
-    assert training.train(samples[:1], seed=0)
+    assert forest_training.train(samples[:1], seed=0)
 
 
 def test_the_file_votes_as_the_forests_do(tmp_path):
@@ -69,12 +70,12 @@ def test_the_file_votes_as_the_forests_do(tmp_path):
         rows[name] = rng.normal(size=(600, width)).astype(np.float32)
         target = rng.integers(0, 5, 600) + (rows[name][:, 0] > 0)
         target[target == 2] = 3
-        forests[name] = training._fit(rows[name], target, 5, rng)
+        forests[name] = forest_training._fit(rows[name], target, 5, rng)
     path = tmp_path / "two.onnx"
-    training.save(training._to_onnx(*forests.values()), path, training_set=[], seed=0)
+    forest_training.save(forest_training._to_onnx(*forests.values()), path, training_set=[], seed=0)
     loaded = forest.load(path)
     for name in forests:
-        expected = training._vote(forests[name], rows[name])
+        expected = forest_training._vote(forests[name], rows[name])
         np.testing.assert_allclose(loaded.vote(name, rows[name][None])[0], expected, atol=1e-6)
 
 
@@ -89,12 +90,12 @@ def test_the_file_votes_as_the_forests_do(tmp_path):
 )
 def test_refuses_unusable_samples(image, labels):
     with pytest.raises(ImageError, match="training sample 0"):
-        training.train([(image, labels)], seed=0)
+        forest_training.train([(image, labels)], seed=0)
 
 
 def test_refuses_no_samples():
     with pytest.raises(ImageError, match="no training samples"):
-        training.train([], seed=0)
+        forest_training.train([], seed=0)
 
 
 @pytest.fixture

@@ -3,17 +3,18 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError, ModelError
-from facade_core.labels import CLASSES, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.errors import ImageError, ModelError
+from facade_core.core.labels import CLASSES, SKY, UNKNOWN, WALL, WINDOW
 
 pytest.importorskip("torch", reason="torch is absent: make train-setup")
 
 import torch
 
-from facade_core.parse import network, network_export, parse, training_network
-from facade_core.parse.network_architecture import ParserNetwork
-from facade_core.parse.network_views import ANY_CLASS
-from facade_core.parse.training_network import Course
+from facade_core.parsing import network, network_export, network_training
+from facade_core.parsing.network_architecture import ParserNetwork
+from facade_core.parsing.network_training import Course
+from facade_core.parsing.segmenter import parse
+from facade_core.parsing.training_views import ANY_CLASS
 
 COURSE = Course(steps=4, per_step={"facades": 2})
 
@@ -50,7 +51,7 @@ def copy(weights):
 
 
 def train(start, course=COURSE, **options):
-    return training_network.train({"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options)
+    return network_training.train({"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def test_equal_seeds_give_equal_weights_and_steps_change_them(start, weights):
 
 
 def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights, tmp_path, monkeypatch):
-    monkeypatch.setattr(training_network, "_SAVE_EVERY", 1)
+    monkeypatch.setattr(network_training, "_SAVE_EVERY", 1)
     state = tmp_path / "run" / "network.state"
 
     def interrupt(name, done, total):
@@ -76,18 +77,18 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights,
     with pytest.raises(KeyboardInterrupt):
         train(start, state=state, progress=interrupt)
     with pytest.raises(ModelError, match="2 of 4 steps"):
-        training_network.finished(state)
+        network_training.finished(state)
     told = []
     resumed = train(start, state=state, progress=lambda *step: told.append(step))
     assert told == [("network", 2, 4), ("network", 3, 4)]
     assert all(torch.equal(weights[name], resumed[name]) for name in weights)
-    assert all(torch.equal(weights[name], value) for name, value in training_network.finished(state).items())
+    assert all(torch.equal(weights[name], value) for name, value in network_training.finished(state).items())
 
 
 def test_the_state_of_another_run_is_refused(start, tmp_path):
     state = tmp_path / "network.state"
     with pytest.raises(ModelError, match="no such file"):
-        training_network.finished(state)
+        network_training.finished(state)
     train(start, state=state)
     with pytest.raises(ModelError, match="another training run"):
         train(start, Course(4, {"facades": 3}), state=state)
@@ -99,7 +100,7 @@ def test_the_state_of_another_run_is_refused(start, tmp_path):
 
 
 def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path, monkeypatch):
-    monkeypatch.setattr(training_network, "_SAVE_EVERY", 1)
+    monkeypatch.setattr(network_training, "_SAVE_EVERY", 1)
     state, long = tmp_path / "network.state", Course(10, {"facades": 2})
 
     def interrupt(name, done, total):
@@ -116,7 +117,7 @@ def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path,
 
 
 def test_a_plateau_does_not_depend_on_the_number_of_steps():
-    rates = [[training_network._rate(step, steps) for step in range(steps)] for steps in (1000, 2000)]
+    rates = [[network_training._rate(step, steps) for step in range(steps)] for steps in (1000, 2000)]
     assert rates[0][:500] == rates[1][:500]
     assert max(rates[0]) == 1
     assert rates[0][-1] < 0.01
@@ -141,15 +142,15 @@ def test_it_learns(start):
     """A few steps on one photo bring the loss down, though one class is told as one of two."""
     shown = {"facades": [photo(0, ((WALL,), (WINDOW, WALL), (SKY,)))]}
     course, losses = Course(12, {"facades": 2}, rate=5e-3), []
-    backward = training_network._backward
+    backward = network_training._backward
 
     def noted(part, views):
         losses.append(backward(part, views))
         return losses[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training_network, "_backward", noted)
-        training_network.train(shown, course, seed=1, start=copy(start))
+        patch.setattr(network_training, "_backward", noted)
+        network_training.train(shown, course, seed=1, start=copy(start))
     assert np.mean(losses[-4:]) < 0.7 * np.mean(losses[:4])
 
 
@@ -164,11 +165,11 @@ class Fixed:
 
 
 def loss(logits, possible, occluder, outside=UNKNOWN):
-    from facade_core.parse.network_views import View
+    from facade_core.parsing.training_views import View
 
     maps = [np.full((8, 8), value, np.uint8) for value in (possible, occluder, outside)]
     view = View(np.zeros((8, 8, 3), np.uint8), *maps, np.zeros((2, 1, 1), np.float32))
-    return training_network._loss(Fixed(logits), [view]).item()
+    return network_training._loss(Fixed(logits), [view]).item()
 
 
 def test_the_loss_sums_over_the_classes_that_a_pixel_may_be():
@@ -192,7 +193,7 @@ def test_batch_normalisation_is_folded_in():
         getattr(norm, name).data = torch.tensor(rng.normal(1, 0.2, 32), dtype=torch.float32)
     norm.running_var.data = torch.tensor(rng.uniform(0.5, 2, 32), dtype=torch.float32)
     weights = {"_conv_stem.weight": convolution.weight, **{f"_bn0.{k}": v for k, v in norm.state_dict().items()}}
-    from facade_core.parse import network_architecture
+    from facade_core.parsing import network_architecture
 
     network_architecture._fold(trained.stem, weights, "_conv_stem", "_bn0")
     image = torch.rand(1, 3, 16, 16)
@@ -212,12 +213,12 @@ def test_refuses_unusable_photos(start, change, message):
         **{name: change.get(name, getattr(photo(0), name)) for name in ("image", "possible", "occluder", "outside")}
     )
     with pytest.raises(ImageError, match=f"facades 0.*{message}"):
-        training_network.train({"facades": [broken]}, COURSE, seed=0, start=copy(start))
+        network_training.train({"facades": [broken]}, COURSE, seed=0, start=copy(start))
 
 
 def test_refuses_a_set_without_photos(start):
     with pytest.raises(ImageError, match="set facades"):
-        training_network.train({"facades": []}, COURSE, seed=0, start=copy(start))
+        network_training.train({"facades": []}, COURSE, seed=0, start=copy(start))
 
 
 def test_weights_come_back_from_the_file_of_a_network(weights, tmp_path):

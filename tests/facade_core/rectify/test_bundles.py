@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.rectify.bundles import APART_DAYS, LEAST_SEEN, MOST, bundles_of
+from facade_core.imagery.poses.bundles import APART_DAYS, LEAST_SEEN, MOST, bundles_of
 
 
 def along_a_street(

@@ -9,12 +9,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from facade_core.core.types import Pose
+from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import SIDE, STREET
-from facade_core.rectify.choosing import COVERED, GOOD_ENOUGH, fewest
-from facade_core.rectify.fisheye import is_fisheye
-from facade_core.rectify.panorama import points_shown
-from facade_core.street.scene import Scene
-from facade_core.types import Pose
+from facade_core.imagery.rectify.fisheye import is_fisheye
+from facade_core.imagery.rectify.panorama import points_shown
+from facade_core.plan.panorama_choice import COVERED, GOOD_ENOUGH, fewest
 from tests.facade_core.rectify.test_panorama import scene_of
 
 SIZE = (2048, 4096)

@@ -3,8 +3,8 @@ import itertools
 import numpy as np
 import pytest
 
-from facade_core.rectify import cut
-from facade_core.rectify.cut import below_foot, cut_to_facade, facade_box
+from facade_core.imagery.rectify import crop
+from facade_core.imagery.rectify.crop import below_foot, cut_to_facade, facade_box
 
 
 def test_the_box_is_the_best_of_all():
@@ -41,7 +41,7 @@ def test_in_large_pictures_sides_are_found_within_a_part():
     outside[:301] = outside[1802:] = True
     outside[:, :205] = True
     box = facade_box(outside, np.zeros_like(outside))
-    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / cut.PARTS
+    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / crop.PARTS
 
 
 def test_noise_at_the_border_and_panes_within_do_not_decide():
@@ -66,7 +66,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     outside[:10] = True
     outside[10:20, :5] = True  # beside a gable
     outside[30:34, 20:24] = True  # a pane with sky in it
-    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden, model: outside)
+    monkeypatch.setattr(crop, "seen_outside", lambda image, hidden, model: outside)
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = cut_to_facade(image, hidden)
@@ -85,7 +85,7 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     assert facade_box(outside, nothing) is None
     outside[20:30, 10:20] = False
     assert facade_box(outside, nothing) is None
-    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden, model: outside)
+    monkeypatch.setattr(crop, "seen_outside", lambda image, hidden, model: outside)
     image = np.zeros((60, 50, 3), np.uint8)
     found = cut_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)
@@ -102,7 +102,7 @@ def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest
     hidden[80:94, 60:75] = True
     outside[80:94, 60:75] = False
     outside[20:30, 40:50] = True  # a pane
-    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden, model: outside)
+    monkeypatch.setattr(crop, "seen_outside", lambda image, hidden, model: outside)
     image = np.zeros((100, 90, 3), np.uint8)
     street = np.zeros_like(outside)
     street[88:, 30:] = True

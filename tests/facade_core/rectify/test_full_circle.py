@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.errors import ImageError
-from facade_core.rectify.full_circle import check_full
+from facade_core.core.errors import ImageError
+from facade_core.core.types import Pose
+from facade_core.imagery.rectify.full_circle import check_full
 from facade_core.synth.street_truth import panorama, synthetic_street
-from facade_core.types import Pose
 
 
 @pytest.fixture(scope="module")

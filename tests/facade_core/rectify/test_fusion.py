@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError
-from facade_core.rectify.fusion import View, fuse_views
+from facade_core.core.errors import ImageError
+from facade_core.imagery.rectify.fusion import View, fuse_views
 
 SHAPE = (120, 200)
 

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
 from facade_core.geometry.charts import WALL
-from facade_core.rectify import rectify
-from facade_core.rectify.matching import Taken, camera_before, likely_walls, taken_by
+from facade_core.imagery.poses.photo_matching import Taken, camera_before, likely_walls, taken_by
+from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 
 

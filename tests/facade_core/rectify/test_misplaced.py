@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facade_core.rectify import refine_pose
-from facade_core.rectify.misplaced import misplaced
-from facade_core.rectify.outlines import outline
+from facade_core.core.types import Pose
+from facade_core.imagery.poses.misplaced import misplaced
+from facade_core.imagery.poses.outlines import outline
+from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.rectify.no_data import RIM, no_data
-from facade_core.synth import STYLES, facade
+from facade_core.imagery.rectify.no_data import RIM, no_data
+from facade_core.synth.facade import facade
+from facade_core.synth.styles import STYLES
 
 
 def warped(lean: float) -> tuple[np.ndarray, np.ndarray]:

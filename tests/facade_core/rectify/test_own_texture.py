@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.atlas.spec import AtlasSpec
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import Charts, Mesh
-from facade_core.geometry.packing import pack
-from facade_core.rectify import own_texture
-from facade_core.street.scene import Scene
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.rectify.model_texture import own_texture
 
 DENSITY = 10.0
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.errors import GeometryError, ImageError
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import GeometryError, ImageError
+from facade_core.core.types import Pose
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import Charts, Mesh
-from facade_core.geometry.packing import pack
-from facade_core.rectify import fuse_views, rectify_view, sightings
-from facade_core.street.scene import Scene
-from facade_core.types import Pose
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.rectify.fusion import fuse_views
+from facade_core.imagery.rectify.panorama import rectify_view, sightings
 
 DENSITY = 10.0
 # left end, right end (as seen from outside), bottom and top in metres

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from facade_core.errors import ImageError
-from facade_core.rectify import Rectified, rectify
+from facade_core.core.errors import ImageError
+from facade_core.imagery.rectify.photo import Rectified, rectify
 
 HEIGHT, WIDTH = 600, 900
 FOCAL = 800.0

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from facade_core.errors import GeometryError, ImageError
-from facade_core.rectify import refine_pose
-from facade_core.rectify.camera import camera_from_world, position, turned
+from facade_core.core.errors import GeometryError, ImageError
+from facade_core.core.types import Pose
+from facade_core.imagery.poses.panorama_camera import camera_from_world, position, turned
+from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
 
 WIDTH = 2048
 

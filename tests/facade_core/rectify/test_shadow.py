@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.labels import WALL, WINDOW
-from facade_core.rectify.shadow import shaded_share
-from facade_core.synth import facade as paint
+from facade_core.core.labels import WALL, WINDOW
+from facade_core.imagery.rectify.shadow import shaded_share
+from facade_core.synth.facade import facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.04, seed=2)
 

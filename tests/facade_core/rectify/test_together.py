@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from facade_core.core.types import Pose
 from facade_core.geometry.charts import GROUND, WALL
-from facade_core.rectify.camera import position
-from facade_core.rectify.shared_walls import Steep, _agreement, _patches, _shift
-from facade_core.rectify.together import Alone, Together, refine_together
+from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
+from facade_core.imagery.poses.panorama_camera import position
+from facade_core.imagery.poses.shared_walls import Steep, _agreement, _patches, _shift
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
 
 WIDTH = 2048
 # The covariance of a place that outlines of buildings told well.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.street.blend import BlendState, add_views, blend
+from facade_core.street.propagation.blend import BlendState, add_views, blend
 
 
 def direct(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:

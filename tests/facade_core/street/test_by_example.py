@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import AtlasSpec
-from facade_core.geometry import GROUND, block_surfaces, pack, terrain_of
-from facade_core.street.by_example import FILLED_M, by_example
-from facade_core.street.field import Materials
-from facade_core.street.scene import Scene
-from facade_core.types import Building, Ground, Street, Way
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Building, Ground, Street, Way
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import GROUND
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.ground_by_example import FILLED_M, by_example
 
 DENSITY = 16.0
 SIZE = (240, 320)

@@ -7,20 +7,24 @@ import pytest
 import shapely
 
 from benchmarks.materials.plain import noise
-from facade_core.atlas import SYNTHESISED, AtlasSpec
-from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
-from facade_core.geometry.charts import GROUND
-from facade_core.labels import WALL as PLAIN
-from facade_core.labels import WINDOW
-from facade_core.street import Materials, Scene
-from facade_core.street import ambient as around
-from facade_core.street.ambient import ambient
-from facade_core.street.daylight import hemisphere
-from facade_core.street.facade_light import laid_over
-from facade_core.street.stains import CELLS_M, DENSITY, GIVES, PHOTOGRAPHED, deviations, stains, weights
-from facade_core.street.sun import SKY_LIGHT, SUN_LIGHT, direction, lit, sunlight
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.labels import WALL as PLAIN
+from facade_core.core.labels import WINDOW
+from facade_core.core.provenance import SYNTHESISED
+from facade_core.core.types import Building, Street, Sun
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.daylight import hemisphere
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting import ambient as around
+from facade_core.street.lighting.ambient import ambient
+from facade_core.street.lighting.facade_light import laid_over
+from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, direction, lit, sunlight
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.stains import CELLS_M, DENSITY, GIVES, PHOTOGRAPHED, deviations, stains, weights
 from facade_core.street.surfaces import Known, surface
-from facade_core.types import Building, Street, Sun
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
 NOON = Sun(180.0, 45.0)

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import AtlasSpec
-from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
-from facade_core.street import Materials, Scene
-from facade_core.street.field import GRAIN
-from facade_core.street.field_kernels import BALLAST, BRICK, FELT, SHEET, SLATE, TILE, colour
-from facade_core.street.own_walls import WallMaterial
-from facade_core.types import Building, Finish, Ground, Roof, Street, Way
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Building, Finish, Ground, Roof, Street, Way
+from facade_core.facade.wall_material import WallMaterial
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.street.materials.field import GRAIN, Materials
+from facade_core.street.materials.field_kernels import BALLAST, BRICK, FELT, SHEET, SLATE, TILE, colour
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 DENSITY = 10.0

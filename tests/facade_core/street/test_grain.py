@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.errors import ModelError
-from facade_core.street.grain import LEVELS, NAMES, PIXELS, TAKEN, Grain, add_grain, grains, learn
-from facade_core.street.grain_file import SHIPPED, load, save, shipped, with_own
+from facade_core.core.errors import ModelError
+from facade_core.street.materials.grain import LEVELS, NAMES, PIXELS, TAKEN, Grain, add_grain, grains, learn
+from facade_core.street.materials.grain_file import SHIPPED, load, save, shipped, with_own
 from tasks.training.materials import train_materials
 
 # Each that is shipped, as it is.
@@ -108,7 +108,7 @@ def test_a_file_that_is_broken_is_told(tmp_path: Path) -> None:
 
 
 def test_training_tells_what_picture_is_missing(tmp_path: Path) -> None:
-    from facade_core.errors import InputError
+    from facade_core.core.errors import InputError
 
     with pytest.raises(InputError, match=r"asphalt\.jpg: cannot be read"):
         train_materials(tmp_path, tmp_path / "out")

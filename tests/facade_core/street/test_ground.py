@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from facade_core.core.types import Area, Ground, Way
 from facade_core.geometry.charts import GROUND, Charts
-from facade_core.street.grain_file import shipped
-from facade_core.street.ground import SQUARE_M, Squares
-from facade_core.street.ground_kernels import COLOURS, GRASS, soil
-from facade_core.street.ground_marks import EDGE_M, LINE_M, PAINT, STOP_M, marks
-from facade_core.types import Area, Ground, Way
+from facade_core.geometry.ground.marks import EDGE_M, LINE_M, PAINT, STOP_M, marks
+from facade_core.geometry.ground.shapes import SQUARE_M, Squares
+from facade_core.street.materials.grain_file import shipped
+from facade_core.street.materials.ground_kernels import COLOURS, GRASS, soil
 
 MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
 SIDE = Way("side", shapely.LineString([(20, 11.76), (24, 150)]), "road", 6.0, "asphalt", pavement=(3.0, 0.0), rank=1)

@@ -6,16 +6,21 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import PHOTO, UNSEEN, AtlasSpec
-from facade_core.geometry import GROUND, ROOF, WALL, block_surfaces, pack, terrain_of
-from facade_core.labels import BALCONY, WINDOW
-from facade_core.labels import WALL as PLAIN
-from facade_core.street import Materials, Scene
-from facade_core.street.contact import contact
-from facade_core.street.relief import cast_shadows
-from facade_core.street.sun import lit, sunlight
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.labels import BALCONY, WINDOW
+from facade_core.core.labels import WALL as PLAIN
+from facade_core.core.provenance import PHOTO, UNSEEN
+from facade_core.core.types import Building, Street, Sun
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.contact import contact
+from facade_core.street.lighting.sun import lit, sunlight
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.relief import cast_shadows
 from facade_core.street.surfaces import Known, surface
-from facade_core.types import Building, Street, Sun
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
 DENSITY = 8.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.materials import plain
-from facade_core.street import materials, roofs
-from facade_core.street.chance import chance
+from facade_core.core.hash_uniform import chance
+from facade_core.street.materials import procedural, roofs
 
 SEED = 5
 # What a material depends on besides its place: metres from a centreline, above the foot of a wall, of a pane's height.
@@ -18,7 +18,7 @@ OTHER = {"asphalt": 2.1, "plaster": 0.6, "glass": 2.0}
 
 def tones(name: str, x: np.ndarray, y: np.ndarray, side: np.ndarray) -> np.ndarray:
     out, other = np.empty(len(x)), np.full(len(x), OTHER.get(name, 0.0))
-    kernel: Callable[..., None] = getattr(materials if hasattr(materials, name) else roofs, name)
+    kernel: Callable[..., None] = getattr(procedural if hasattr(procedural, name) else roofs, name)
     if name == "glass":
         kernel(x, y, OTHER[name], side, SEED, out)
     elif name in OTHER:

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
-from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.provenance import MATERIAL, PHOTO, TRANSLATED, UNSEEN
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import GROUND, ROOF
-from facade_core.street import Materials, Scene
-from facade_core.street.contact import contact
-from facade_core.street.overhead import from_above, raster_points, shown_from_above
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.overhead_view import from_above, raster_points, shown_from_above
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.contact import contact
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.tiled import Material
 from facade_core.street.surfaces import Known, surface
-from facade_core.street.tiled import Material
-from facade_core.types import Building, Street
 
 STREET = Street("s", None, shapely.LineString([(0, -9), (20, -9)]))
 DENSITY = 10.0

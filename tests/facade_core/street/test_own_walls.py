@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.labels import WALL, WINDOW
-from facade_core.street.materials import brick, plaster
-from facade_core.street.own_walls import lit_colour, wall_material
+from facade_core.core.labels import WALL, WINDOW
+from facade_core.facade.wall_material import lit_colour, wall_material
+from facade_core.street.materials.procedural import brick, plaster
 
 DENSITY = 32.0
 COLOUR = np.array([168.0, 132.0, 96.0])

@@ -9,13 +9,22 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import PHOTO, TRANSLATED, UNSEEN, AtlasSpec
-from facade_core.errors import GeometryError
-from facade_core.geometry import GROUND, ROOF, WALL, block_surfaces, pack, terrain_of
-from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
-from facade_core.street.daylight import Daylight
-from facade_core.street.footprints import mark_tiles
-from facade_core.types import Building, Street
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import GeometryError
+from facade_core.core.provenance import PHOTO, TRANSLATED, UNSEEN
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.daylight import Daylight
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.geometry.visible_tiles import mark_tiles
+from facade_core.street.propagation.propagate import propagate
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.translator.translate import Swatches
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 BUILDINGS = [
@@ -157,7 +166,7 @@ def test_only_equirectangular_shapes(scene: Scene) -> None:
 
 def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
     """Marked tiles give what all tiles give, but for slivers of pieces that no pixel beside theirs shows."""
-    module = importlib.import_module("facade_core.street.propagate")
+    module = importlib.import_module("facade_core.street.propagation.propagate")
     rgb = np.random.default_rng(0).integers(0, 256, (128, 256, 3), dtype=np.uint8)
     marked, everywhere = (window(scene, range(len(scene.charts))) for _ in range(2))
     visited = []

@@ -6,15 +6,22 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import INPAINTED, MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
-from facade_core.geometry import GROUND, WALL, block_surfaces, pack, terrain_of
-from facade_core.street import Materials, Scene, Viewpoint, Window
-from facade_core.street.by_example import FILLED_M
-from facade_core.street.contact import contact
-from facade_core.street.enclosed import enclosed
-from facade_core.street.propagate import see
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.provenance import INPAINTED, MATERIAL, PHOTO, TRANSLATED, UNSEEN
+from facade_core.core.types import Building, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.party_walls import enclosed
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.lighting.contact import contact
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.ground_by_example import FILLED_M
+from facade_core.street.propagation.propagate import see
+from facade_core.street.propagation.texel_buffer import Window
 from facade_core.street.surfaces import Known, Pixels, faded, paint, surface
-from facade_core.types import Building, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 

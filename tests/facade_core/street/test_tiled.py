@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.errors import ImageError
-from facade_core.street.tiled import Material, seamless
+from facade_core.core.errors import ImageError
+from facade_core.street.materials.tiled import Material, seamless
 
 
 def grain(rows: int, columns: int, seed: int = 0) -> np.ndarray:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.errors import ModelError
-from facade_core.street import neural
-from facade_core.street.equirectangular_taps import SIDE, TAPS, gather, taps
-from facade_core.street.translator_views import USED, WIDTHS, Rendering, bare, real_crop, rendered_crop
+from facade_core.core.errors import ModelError
+from facade_core.street.translator import neural
+from facade_core.street.translator.equirectangular_taps import SIDE, TAPS, gather, taps
+from facade_core.street.translator.training_views import USED, WIDTHS, Rendering, bare, real_crop, rendered_crop
 
 RNG = np.random.default_rng(3)
 

@@ -12,22 +12,22 @@ pytest.importorskip("torch", reason="torch is absent: make train-setup")
 
 import torch
 
-from facade_core.errors import ImageError, ModelError
-from facade_core.street import translator_training
-from facade_core.street.equirectangular_taps import gather
-from facade_core.street.translator_distance import features, kernel_distance
-from facade_core.street.translator_export import halved, to_onnx
-from facade_core.street.translator_network import Discriminator, Generator, as_input, initialise
-from facade_core.street.translator_steps import Course, Domains, supervise
-from facade_core.street.translator_training import rate, train
-from facade_core.street.translator_views import Pair, Rendering, paired_crop
+from facade_core.core.errors import ImageError, ModelError
+from facade_core.street.translator import training
+from facade_core.street.translator.equirectangular_taps import gather
+from facade_core.street.translator.kernel_distance import features, kernel_distance
+from facade_core.street.translator.network import Discriminator, Generator, as_input, initialise
+from facade_core.street.translator.network_export import halved, to_onnx
+from facade_core.street.translator.training import rate, train
+from facade_core.street.translator.training_steps import Course, Domains, supervise
+from facade_core.street.translator.training_views import Pair, Rendering, paired_crop
 
 COURSE = Course(width=4, steps=4, warm=1, crop=(32, 64), batch=1, check=2)
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translator_training, "_JUDGED", 8)
+    monkeypatch.setattr(training, "_JUDGED", 8)
 
 
 def domains(seed: int = 0) -> Domains:

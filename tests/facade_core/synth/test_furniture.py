@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from facade_core.labels import DOOR, WALL, WINDOW
+from facade_core.core.labels import DOOR, WALL, WINDOW
 from facade_core.synth.furniture import street_furniture
-from facade_core.synth.relief import relief
+from facade_core.synth.model_relief import relief
 
 LINE = shapely.LineString([(100, 200), (160, 230)])
 

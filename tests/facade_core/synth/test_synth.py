@@ -7,10 +7,12 @@ from dataclasses import FrozenInstanceError, fields
 import numpy as np
 import pytest
 
-from facade_core.errors import FacadeError
-from facade_core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, WALL, WINDOW
-from facade_core.synth import STYLES, PaintedFacade, exemplars, facade
+from facade_core.core.errors import FacadeError
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, WALL, WINDOW
+from facade_core.synth.exemplars import exemplars
+from facade_core.synth.facade import PaintedFacade, facade
 from facade_core.synth.shops import parade
+from facade_core.synth.styles import STYLES
 
 
 def paint(style: str = "jugend", **changes) -> PaintedFacade:

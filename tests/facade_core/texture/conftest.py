@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from facade_core.labels import BALCONY, DOOR, ROOF, SHOP, SKY, WALL, WINDOW
+from facade_core.core.labels import BALCONY, DOOR, ROOF, SHOP, SKY, WALL, WINDOW
 
 FLOOR, BAY = 40, 36
 

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.texture.expansion import choose
-from facade_core.texture.floors import _agreed
-from facade_core.texture.membrane import membrane
-from facade_core.texture.mosaic import paint
-from facade_core.texture.prices import UNUSABLE, Offers, offers
-from facade_core.texture.translations import repeats
+from facade_core.facade.texture.floor_inpainting import _agreed
+from facade_core.facade.texture.gradient_blending import membrane
+from facade_core.facade.texture.label_expansion import choose
+from facade_core.facade.texture.mosaic import paint
+from facade_core.facade.texture.source_costs import UNUSABLE, Offers, offers
+from facade_core.facade.texture.translations import repeats
 
 
 @pytest.fixture

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.errors import ImageError
-from facade_core.labels import ROOF, SHOP, WINDOW
-from facade_core.synth import facade as paint
-from facade_core.texture import inpaint
-from facade_core.texture.pitch import bay_width, floor_height
-from facade_core.texture.seams import diffused, least_path
-from facade_core.texture.whole import whole
-from facade_core.types import Element
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import ROOF, SHOP, WINDOW
+from facade_core.core.types import Element
+from facade_core.facade.texture.floor_pitch import bay_width, floor_height
+from facade_core.facade.texture.inpainting import inpaint
+from facade_core.facade.texture.seams import diffused, least_path
+from facade_core.facade.texture.window_completion import whole
+from facade_core.synth.facade import facade as paint
 
 
 @pytest.fixture

@@ -5,13 +5,14 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from facade_core.errors import ImageError
-from facade_core.labels import DOOR, ROOF, SHOP, SKY, WALL, WINDOW
-from facade_core.synth import STYLES
-from facade_core.synth import facade as paint
-from facade_core.texture import exemplar_scale, retarget
-from facade_core.texture.structure import storeys, structural_lattice, structure, window_spans
-from facade_core.texture.walks import cheapest_walk
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import DOOR, ROOF, SHOP, SKY, WALL, WINDOW
+from facade_core.facade.texture.retargeting import retarget
+from facade_core.facade.texture.scale import exemplar_scale
+from facade_core.facade.texture.shortest_walks import cheapest_walk
+from facade_core.parsing.floor_structure import storeys, structural_lattice, structure, window_spans
+from facade_core.synth.facade import facade as paint
+from facade_core.synth.styles import STYLES
 
 MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from benchmarks.synthesis import plain_energy, reference
-from facade_core.errors import ImageError
-from facade_core.parse import lattice
-from facade_core.texture import synthesize
-from facade_core.texture.compose import compose
-from facade_core.texture.consistency import ORDER, energy, tables
-from facade_core.texture.tiles import cells, evolved, synthesize_on
-from facade_core.types import Lattice
+from facade_core.core.errors import ImageError
+from facade_core.core.types import Lattice
+from facade_core.facade.texture.synthesis import cells, evolved, synthesize, synthesize_on
+from facade_core.facade.texture.tile_composition import compose
+from facade_core.facade.texture.tiling_energy import ORDER, energy, tables
+from facade_core.parsing.lattice import lattice
 
 
 def test_energy_equals_the_reference(facade):

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.errors import InputError
-from facade_core.variation.codec import decode, encode_file, quantise_light
-from facade_core.variation.contents import Group
+from facade_core.core.errors import InputError
+from facade_core.facade.variation.codec import decode, encode_file, quantise_light
+from facade_core.facade.variation.contents import Group
 
 
 @settings(max_examples=20)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.errors import InputError
-from facade_core.facade import Facade, from_exemplar
-from facade_core.synth import facade
-from facade_core.texture import Wall, style_of
-from facade_core.variation import draw_level, encode
+from facade_core.core.errors import InputError
+from facade_core.facade.pipeline import Facade, from_exemplar
+from facade_core.facade.texture.building_walls import Wall
+from facade_core.facade.texture.retargeting import style_of
+from facade_core.facade.variation.encoding import encode
+from facade_core.facade.variation.level_drawing import draw_level
+from facade_core.synth.facade import facade
 
 PAINTED = facade((13.0, 14.0), floors=4, columns=5, style="brick", metres_per_pixel=0.06, seed=2)
 

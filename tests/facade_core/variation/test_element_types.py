@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score, silhouette_score
 
-from facade_core.variation.appearance import projected, relabelling_cost
-from facade_core.variation.element_types import cluster, descriptors, filled, mean_shift, silhouette
+from facade_core.facade.variation.appearance import projected, relabelling_cost
+from facade_core.facade.variation.element_types import cluster, descriptors, filled, mean_shift, silhouette
 
 
 def patches(seed, number=30, types=3):

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score
 
-from facade_core.errors import ImageError, InputError, LayoutError
-from facade_core.types import Element
-from facade_core.variation import Hierarchy, encode, exchange_in_photo, variations
-from facade_core.variation.enlargement import enlarge
-from facade_core.variation.sampling import deal, exchange
+from facade_core.core.errors import ImageError, InputError, LayoutError
+from facade_core.core.types import Element
+from facade_core.facade.variation.encoding import encode
+from facade_core.facade.variation.enlargement import enlarge
+from facade_core.facade.variation.hierarchy import Hierarchy
+from facade_core.facade.variation.photo_exchange import exchange_in_photo
+from facade_core.facade.variation.sampling import deal, exchange
+from facade_core.facade.variation.variations import variations
 
 WIDTH, HEIGHT = 30, 44
 
@@ -314,7 +317,8 @@ def test_a_photographed_facade_has_levels_and_a_small_file(data):
 def test_states_of_painted_facades():
     """A floor for the median over the styles; single styles with balconies before their windows are lower. Each
     leaf of a window mirrors houses and sky of its own, which hides what hangs behind it."""
-    from facade_core.synth import STYLES, facade
+    from facade_core.synth.facade import facade
+    from facade_core.synth.styles import STYLES
 
     found = []
     for style in STYLES:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.variation.icm import WHOLE, icm, moves_from, rectangles
+from facade_core.facade.variation.icm import WHOLE, icm, moves_from, rectangles
 
 
 def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarray, list[float]]:

@@ -1,7 +1,9 @@
 import numpy as np
 
-from facade_core.types import Element
-from facade_core.variation import coded, exchange_in_photo, variations
+from facade_core.core.types import Element
+from facade_core.facade.variation.encoding import coded
+from facade_core.facade.variation.photo_exchange import exchange_in_photo
+from facade_core.facade.variation.variations import variations
 
 
 def test_nothing_burns_out_that_moves_from_beside_a_darker_wall():

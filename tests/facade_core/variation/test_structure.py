@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from facade_core.variation.structure import regularity, relax
+from facade_core.facade.variation.structure import regularity, relax
 
 
 def rectangles_by_search(structure):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from facade_core.errors import InputError, MachineError
+from facade_core.core.errors import InputError, MachineError
 from flows.cli import console
 from flows.cli.console import Lines, show
 from flows.cli.endings import ending

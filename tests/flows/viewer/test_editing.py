@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.viewer.app import application, serve
 from flows.viewer.editing import MOST_BYTES, TOKEN, Editor
 from flows.viewer.redo import told

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from flows.viewer.app import HEADERS, application, serve
 from flows.viewer.guard import Guard, guard
 

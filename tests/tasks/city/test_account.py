@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from catalogs.block import read_block
 from catalogs.city.keys import is_cut_as_usual
-from facade_core.errors import BlockFileError, InputError
+from facade_core.core.errors import BlockFileError, InputError
 from flows.cli.commands import main
 from tasks.city import account as accounts
 from tasks.city import blocks

@@ -10,9 +10,9 @@ import yaml
 import zarr
 
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
+from facade_core.plan.plan_tables import read_plan
 from tasks.city.blocks import read_city
 from tasks.kinds.order import KINDS
 from tests.pipeline.stages import texture, write_block

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from facade_core import compiled, kernels
+from facade_core import kernel_warmup
+from facade_core.core import numba_cache
 from tasks.compute.compiling import compile_together
 
 
@@ -24,8 +25,8 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def two() -> None:
         gone.append("two")
 
-    monkeypatch.setattr(compiled, "PARTS", (one, two))
-    monkeypatch.setattr(kernels, "CACHE", tmp_path)
+    monkeypatch.setattr(kernel_warmup, "PARTS", (one, two))
+    monkeypatch.setattr(numba_cache, "CACHE", tmp_path)
     return gone
 
 
@@ -49,17 +50,17 @@ def test_a_part_that_another_process_is_at_is_waited_for_at_the_end(parts: list[
 
 
 def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kernels, "CACHE", None)
+    monkeypatch.setattr(numba_cache, "CACHE", None)
     compile_together()
     assert parts == []
 
 
 def test_the_parts_reach_what_takes_longest_to_compile() -> None:
-    from facade_core.layout.statistics import measure
-    from facade_core.street.field_kernels import colour
-    from facade_core.texture.genetic import _evolve
+    from facade_core.facade.layout.statistics import measure
+    from facade_core.facade.texture.genetic import _evolve
+    from facade_core.street.materials.field_kernels import colour
 
-    for part in compiled.PARTS:
+    for part in kernel_warmup.PARTS:
         part()
     for kernel in (measure, _evolve, colour):
         assert kernel.signatures

@@ -17,7 +17,7 @@ import cloudpickle
 import pytest
 from distributed import LocalCluster
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.compute import connect as compute
 from tasks.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
 from tasks.compute.connect import connect

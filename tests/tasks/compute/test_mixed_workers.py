@@ -13,7 +13,7 @@ import pytest
 from distributed import Client, LocalCluster
 from distributed.security import Security
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.compute.connect import connect, require_scheduler
 from tasks.compute.patience import Patience
 from tests.pipeline.runs import ROOT

@@ -15,7 +15,7 @@ import yaml
 from catalogs.block.keys import check_keys
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import BLOCKS, SOURCES, Source, SourceFile
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.examples.fetch import fetch_block
 
 CONTENT = b'{"type": "CityJSON"}'

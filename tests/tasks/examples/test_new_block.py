@@ -17,7 +17,7 @@ import shapely
 from PIL import Image
 
 from catalogs.block import read_block
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.examples.new_block import Around, Geometry, new_block
 
 BOX = (24.9471, 60.1659, 24.9488, 60.1667)

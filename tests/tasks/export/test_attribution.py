@@ -14,7 +14,7 @@ import rasterio
 from lxml import etree
 from PIL import Image
 
-from facade_core.export.glb import header_of
+from facade_core.export.models.glb import header_of
 from tasks.export.formats import FORMATS, export
 from tasks.published.opened import Published
 from tests.exports import EACH

@@ -20,8 +20,8 @@ from PIL import Image
 from pyproj import Transformer
 
 from catalogs.published.items import COLUMNS
-from facade_core.errors import InputError, StoreError
-from facade_core.export.glb import header_of
+from facade_core.core.errors import InputError, StoreError
+from facade_core.export.models.glb import header_of
 from flows.cli.commands import main
 from tasks.export.formats import FORMATS, _writers, export, marker_of
 from tasks.export.models import write_3dtiles

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from facade_core.errors import InputError
-from facade_core.export.glb import header_of
+from facade_core.core.errors import InputError
+from facade_core.export.models.glb import header_of
 from tasks.export.formats import export
 from tasks.published.opened import Published
 

@@ -21,10 +21,10 @@ from catalogs.block import TextureSettings
 from catalogs.block.keys import SunSettings
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
-from facade_core.ingest import ingest
-from facade_core.plan import Plan
-from facade_core.rectify.together import Alone
-from facade_core.types import Building, Pose, Shell, Street
+from facade_core.core.types import Building, Pose, Shell, Street
+from facade_core.imagery.poses.joint_refinement import Alone
+from facade_core.plan.ingest import ingest
+from facade_core.plan.plan import Plan
 from tasks.keys.streets import SETTINGS, StreetKeys, street_keys
 from tasks.keys.surfaces import surface_key
 from tasks.keys.units import (

@@ -38,30 +38,30 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
     facades = {"exemplars", "facades"}
     streets = {"streets", "swatches"}
     for path, reached in {
-        "facade_core/export/tile_model.py": {"tiles", "pictures", "publish"},
-        "facade_core/export/block_tiles.py": {"pictures", "publish"},
-        "facade_core/export/pages.py": {"pages", "tiles", "pictures", "publish"},
-        "facade_core/export/facade_stages.py": {"pictures"},
+        "facade_core/export/tiles/tile_model.py": {"tiles", "pictures", "publish"},
+        "facade_core/export/tiles/block_tiles.py": {"pictures", "publish"},
+        "facade_core/export/models/pages.py": {"pages", "tiles", "pictures", "publish"},
+        "facade_core/export/pictures/facade_stages.py": {"pictures"},
         "facade_core/street/surfaces.py": {"surfaces"} | streets,
-        "facade_core/export/joined.py": {"publish"},
-        "facade_core/export/tiles.py": set(),  # only `streetloom export` takes it
+        "facade_core/export/models/joined.py": {"publish"},
+        "facade_core/export/tiles/tileset.py": set(),  # only `streetloom export` takes it
         "catalogs/published/report.html.j2": {"publish"},
         "catalogs/readers/meshes/obj.py": set(),  # what is read is in the block's digest
         "catalogs/readers/pictures/aerial.py": {"ingest", "textures", "surfaces", "publish"} | streets,
         "tasks/progress.py": set(),
-        "facade_core/errors.py": set(),
-        "facade_core/parse/segmenter.py": facades | {"grounds", "walls"},
-        "facade_core/parse/training.py": set(),
-        "facade_core/parse/models/network.json": facades
+        "facade_core/core/errors.py": set(),
+        "facade_core/parsing/segmenter.py": facades | {"grounds", "walls"},
+        "facade_core/parsing/forest_training.py": set(),
+        "facade_core/parsing/models/network.json": facades
         | {"grounds", "walls", "publish"},  # the catalogue names the models
-        "facade_core/parse/models/forest.onnx": facades | {"grounds", "walls"},
-        "facade_core/parse/models/network.md": set(),
-        "facade_core/layout/models/layouts.json": facades | {"publish"},
-        "facade_core/street/models/translator.onnx": {"streets", "publish"},
-        "facade_core/rectify/refinement.py": {"poses"},
-        "facade_core/rectify/together.py": {"bundles"},
-        "facade_core/geometry/facets.py": {"ingest"},
-        "facade_core/texture/genetic.py": facades,
+        "facade_core/parsing/models/forest.onnx": facades | {"grounds", "walls"},
+        "facade_core/parsing/models/network.md": set(),
+        "facade_core/facade/layout/models/layouts.json": facades | {"publish"},
+        "facade_core/street/translator/models/translator.onnx": {"streets", "publish"},
+        "facade_core/imagery/poses/refinement.py": {"poses"},
+        "facade_core/imagery/poses/joint_refinement.py": {"bundles"},
+        "facade_core/geometry/buildings/facets.py": {"ingest"},
+        "facade_core/facade/texture/genetic.py": facades,
         "tasks/units/images.py": {"ingest", "poses", "bundles", "textures", "grounds", "walls", "surfaces"}
         | facades
         | streets,

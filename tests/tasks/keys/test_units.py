@@ -13,9 +13,9 @@ import shapely
 
 from catalogs.block import TextureSettings
 from catalogs.file_digest import file_digest
-from facade_core.ingest import ingest
-from facade_core.plan import Plan
-from facade_core.types import SHIPPED_MODELS, Building, Pose, Street
+from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
+from facade_core.plan.ingest import ingest
+from facade_core.plan.plan import Plan
 from tasks.keys.streets import SETTINGS
 from tasks.keys.units import changed_parts, facade_keys, parts_key, parts_of
 from tasks.kinds.kind import same_key_or_name

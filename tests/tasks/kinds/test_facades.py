@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from facade_core.style import Walls
+from facade_core.plan.exemplar_style import Walls
 from tasks.kinds.facades import exemplars_of
 
 

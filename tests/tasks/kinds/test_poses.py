@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import shapely
 
-from facade_core.types import Building, Pose
+from facade_core.core.types import Building, Pose
 from tasks.kinds.poses import heights_carried
 
 

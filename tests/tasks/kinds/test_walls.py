@@ -14,10 +14,10 @@ import zarr
 
 from catalogs.block import TextureSettings
 from facade_core.atlas.journal import write_record
+from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ROOF, WALL
-from facade_core.ingest import ingest, with_panoramas
-from facade_core.plan import Plan
-from facade_core.types import Building, Pose, Roof, Street
+from facade_core.plan.ingest import ingest, with_panoramas
+from facade_core.plan.plan import Plan
 from tasks.keys.units import changed_parts
 from tasks.kinds.cameras import CAMERAS, LONG_M
 from tasks.kinds.walls import WALLS, names_of_walls, wall_units

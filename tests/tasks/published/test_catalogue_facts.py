@@ -15,8 +15,8 @@ from shapely import LineString
 
 from catalogs.block import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, sources_of
+from facade_core.core.types import SHIPPED_MODELS, Models, Street
 from facade_core.geometry.walls import STREET
-from facade_core.types import SHIPPED_MODELS, Models, Street
 from tasks.published.catalogue_facts import (
     OF_FACADES,
     OF_STREETS,
@@ -47,7 +47,7 @@ def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
     assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
     network, layouts = models_used(run, [{"lattice": {}}], [])
     assert network.sha256 == hashlib.sha256(OF_FACADES[0].path.read_bytes()).hexdigest()
-    assert (network.file, layouts.id) == ("facade_core/parse/models/network.onnx", "layouts")
+    assert (network.file, layouts.id) == ("facade_core/parsing/models/network.onnx", "layouts")
     assert layouts.card is not None
     neural = cast(Any, SimpleNamespace(texture=TextureSettings(translator="neural"), models=SHIPPED_MODELS))
     assert models_used(neural, [], [{"status": "failed"}, None]) == []
@@ -63,7 +63,7 @@ def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     assert (network.file, network.title, network.card) == ("mine.onnx", "facade parser of the block", None)
     assert network.trained_on == {"our photos": "ours"}
     assert network.sha256 == hashlib.sha256(b"weights").hexdigest()
-    assert layouts.file == "facade_core/layout/models/layouts.json"
+    assert layouts.file == "facade_core/facade/layout/models/layouts.json"
 
 
 def record(unit: str, status: str = "done", at: float = 0, seconds: float = 2.0, **more: Any) -> dict[str, Any]:

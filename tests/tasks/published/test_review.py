@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from facade_core.facades import Facades
+from facade_core.plan.facades import Facades
 from tasks.published.review import look_first
 
 FACADES = cast(

@@ -18,7 +18,7 @@ from distributed import default_client
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facade_core.errors import FacadeError
+from facade_core.core.errors import FacadeError
 from tasks.compute.cluster import ClusterGone
 from tasks.compute.connect import Serial, connect
 from tasks.kinds.poses import POSES

@@ -17,11 +17,11 @@ import yaml
 from PIL import Image
 
 from catalogs.block import Block, read_block
-from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.errors import InputError
-from facade_core.geometry.packing import Places
-from facade_core.plan import Plan
+from facade_core.core.errors import InputError
+from facade_core.geometry.chart_packing import Places
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
 from flows.block import _announced
 from tasks.compute.connect import Compute, connect
 from tasks.compute.spreading import LEAST_ITEMS, spread

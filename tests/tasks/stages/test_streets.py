@@ -14,8 +14,8 @@ import pytest
 from catalogs.block import read_block
 from facade_core.atlas.journal import forget_record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from facade_core.errors import StoreError
-from facade_core.street.blend import blend
+from facade_core.core.errors import StoreError
+from facade_core.street.propagation.blend import blend
 from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
 from tasks.run import Run

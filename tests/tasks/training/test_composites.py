@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 from tasks.training import composites
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
-from facade_core.parse.network_views import ANY_CLASS
-from facade_core.synth import exemplars
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.parsing.training_views import ANY_CLASS
+from facade_core.synth.exemplars import exemplars
 from tasks.training import corrected
 from tasks.training.corrected import CorrectedFacade, labelled, layout_of
 
@@ -57,12 +57,12 @@ def test_a_layout_is_what_was_said_whatever_is_shown() -> None:
 
 def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch", reason="torch is absent: make train-setup")
-    from facade_core.errors import InputError
-    from facade_core.parse import parse
-    from facade_core.parse.certainty import certainty
-    from facade_core.parse.model_file import read_record
-    from facade_core.parse.network import SHIPPED
-    from facade_core.parse.training_network import Course
+    from facade_core.core.errors import InputError
+    from facade_core.core.model_file import read_record
+    from facade_core.parsing.confidence import certainty
+    from facade_core.parsing.network import SHIPPED
+    from facade_core.parsing.network_training import Course
+    from facade_core.parsing.segmenter import parse
     from tasks.training import parser
     from tasks.training.parser import train_corrected
 

@@ -4,9 +4,9 @@ import pytest
 from benchmarks.in_front import marked
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.in_front import Looked, looked_in_front
-from facade_core.labels import CLASSES, DOOR, SHOP, SKY, UNKNOWN, WALL
-from facade_core.parse.in_front import ground_floor
-from facade_core.parse.network_views import ANY_CLASS
+from facade_core.core.labels import CLASSES, DOOR, SHOP, SKY, UNKNOWN, WALL
+from facade_core.parsing.occluder_labels import ground_floor
+from facade_core.parsing.training_views import ANY_CLASS
 from tasks.training.labelled import painted, with_occluders
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from facade_core.errors import InputError, ModelError
-from facade_core.street import translator_training
-from facade_core.street.translator_training import SMALL
+from facade_core.core.errors import InputError, ModelError
+from facade_core.street.translator import training
+from facade_core.street.translator.training import SMALL
 from tasks.store.standing import record_source
 from tasks.training.translator import Places, in_folders, panoramas, street_of, train_translator
 
@@ -17,7 +17,7 @@ BLOCKS = Path(__file__).parents[3] / "catalogs" / "examples" / "blocks"
 
 
 def test_without_torch_it_ends_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translator_training, "find_spec", lambda name: None)
+    monkeypatch.setattr(training, "find_spec", lambda name: None)
     places = Places(("nowhere",))
     with pytest.raises(ModelError, match="make train-setup"):
         train_translator(

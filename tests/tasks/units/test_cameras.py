@@ -12,10 +12,11 @@ import pytest
 import zarr
 
 import tasks.units.shown.cameras as module
-from facade_core.atlas import Rasters, create_arrays, read_rasters
-from facade_core.cameras import Camera, Shown
+from facade_core.atlas.arrays import create_arrays
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.core.types import Pose
+from facade_core.imagery.cameras.camera_view import Camera, Shown
 from facade_core.synth.street_truth import synthetic_street
-from facade_core.types import Pose
 from tasks.units.imagery import Taken
 
 IMAGE = np.zeros((2, 4, 3), np.uint8)

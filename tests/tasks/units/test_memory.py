@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.export.views import VIEW_SIZE
+from facade_core.export.pictures.views import VIEW_SIZE
 from tasks.keys import memory
 from tasks.units.imagery import Imagery
 
@@ -38,19 +38,19 @@ def picture(height, width):
 FACADES = {}
 
 def photo(height, width):
-    from facade_core.facade import from_photo
+    from facade_core.facade.pipeline import from_photo
     image, hidden = picture(height, width)
     def unit():
         FACADES[height, width] = from_photo(image, hidden)
     return unit
 
 def exemplar(height, width):
-    from facade_core.facade import prepare_exemplar
+    from facade_core.facade.pipeline import prepare_exemplar
     image, hidden = picture(height, width)
     return lambda: prepare_exemplar(image, hidden, storey=3.2)
 
 def retargeted(height, width):
-    from facade_core.facade import from_exemplar
+    from facade_core.facade.pipeline import from_exemplar
     from facade_core.synth.exemplars import exemplars
     from facade_core.texture import Wall, style_of
     made = exemplars(1, seed=5)[0]
@@ -62,8 +62,8 @@ def street(height, width):
     from facade_core.atlas import AtlasSpec
     from facade_core.geometry import block_surfaces, pack, terrain_of
     from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
-    from facade_core.street.blend import blend
-    from facade_core.types import Building, Street
+    from facade_core.street.propagation.blend import blend
+    from facade_core.core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
     charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
@@ -91,7 +91,7 @@ def surface(height, width):
     from facade_core.geometry import block_surfaces, pack, terrain_of
     from facade_core.street import Materials, Scene
     from facade_core.street.surfaces import Known, surface
-    from facade_core.types import Building, Street
+    from facade_core.core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
     charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
@@ -115,7 +115,7 @@ def walls(height, width):
     from facade_core.atlas import AtlasSpec
     from facade_core.geometry import block_surfaces, pack, terrain_of
     from facade_core.street import Scene
-    from facade_core.types import Building
+    from facade_core.core.types import Building
     import shapely
     houses = [Building(str(i), shapely.box(40 * i, 0, 40 * i + 39, 30), 30.0, "height") for i in range(width)]
     charts, mesh, _ = block_surfaces(houses, [], terrain=terrain_of([], None), ground_margin=5, largest=60)
@@ -125,7 +125,7 @@ def walls(height, width):
 def page(height, width):
     import io
     from PIL import Image
-    from facade_core.export.pages import between_charts
+    from facade_core.export.models.pages import between_charts
     scene = walls(height, width)
     noise = np.random.default_rng(1).integers(0, 255, (2048, 2048, 3), np.uint8)
     def unit():
@@ -134,8 +134,8 @@ def page(height, width):
     return unit
 
 def tile(height, width):
-    from facade_core.export.models import textured_scene
-    from facade_core.export.tile_model import tile_model
+    from facade_core.export.models.textured_parts import textured_scene
+    from facade_core.export.tiles.tile_model import tile_model
     scene = walls(height, width)
     source = textured_scene(scene, lambda page: None)
     charts = source.chosen(np.arange(-1, width))
@@ -148,8 +148,8 @@ def tile(height, width):
 
 def view(height, width):
     from facade_core.export import aerial, aim
-    from facade_core.export.picture import file_of
-    from facade_core.export.views import SAMPLES, paint
+    from facade_core.export.pictures.picture import file_of
+    from facade_core.export.pictures.views import SAMPLES, paint
     scene = walls(4, 2)
     page = np.zeros((2048, 2048, 3), np.uint8)
     camera = aerial(scene, (height, width))
@@ -163,9 +163,9 @@ def view(height, width):
 
 def drawn(height, width):
     from facade_core.export import draw_facade, overlay_hidden
-    from facade_core.export.facade_stages import SAMPLES
-    from facade_core.export.picture import file_of
-    from facade_core.facade import from_photo
+    from facade_core.export.pictures.facade_stages import SAMPLES
+    from facade_core.export.pictures.picture import file_of
+    from facade_core.facade.pipeline import from_photo
     from facade_core.variation import Hierarchy, draw_level
     made = FACADES.get((height, width)) or from_photo(*picture(height, width))
     stored = made.hierarchy.to_bytes()

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
-from facade_core.detect import Seen, looked_for
-from facade_core.errors import ImageError
-from facade_core.rectify.cut import Cut
-from facade_core.synth import facade as paint
+from facade_core.core.errors import ImageError
+from facade_core.imagery.detect.detection import Seen, looked_for
+from facade_core.imagery.rectify.crop import Cut
+from facade_core.synth.facade import facade as paint
 from tasks.units.imagery import Imagery
 from tasks.units.images import capture_date, focal_length
 from tasks.units.shown.evidence import evidence_of, photo_of

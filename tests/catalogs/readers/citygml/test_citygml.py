@@ -12,8 +12,8 @@ import pytest
 
 from catalogs.features import Model, Models
 from catalogs.readers.citygml.buildings import read_citygml
-from facade_core.errors import InputError
-from facade_core.types import SEMANTICS
+from facade_core.core.errors import InputError
+from facade_core.core.types import SEMANTICS
 
 SPACES = {
     "1.0": ("1.0", "gml"),

@@ -15,8 +15,8 @@ import pytest
 from catalogs.features import Footprints, Model, Models
 from catalogs.readers.cityjson.buildings import read_cityjson
 from catalogs.readers.json_files import read_json
-from facade_core.errors import InputError
-from facade_core.types import SEMANTICS
+from facade_core.core.errors import InputError
+from facade_core.core.types import SEMANTICS
 
 # A gabled house, 10 x 8 m, 6 m to the eaves and 9 m to the ridge; the wall to the south is cut around a window and a door.
 CORNERS = [

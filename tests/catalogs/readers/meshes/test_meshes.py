@@ -13,8 +13,8 @@ from PIL import Image
 
 from catalogs.features import Model, Models
 from catalogs.readers.meshes.models import read_meshes
-from facade_core.errors import InputError
-from facade_core.types import SEMANTICS
+from facade_core.core.errors import InputError
+from facade_core.core.types import SEMANTICS
 
 
 def box(x: float = 0.0, y: float = 0.0, size: tuple[float, float, float] = (10, 8, 6)) -> trimesh.Trimesh:

@@ -9,7 +9,7 @@ import pytest
 from pyproj import CRS, Transformer
 
 from catalogs.readers.pictures.aerial import read_aerial
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 rasterio = pytest.importorskip("rasterio")
 

@@ -14,8 +14,8 @@ from rasterio.transform import from_origin
 
 from catalogs.readers.pictures import elevation
 from catalogs.readers.pictures.elevation import read_elevation
-from facade_core.errors import InputError
-from facade_core.types import Elevation
+from facade_core.core.errors import InputError
+from facade_core.core.types import Elevation
 
 UTM = CRS.from_epsg(32635)
 WEST, NORTH = 385_000.0, 6_672_000.0

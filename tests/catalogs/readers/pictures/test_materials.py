@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from catalogs.readers.pictures.materials import material_pictures
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def put(folder: Path, name: str, size: tuple[int, int] = (64, 64)) -> Path:

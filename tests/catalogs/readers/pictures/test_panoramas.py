@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from catalogs.readers.pictures.folders import image_files, photos_by_facade
 from catalogs.readers.pictures.panoramas import read_panoramas
 from catalogs.readers.pictures.poses import read_poses
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 RD = CRS.from_epsg(28992)
 UTM = CRS.from_epsg(32632)

@@ -15,8 +15,8 @@ from catalogs.block.ground import block_ground
 from catalogs.features import Centrelines
 from catalogs.readers.files import read_centrelines, read_ground
 from catalogs.readers.vectors.classes import ground_tags
-from facade_core.errors import InputError
-from facade_core.types import Ground
+from facade_core.core.errors import InputError
+from facade_core.core.types import Ground
 
 METRIC = "EPSG:3067"
 SUFFIXES = [".gpkg", ".geojson", ".parquet", ".shp", ".fgb"]

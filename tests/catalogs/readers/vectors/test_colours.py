@@ -7,7 +7,7 @@ from shapely import box
 
 from catalogs.readers.vectors import osm
 from catalogs.readers.vectors.colours import NAMED, colour_of, finish_of
-from facade_core.types import Finish
+from facade_core.core.types import Finish
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import networkx
 import pytest
 
 from catalogs.readers.vectors.graphml import read_graphml
-from facade_core.errors import InputError
+from facade_core.core.errors import InputError
 
 
 def street(name: str = "", **more: str) -> dict[str, str]:

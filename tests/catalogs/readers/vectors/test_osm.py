@@ -16,7 +16,7 @@ from catalogs.buildings.outlines import SMALLEST, block_buildings
 from catalogs.features import Centreline, Centrelines, Footprint, Footprints, Remark
 from catalogs.frames import utm_frame
 from catalogs.readers.vectors import osm
-from facade_core.types import Roof
+from facade_core.core.types import Roof
 
 UTM = utm_frame(24.94, 60.17)
 

@@ -18,8 +18,8 @@ from shapely import LineString, MultiLineString, Point, Polygon
 
 from catalogs.readers.vectors import osm
 from catalogs.readers.vectors.features import read_centrelines, read_footprints
-from facade_core.errors import InputError
-from facade_core.types import Roof
+from facade_core.core.errors import InputError
+from facade_core.core.types import Roof
 
 
 def square(x: float = 0.0, y: float = 0.0) -> Polygon:

@@ -6,7 +6,8 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from facade_core.atlas import FORMAT, expire, open_repository
+from facade_core.atlas.arrays import FORMAT
+from facade_core.atlas.store import expire, open_repository
 from tests.facade_core.atlas.stores import BUILDINGS, STREETS
 from tests.pipeline.stages import texture, write_block
 

@@ -1,0 +1,219 @@
+"""A store's snapshot for Python: one xarray tree with names, units and the CRS, and charts and facades cut out of it.
+
+Nothing is read until it is asked for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import icechunk
+import numpy as np
+
+from facade_core.atlas.arrays import ARRAYS, PAGE
+from facade_core.atlas.journal import read_records
+from facade_core.atlas.location import Place
+from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.atlas.table_schema import TABLES
+from facade_core.core.errors import InputError, StoreError
+from facade_core.core.zarr_types import StoreGroup, group_at
+from facade_core.geometry.charts import KINDS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# CF names of world coordinates.
+WORLD = {
+    "world_x": {"standard_name": "projection_x_coordinate", "units": "m"},
+    "world_y": {"standard_name": "projection_y_coordinate", "units": "m"},
+    "world_z": {"long_name": "height in the block's frame", "units": "m", "positive": "up"},
+}
+# As the store has them.
+CHUNKS: Mapping[str, int] = {}
+
+
+@dataclass(frozen=True, eq=False)
+class Atlas:
+    """A snapshot of a store: `open_atlas` opens one. It can be sent to workers that reach the same store.
+
+    tree: groups and arrays as the store has them; path: the store's folder, where it is known; chunks: as of `open_atlas`.
+    """
+
+    tree: xr.DataTree
+    session: icechunk.Session = field(repr=False)
+    path: Place | None
+    chunks: Mapping[str, int] | None = field(repr=False)
+
+    def __getitem__(self, path: str) -> Any:
+        """A group of the tree (DataTree), or an array (DataArray), such as `atlas["atlas/colour"]`."""
+        return self.tree[path]
+
+    @property
+    def snapshot(self) -> str:
+        return str(self.session.snapshot_id)
+
+    @cached_property
+    def group(self) -> StoreGroup:
+        """The root group, for what reads zarr."""
+        return open_root(self.session)
+
+    def at(self, snapshot: str) -> Atlas:
+        """The same store at another snapshot, by its id, or by a tag: each street's end has one. Raises StoreError."""
+        if self.path is None:
+            raise StoreError("the atlas was opened from a session of an unknown store; open a session at the snapshot")
+        repository = open_repository(self.path)
+        tags = repository.list_tags()
+        try:
+            found = repository.lookup_tag(snapshot) if snapshot in tags else snapshot
+            session = repository.readonly_session(snapshot_id=found)
+            return open_atlas(session, chunks=self.chunks)
+        except (
+            icechunk.IcechunkError,
+            FileNotFoundError,
+            ValueError,
+        ) as error:  # the first snapshot of a store is empty
+            known = ", ".join(sorted(tags)[:5]) or "none"
+            raise StoreError(f"{self.path}: no tag or snapshot {snapshot} is there; tags are e.g. {known}") from error
+
+    def chart(self, id: str | int | np.integer) -> xr.Dataset:
+        """The rasters (y, x) of a chart, by its id (16 hexadecimal digits, as in the journal) or its row in `charts`.
+
+        Coordinates: y and x in metres down and to the right of the chart's upper left corner; world_x, world_y and world_z
+        (y, x), the texels' centres in the block's CRS; page. attrs: id, kind, the first row and column on the page, origin,
+        axis_x and axis_y (3,), texels_per_metre, crs. Raises InputError where there is no such chart.
+        """
+        ids = [f"{number:016x}" for number in self.tables["charts"]["id"].tolist()]
+        row = int(id) if isinstance(id, int | np.integer) else ids.index(id.lower()) if id.lower() in ids else -1
+        if not 0 <= row < len(ids):
+            raise InputError(f"no chart {id}; there are {len(ids)}, such as {ids[0]}")
+        return self._cut(row, ids[row])
+
+    def facade(self, id: str) -> xr.Dataset:
+        """The rasters of a facade's chart, as of `chart`; in attrs also facade, building, street, width and height (m), floors,
+        levels (by the map), seen, and elements: those of the completed facade as JSON, in texels. Raises InputError where there
+        is no such facade.
+        """
+        facades = self.tables["facades"]
+        if id not in facades["id"]:
+            near = get_close_matches(str(id), facades["id"], n=1, cutoff=0) or ["none"]
+            raise InputError(f"no facade {id}; there are {len(facades['id'])}, the nearest is {near[0]}")
+        row = facades["id"].index(id)
+        record: Mapping[str, Any] = read_records(self.group, "facades", np.array([row]))[0] or {}
+        levels = facades["floors"][row].item()
+        return self.chart(int(facades["chart"][row])).assign_attrs(
+            facade=id,
+            building=self.tables["buildings"]["id"][facades["building"][row]],
+            street=self.tables["streets"]["id"][facades["street"][row]],
+            **{name: facades[name][row].item() for name in ("width", "height", "seen")},
+            floors=record.get("floors") or levels,
+            levels=levels,
+            elements=json.dumps(record.get("elements", [])),
+        )
+
+    @cached_property
+    def tables(self) -> Mapping[str, Mapping[str, Any]]:
+        """The columns of the tables that say where things are."""
+        names = ("charts", "facades", "buildings", "streets")
+        return {name: TABLES[name].read(self.tree[name].to_dataset().compute()) for name in names}
+
+    def _cut(self, row: int, id: str) -> xr.Dataset:
+        import xarray as xr
+
+        chart = {name: column[row] for name, column in self.tables["charts"].items() if np.ndim(column)}
+        page, top, left, height, width = (int(chart[name]) for name in ("page", "y", "x", "height", "width"))
+        window = {"page": page, "y": slice(top, top + height), "x": slice(left, left + width)}
+        # a store may be older than some array
+        on_pages = [array.path.split("/") for array in ARRAYS if array.dims[:3] == PAGE]
+        rasters = {
+            name: self.tree[folder][name].isel(window).assign_attrs(grid_mapping="crs")
+            for folder, name in on_pages
+            if name in self.tree[folder]
+        }
+        frame = self.tree["atlas"].attrs
+        density = float(chart.get("texels_per_metre", frame["texels_per_metre"]))
+        down, right = ((np.arange(size) + 0.5) / density for size in (height, width))
+        v, u = xr.DataArray(down, dims="y"), xr.DataArray(right, dims="x")
+        if chunks := rasters["colour"].chunksizes:
+            v, u = v.chunk({"y": chunks["y"]}), u.chunk({"x": chunks["x"]})
+        world = {
+            name: (chart["origin"][axis] + v * chart["axis_v"][axis] + u * chart["axis_u"][axis]).assign_attrs(attrs)
+            for axis, (name, attrs) in enumerate(WORLD.items())
+        }
+        return xr.Dataset(
+            rasters,
+            coords={
+                "page": ((), page, {"long_name": "page of the atlas"}),
+                "y": ("y", down, {"units": "m", "long_name": "down from the chart's upper left corner"}),
+                "x": ("x", right, {"units": "m", "long_name": "right from the chart's upper left corner"}),
+                **world,
+            },
+            attrs={
+                "id": id,
+                "kind": KINDS[int(chart["kind"])],
+                "row": top,
+                "column": left,
+                "origin": chart["origin"].tolist(),
+                "axis_x": chart["axis_u"].tolist(),
+                "axis_y": chart["axis_v"].tolist(),
+                "texels_per_metre": density,
+                "crs": frame["crs"],
+            },
+        )
+
+
+def open_atlas(source: icechunk.Session | Place | str, *, chunks: Mapping[str, int] | None = CHUNKS) -> Atlas:
+    """The store of a session, or the newest snapshot of that in a folder: the store's own, or a run's; for one in a bucket
+    `catalogs.folder_at("s3://...")` gives the folder.
+
+    Arrays have named dimensions, units, long names, flag meanings and a fill value as CF has them, and are read as they are
+    stored; `xarray.decode_cf` puts NaN where one is unknown. Each group has its CRS as the coordinate `crs`.
+    chunks: of the Dask arrays, as of `xarray.open_zarr`: the store's, which are small, or larger ones, such as {"y": 2048, "x":
+    2048} for whole pages; None for arrays without Dask, which are read when they are asked for.
+    Raises StoreError where there is no store, or nothing was written to it; FormatError where it is of another format.
+    """
+    import xarray as xr
+
+    if isinstance(source, icechunk.Session):
+        session = source
+    else:
+        folder = Path(source) if isinstance(source, str) else source
+        session = open_repository(folder / "store" if (folder / "store").is_dir() else folder).readonly_session(BRANCH)
+    repository = getattr(session, "repository", None)
+    path = repository.path if repository else None
+    if "atlas" not in (root := open_root(session)):
+        raise StoreError(f"{path or 'the store'}: the block is not read yet; run it first")
+    store: Any = session.store  # of zarr, which xarray's signature does not name
+    groups = xr.open_groups(
+        store, engine="zarr", consolidated=False, zarr_format=3, mask_and_scale=False, chunks=chunks
+    )
+    crs = _crs(str(root.attrs.get("crs", group_at(root, "atlas").attrs["crs"])))
+    tree = xr.DataTree.from_dict({name: _described(name.strip("/"), group, crs) for name, group in groups.items()})
+    return Atlas(tree, session, path, chunks)
+
+
+def _described(group: str, dataset: xr.Dataset, crs: Mapping[str, Any]) -> xr.Dataset:
+    """A group with the attributes that are declared for its arrays, and the CRS where it has one: a store that was written
+    before they were declared lacks some."""
+    declared = {array.path: array.attrs for array in ARRAYS}
+    if group in TABLES:
+        placed = {True: {"grid_mapping": "crs"}, False: {}}
+        columns = TABLES[group].columns
+        declared = {f"{group}/{column.name}": {**column.attributes, **placed[column.placed]} for column in columns}
+    for name, variable in dataset.variables.items():
+        variable.attrs = {**declared.get(f"{group}/{name}", {}), **variable.attrs}
+        for of_its_type in {"_FillValue", "flag_values"} & set(variable.attrs):
+            variable.attrs[of_its_type] = np.asarray(variable.attrs[of_its_type], variable.dtype)[()]
+    return dataset.assign_coords(crs=((), np.int32(0), crs)) if "crs" in dataset.attrs else dataset
+
+
+def _crs(name: str) -> dict[str, Any]:
+    """CF attributes of a CRS."""
+    from pyproj import CRS
+
+    return dict(CRS.from_user_input(name).to_cf())

@@ -1,0 +1,262 @@
+"""The tables of a block's plan, declared once: what is written, read and opened of them follows from here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from facade_core.core.errors import StoreError
+from facade_core.geometry.charts import KINDS
+from facade_core.geometry.walls import ROLES
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+TEXT = "text"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table: its dimensions, that of the rows first; its dtype, TEXT for strings; CF attributes.
+
+    placed: its values are places in the block's CRS. optional: a table may be without.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+    placed: bool = False
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: a group of the store whose arrays are columns; attributes are the names of those that it has beside `crs`."""
+
+    name: str
+    columns: tuple[Column, ...]
+    attributes: tuple[str, ...] = ()
+
+    def dataset(self, values: Mapping[str, Any], attributes: Mapping[str, Any], crs: str) -> xr.Dataset:
+        """The columns' values as they are written. Raises StoreError where they, or the attributes, are not those declared."""
+        import xarray as xr
+
+        declared = {column.name for column in self.columns}
+        needed = {column.name for column in self.columns if not column.optional}
+        if not needed <= set(values) <= declared or set(attributes) != set(self.attributes):
+            odd = (needed - set(values)) | (set(values) - declared) | (set(attributes) ^ set(self.attributes))
+            raise StoreError(
+                f"table {self.name}: {', '.join(sorted(odd))} missing or not declared in TABLES; declare it"
+            )
+        variables = {
+            column.name: (column.dims, _typed(values[column.name], column.dtype), dict(column.attributes))
+            for column in self.columns
+            if column.name in values
+        }
+        return xr.Dataset(variables, attrs={**attributes, "crs": crs})
+
+    def read(self, dataset: xr.Dataset) -> dict[str, Any]:
+        """The columns' values (rows, ...) and the table's attributes, by name; strings as str. Raises KeyError where one is not
+        there."""
+        values: dict[str, Any] = {name: dataset.attrs[name] for name in self.attributes}
+        for column in self.columns:
+            if not column.optional or column.name in dataset:
+                found = dataset[column.name].values
+                values[column.name] = tuple(map(str, found)) if column.dtype == TEXT else found
+        return values
+
+
+def _typed(values: Any, dtype: str) -> np.ndarray:
+    if dtype == TEXT:
+        return text_column(values)
+    return np.asarray(values, dtype)
+
+
+def text_column(values: Sequence[str]) -> np.ndarray:
+    """Strings as a column that zarr keeps with variable length."""
+    return np.array(list(values), dtype=np.dtypes.StringDType())
+
+
+def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = "", **more: Any) -> Column:
+    """dims: names with blanks between; more: `placed`, `optional`, and other attributes."""
+    of = {key: more.pop(key) for key in ("placed", "optional") if key in more}
+    named = {key: value for key, value in (("units", units), ("long_name", long_name)) if value}
+    return Column(name, tuple(dims.split()), dtype, {**named, **more}, **of)
+
+
+_KINDS: dict[str, Any] = {"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)}
+
+_ROLES: dict[str, Any] = {"flag_values": list(range(len(ROLES))), "flag_meanings": " ".join(ROLES)}
+
+TABLES = {
+    table.name: table
+    for table in (
+        Table(
+            "charts",
+            (
+                _column("kind", "chart", "uint8", ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS)), **_KINDS),
+                _column("surface", "chart", "int32", "the uncut surface that the chart is a piece of"),
+                _column("building", "chart", "int32", "row of buildings, -1 for ground"),
+                _column("origin", "chart xyz", "float64", "upper left corner", "m", placed=True),
+                _column("axis_u", "chart xyz", "float64", "unit vector to the right", "1"),
+                _column("axis_v", "chart xyz", "float64", "unit vector down", "1"),
+                _column("size", "chart width_height", "float64", "extent along the axes", "m"),
+                _column("page", "chart", "int32", "page of the atlas"),
+                _column("x", "chart", "int32", "first column on the page", "texel"),
+                _column("y", "chart", "int32", "first row on the page", "texel"),
+                _column("width", "chart", "int32", "columns", "texel"),
+                _column("height", "chart", "int32", "rows", "texel"),
+                _column("texels_per_metre", "chart", "float64", "texels per metre", "m-1", optional=True),
+                _column("writable", "chart", "bool", "written by the street stage"),
+                _column("textured", "chart", "bool", "with a texture of the source's own, or from above"),
+                _column("own", "chart", "bool", "textured and published, not only seen", optional=True),
+                _column("id", "chart", "uint64", "digest of the chart's kind, place and building"),
+            ),
+            ("page_size", "chunk", "gutter"),
+        ),
+        Table(
+            "mesh",
+            (
+                _column(
+                    "vertices", "vertex xyz", "float64", "corners of triangles, of one chart each", "m", placed=True
+                ),
+                _column("triangles", "triangle corner", "int32", "rows of vertices, counter-clockwise from outside"),
+                _column("triangle_chart", "triangle", "int32", "row of charts"),
+                _column("vertex_chart", "vertex", "int32", "row of charts"),
+                _column("texture", "triangle", "int32", "picture of the source, -1 none", optional=True),
+                _column(
+                    "uv", "triangle corner uv", "float32", "place in the picture, right and up", "1", optional=True
+                ),
+            ),
+        ),
+        Table(
+            "sightings",
+            (
+                _column("facade", "sighting", "int32", "row of facades"),
+                _column("panorama", "sighting", "int32", "row of poses"),
+                _column("seen", "sighting", "float64", "share of the facade that it shows", "1"),
+                _column("pixels_per_metre", "sighting", "float64", "resolution of the panorama on it", "m-1"),
+            ),
+        ),
+        Table(
+            "poses",
+            (
+                _column("position", "panorama xyz", "float64", "where it was taken", "m", placed=True),
+                _column(
+                    "angles",
+                    "panorama heading_pitch_roll",
+                    "float64",
+                    "heading clockwise from grid north, pitch up, roll clockwise",
+                    "degree",
+                ),
+                _column(
+                    "view",
+                    "panorama left_top_width_height",
+                    "float64",
+                    "part of the full sphere that the picture holds",
+                    "1",
+                ),
+            ),
+        ),
+        Table(
+            "facades",
+            (
+                _column("id", "facade", TEXT, "building and number of the wall"),
+                _column("chart", "facade", "int32", "row of charts"),
+                _column("street", "facade", "int32", "row of streets, that which sees it best, or the nearest"),
+                _column("building", "facade", "int32", "row of buildings"),
+                _column("role", "facade", "uint8", "what it is to the streets", **_ROLES),
+                _column("width", "facade", "float64", "along the wall", "m"),
+                _column("height", "facade", "float64", "of the wall", "m"),
+                _column("floors", "facade", "int32", "storeys by the map", "1"),
+                _column("seen", "facade", "float64", "share seen from its street", "1"),
+                _column("run", "facade", "int32", "row of the first facade that is laid out as one with it"),
+                _column("along", "facade", "float64", "from where that begins", "m"),
+                _column("foot", "facade", "float64", "over the foot of most walls of its building", "m"),
+                _column("eaves", "facade", "float64", "from there to where most of these walls end", "m"),
+                _column("storeys", "facade", "int32", "storeys from there to there", "1"),
+                _column("raised", "facade", "bool", "whether its building begins above the ground", optional=True),
+                _column(
+                    "house",
+                    "facade",
+                    "int64",
+                    "number of the building, or of that of which it is a part",
+                    optional=True,
+                ),
+            ),
+        ),
+        Table(
+            "viewpoints",
+            (
+                _column("street", "viewpoint", "int32", "row of streets"),
+                _column("position", "viewpoint xyz", "float64", "centre of the panorama", "m", placed=True),
+                _column("forward", "viewpoint xy", "float64", "unit vector along the street", "1"),
+                _column("look", "viewpoint", TEXT, "digest of the geometry in sight"),
+                _column("view_viewpoint", "view", "int32", "row of viewpoints, of each chart that one shows"),
+                _column("view_chart", "view", "int32", "row of charts, of each that a viewpoint shows"),
+            ),
+            ("spacing", "visibility_range"),
+        ),
+        Table(
+            "streets",
+            (
+                _column("id", "street", TEXT, "name in the source"),
+                _column("name", "street", TEXT, "name, empty where it has none"),
+                _column("wave", "street", "int32", "streets of one wave are textured at once"),
+                _column("point", "vertex xy", "float64", "centreline", "m", placed=True),
+                _column("point_street", "vertex", "int64", "row of streets"),
+            ),
+        ),
+        Table(
+            "ways",
+            (
+                _column("id", "way", TEXT, "name in the source"),
+                _column("kind", "way", TEXT, "road, path, cycle, steps, tram or crossing"),
+                _column("line", "way", TEXT, "well-known binary in hexadecimal, in the block's CRS"),
+                _column("width", "way", "float64", "from edge to edge, of tracks their gauge", "m"),
+                _column("assumed", "way", "bool", "whether the width is by class or by what buildings leave"),
+                _column("surface", "way", TEXT, "what it is made of"),
+                _column("lanes", "way", "int32", "marked lanes, 0 where none are", "1"),
+                _column("oneway", "way", "bool", "driven in one direction"),
+                _column("pavement", "way left_right", "float64", "pavement beside it, 0 where there is none", "m"),
+                _column("parking", "way left_right", "float64", "parked cars on it, 0 where there are none", "m"),
+                _column("rank", "way", "int32", "whose surface goes through where roads meet, the larger", "1"),
+            ),
+        ),
+        Table(
+            "areas",
+            (
+                _column("id", "area", TEXT, "name in the source"),
+                _column("outline", "area", TEXT, "well-known binary in hexadecimal, in the block's CRS"),
+                _column("surface", "area", TEXT, "what it is made of"),
+            ),
+            ("block",),
+        ),
+        Table(
+            "buildings",
+            (
+                _column("id", "building", TEXT, "name in the source"),
+                _column("name", "building", TEXT, "name, empty where it has none"),
+                _column("height", "building", "float64", "from the ground to the eaves, of a model to its top", "m"),
+                _column("height_source", "building", TEXT, "what the height was taken from"),
+                _column("levels", "building", "int32", "storeys as tagged, 0 where they are not", "1"),
+                _column("raised", "building", "float64", "from the ground to where it begins", "m", optional=True),
+                _column("part_of", "building", TEXT, "id of the whole, empty of a whole one", optional=True),
+                _column("roof_shape", "building", TEXT, "as in OpenStreetMap, empty of a model", optional=True),
+                _column("roof_height", "building", "float64", "from the eaves to the ridge", "m", optional=True),
+                _column(
+                    "roof_confidence", "building", "float64", "1 where stated, less where assumed", "1", optional=True
+                ),
+                _column("wall_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", optional=True),
+                _column("roof_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", optional=True),
+                _column("wall_material", "building", TEXT, "as stated, by OpenStreetMap's values", optional=True),
+                _column("roof_material", "building", TEXT, "as stated, by OpenStreetMap's values", optional=True),
+                _column("refused", "building", TEXT, "why it has no surfaces, empty where it has"),
+            ),
+        ),
+    )
+}

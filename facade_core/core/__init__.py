@@ -1,0 +1,1 @@
+"""Values, errors, class codes and small numerical helpers that every other package uses."""

@@ -1,0 +1,20 @@
+"""The order of a few values, for kernels: numba's own sorting compiles for seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+
+@njit(cache=True)
+def ascending(values: np.ndarray) -> np.ndarray:
+    """The order of a few values from the least on; equal ones as they came."""
+    order = np.empty(len(values), np.int64)
+    for i in range(len(values)):
+        j = i
+        while j > 0 and values[order[j - 1]] > values[i]:
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = i
+    return order

@@ -1,0 +1,1 @@
+"""Closed building bodies with openings, balconies and ledges."""

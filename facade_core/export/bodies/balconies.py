@@ -1,0 +1,106 @@
+"""Balconies of a layout as bodies before their wall: a floor with a railing on three sides and the wall's own picture on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from facade_core.core.types import Element
+
+# A balcony stands out so far; one narrower than the third figure, before one window, as far as the second.
+DEPTH_M, SHALLOW_M, NARROW_M = 0.9, 0.35, 1.8
+# Its floor and its railing are so thick; no smaller one is built.
+FLOOR_M, RAILING_M, LEAST_M = 0.15, 0.06, 0.5
+# A window that ends no farther than this above a railing, or anywhere below its top, goes on behind it, and ends so far above
+# the floor.
+ABOVE_RAILING_M, SILL_M = 0.25, 0.1
+# A face of it: corners (k, 3) as metres right and down in the wall's frame and out of it, where on the wall (k, 2) its look is
+# taken from, and what it is.
+BalconyFace = tuple[list[np.ndarray], list[np.ndarray], str]
+
+
+def balconies_on(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
+    """The balconies of a wall in its chart's frame, as rectangles within it that are free of each other."""
+    found: list[Polygon] = []
+    wanted = [e for e in elements if e.label == "balcony"]
+    for element in sorted(wanted, key=lambda e: (-e.width * e.height, e.x0, e.y0)):
+        west, north, east, south = wall.bounds
+        box = shapely.box(max(element.x0, west), max(element.y0, north), min(element.x1, east), min(element.y1, south))
+        x0, y0, x1, y1 = box.bounds if not box.is_empty else (0.0, 0.0, 0.0, 0.0)
+        if min(x1 - x0, y1 - y0) < LEAST_M or not wall.buffer(RAILING_M).contains(box):
+            continue
+        if not any(box.intersects(other) for other in found):
+            found.append(box)
+    return found
+
+
+def behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
+    """Elements of a wall, windows of which a balcony hides the foot gone on to its floor.
+
+    A picture shows the railing there, and the parse calls it balcony; one steps out through what is behind. Only a window that
+    lies between the railing's ends.
+    """
+    found = []
+    for element in elements:
+        for x0, y0, x1, y1 in (box.bounds for box in balconies if element.label == "window"):
+            floor = y1 - min(FLOOR_M, (y1 - y0) / 3) - SILL_M
+            between = x0 + RAILING_M <= element.x0 and element.x1 <= x1 - RAILING_M
+            if between and element.y0 < y0 and y0 - ABOVE_RAILING_M <= element.y1 < floor:
+                element = replace(element, y1=floor)
+        found.append(element)
+    return found
+
+
+def balcony(box: Polygon) -> list[BalconyFace]:
+    """The closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
+    x0, y0, x1, y1 = box.bounds
+    far = DEPTH_M if x1 - x0 >= NARROW_M else SHALLOW_M
+    floor = y1 - min(FLOOR_M, (y1 - y0) / 3)
+    a, b, c = x0 + RAILING_M, x1 - RAILING_M, far - RAILING_M
+
+    def face(corners: list[tuple[float, float, float]], kind: str, side: str = "") -> BalconyFace:
+        return [np.array(corners)], [_look(corners, side, (x0, y0, x1, y1), floor)], kind
+
+    faces = [
+        face([(x0, y1, far), (x1, y1, far), (x1, y0, far), (x0, y0, far)], "WallSurface", "front"),
+        face([(x0, y1, 0), (x0, y1, far), (x0, y0, far), (x0, y0, 0)], "WallSurface", "left"),
+        face([(x1, y1, far), (x1, y1, 0), (x1, y0, 0), (x1, y0, far)], "WallSurface", "right"),
+        face([(x0, y1, 0), (x1, y1, 0), (x1, y1, far), (x0, y1, far)], "OuterCeilingSurface", "level"),
+        face([(a, floor, 0), (a, floor, c), (b, floor, c), (b, floor, 0)], "OuterFloorSurface", "level"),
+        face([(b, floor, c), (a, floor, c), (a, y0, c), (b, y0, c)], "WallSurface", "front"),
+        face([(a, floor, c), (a, floor, 0), (a, y0, 0), (a, y0, c)], "WallSurface", "left"),
+        face([(b, floor, 0), (b, floor, c), (b, y0, c), (b, y0, 0)], "WallSurface", "right"),
+        # on top of the railing, a U; and behind it against the wall, the same from the other side
+        face(
+            [(x0, y0, 0), (x0, y0, far), (x1, y0, far), (x1, y0, 0), (b, y0, 0), (b, y0, c), (a, y0, c), (a, y0, 0)],
+            "OuterFloorSurface",
+            "level",
+        ),
+        face(
+            [(x1, y1, 0), (x0, y1, 0), (x0, y0, 0), (a, y0, 0), (a, floor, 0), (b, floor, 0), (b, y0, 0), (x1, y0, 0)],
+            "WallSurface",
+            "front",
+        ),
+    ]
+    return faces
+
+
+def _look(
+    corners: Sequence[tuple[float, float, float]], side: str, box: tuple[float, float, float, float], floor: float
+) -> np.ndarray:
+    """Where on the wall corners of a face take their look from: the front from what the wall shows there, sides from its ends,
+    turned in, what is level from the floor's edge."""
+    x0, _, x1, y1 = box
+    x, y, out = np.array(corners, float).T
+    deepest = max(float(out.max()), 1e-6)
+    if side == "left":
+        x = np.minimum(x0 + (deepest - out), x1)
+    elif side == "right":
+        x = np.maximum(x1 - (deepest - out), x0)
+    elif side == "level":
+        y = floor + (y1 - floor) * out / deepest
+    return np.column_stack([x, y])

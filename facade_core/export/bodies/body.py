@@ -1,0 +1,223 @@
+"""The body of a building, a closed shell down to a level ground, out of its surfaces, and what stands out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from facade_core.export.bodies.curtains import curtained
+from facade_core.export.bodies.footprints import footprint
+from facade_core.export.bodies.openings import outlines
+from facade_core.export.bodies.patches import (
+    PLANE_M,
+    Patch,
+    Patches,
+    components,
+    edge_counts,
+    flattened,
+    is_closed,
+    joined,
+    loops,
+    open_edges,
+    plane_axes,
+    ring_normal,
+    split,
+)
+from facade_core.export.models.textured_parts import Textured
+from facade_core.geometry.charts import METAL
+
+# What is open no higher above the lowest corner is the foot of a building.
+FOOT_M = 2.0
+# What of a roof lies this far outside of the walls stands out of them.
+OUTSIDE_M = 0.02
+# Holes of so many metres around are closed; edges of half of that may be drawn together.
+SMALL_M = 0.4
+# A body has at least this share of the area of what hangs together; no more, seen from above, is closed where nothing was.
+LEAST, MOST_CLOSED = 0.4, 0.1
+
+
+@dataclass(frozen=True)
+class Body:
+    """shell: the polygons of the body, all of the building where it cannot be closed; closed: whether it can; beside: what
+    stands out of it, in pieces that hang together."""
+
+    shell: Patches
+    closed: bool
+    beside: tuple[Patches, ...]
+
+
+def body_of(
+    source: Textured, triangles: np.ndarray, semantics: dict[int, int], ground: int, origin: np.ndarray
+) -> Body:
+    """The body of one building of the mesh. semantics: chart -> its surface; ground: that of what closes it below, on a level
+    with its lowest corner; origin: of the grid of corners. What of a roof reaches beyond the walls, and what stands beside or
+    on the body (parapets, chimneys, dormers), is beside it."""
+    standing = shapely.union_all(footprint(source, triangles)).buffer(OUTSIDE_M, join_style="mitre")
+    corners = source.mesh.vertices[source.mesh.triangles[triangles]].reshape(-1, 3)
+    out = ~shapely.contains_xy(standing, *corners[:, :2].T).reshape(-1, 3).all(axis=1)
+    found = []
+    for apart in (out, np.zeros(len(out), bool)) if out.any() else (out,):
+        whole = _surfaces(source, triangles, apart, semantics, origin)
+        for peel in (False, True):
+            tried = _closed(whole, ground, origin, peel)
+            if tried is not None:
+                found.append(tried)
+                break
+        if found:
+            break
+    if not found:
+        return Body(flattened(whole), False, ())
+    _, shell, left = min(found, key=lambda one: one[0])
+    beside = left.patches
+    return Body(shell, True, tuple(flattened(left.only(piece)) for piece in components(beside)))
+
+
+def _surfaces(
+    source: Textured, triangles: np.ndarray, apart: np.ndarray, semantics: dict[int, int], origin: np.ndarray
+) -> Patches:
+    """The charts of a building as polygons; triangles that stand `apart` (t,) bool make up polygons of their own."""
+    charts, mesh = source.charts, source.mesh
+    polygons, of = [], []
+    chart_of = mesh.chart[triangles]
+    for chart in np.unique(chart_of).tolist():
+        for side in (False, True):
+            own = mesh.triangles[triangles[(chart_of == chart) & (apart == side)]]
+            if charts.kind[chart] == METAL:  # bent about its chart: no plane polygon but its triangles
+                polygons += [[corners] for corners in mesh.vertices[own]]
+                of += [chart] * len(own)
+                continue
+            corners = np.unique(own)
+            known = dict(zip(map(tuple, source.coordinates[corners].tolist()), corners.tolist(), strict=True))
+            for part in outlines(source.coordinates[own]):
+                rings = []
+                for ring in (part.exterior, *part.interiors):
+                    flat = np.asarray(ring.coords)[:-1]
+                    points = charts.points(chart, *flat.T)
+                    for i, corner in enumerate(map(tuple, flat.tolist())):
+                        if corner in known:
+                            points[i] = mesh.vertices[known[corner]]
+                    rings.append(points)
+                polygons.append(rings)
+                of.append(chart)
+    return joined(polygons, of, [semantics[chart] for chart in of], origin)
+
+
+def _closed(whole: Patches, ground: int, origin: np.ndarray, peel: bool) -> tuple[float, Patches, Patches] | None:
+    """The body among some polygons as a closed shell, with the area in m2 that was left beside it or closed without a surface
+    there, and what is beside it; None where it cannot be closed. peel: polygons with edges open over the foot are beside."""
+    pieces = components(whole.patches)
+    if not pieces:
+        return None
+    area = [float(np.linalg.norm(whole.normal(patch))) for patch in whole.patches]
+    main = max(pieces, key=lambda piece: sum(area[i] for i in piece))
+    whole, main = _mended(whole, main)
+    area = [float(np.linalg.norm(whole.normal(patch))) for patch in whole.patches]
+    kept = _peeled(whole, main) if peel else main
+    if sum(area[i] for i in kept) < LEAST * sum(area[i] for i in main):
+        return None
+    if peel and kept:
+        parts = components([whole.patches[i] for i in kept])
+        largest = max(parts, key=lambda part: sum(area[kept[i]] for i in part))
+        kept = [kept[i] for i in largest]
+    shell = split(whole.only(kept))
+    covers = _covers(curtained(shell, origin), ground)
+    if covers is None:
+        return None
+    done = flattened(_unpinched(flattened(covers)))
+    if not is_closed(done.patches):
+        return None
+    closing = [done.normal(p) for p in done.patches if p.chart < 0 and p.semantic != ground]
+    added = sum(float(np.linalg.norm(one)) for one in closing)
+    if sum(abs(float(one[2])) for one in closing) > MOST_CLOSED * sum(area[i] for i in kept):
+        return None
+    left = [i for i in sorted(set(range(len(whole.patches))) - set(kept)) if whole.patches[i].chart >= 0]
+    return added + sum(area[i] for i in left), done, whole.only(left)
+
+
+def _mended(whole: Patches, main: Sequence[int]) -> tuple[Patches, list[int]]:
+    """The polygons with holes of the chosen ones closed that are smaller than SMALL_M around, and the chosen with these."""
+    chosen = whole.only(main)
+    rings = []
+    for ring in loops([(b, a) for a, b in open_edges(chosen.patches)]):
+        points = whole.points[list(ring)]
+        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < SMALL_M:
+            rings.append(Patch((ring,)))
+    return Patches(whole.points, (*whole.patches, *rings)), [
+        *main,
+        *range(len(whole.patches), len(whole.patches) + len(rings)),
+    ]
+
+
+def _unpinched(shell: Patches) -> Patches:
+    """A shell with short edges at which more than two polygons meet drawn together into a corner."""
+    count = edge_counts(shell.patches)
+    to: dict[int, int] = {}
+    for (a, b), n in sorted(count.items()):
+        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < SMALL_M / 2:
+            to[b] = to.get(a, a)
+    if not to:
+        return shell
+    moved = [replace(p, rings=tuple(tuple(to.get(c, c) for c in ring) for ring in p.rings)) for p in shell.patches]
+    return split(Patches(shell.points, tuple(moved)))
+
+
+def _peeled(whole: Patches, chosen: Sequence[int]) -> list[int]:
+    """The patches left when those with an edge that is open above the foot are taken off, again and again."""
+    low = min(whole.points[c, 2] for i in chosen for ring in whole.patches[i].rings for c in ring) + FOOT_M
+    kept = list(chosen)
+    while True:
+        there = {edge for i in kept for edge in whole.patches[i].edges()}
+
+        def loose(i: int, there: set[tuple[int, int]] = there) -> bool:
+            return any((b, a) not in there and whole.points[[a, b], 2].max() > low for a, b in whole.patches[i].edges())
+
+        left = [i for i in kept if not loose(i)]
+        if len(left) == len(kept):
+            return kept
+        kept = left
+
+
+def _covers(shell: Patches, ground: int) -> Patches | None:
+    """A shell with its open loops closed by polygons: `ground` where they face down at its foot; None where loops are left
+    that are no plane polygons."""
+    rings = loops([(b, a) for a, b in open_edges(shell.patches)])
+    planes: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
+    for ring in rings:
+        points = shell.points[list(ring)]
+        normal = ring_normal(points)
+        size = float(np.linalg.norm(normal))
+        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > PLANE_M * size:
+            return None
+        normal = normal * np.sign(normal[np.argmax(np.abs(normal))]) / size
+        # heights on the grid are never between two of these, so rings of one level plane are together
+        key = (*np.rint(normal * 20).astype(int).tolist(), round(float(points.mean(axis=0) @ normal) / 0.05 + 0.01))
+        planes.setdefault(key, []).append(ring)
+    covers: list[Patch] = []
+    for own in planes.values():
+        covers += _nested(shell.points, own)
+    low = min((shell.points[c, 2] for p in shell.patches for r in p.rings for c in r), default=0.0)
+
+    def named(patch: Patch) -> Patch:
+        down = ring_normal(shell.points[list(patch.rings[0])])
+        level = down[2] < -0.9 * np.linalg.norm(down)
+        return replace(patch, semantic=ground) if level and shell.points[patch.rings[0][0], 2] < low + FOOT_M else patch
+
+    return Patches(shell.points, (*shell.patches, *map(named, covers)))
+
+
+def _nested(points: np.ndarray, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
+    """Rings of one plane as polygons with holes: those that run against the largest are holes of the smallest around them."""
+    normal = max((ring_normal(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
+    axes = plane_axes(normal / np.linalg.norm(normal))
+    flat = [shapely.Polygon(points[list(ring)] @ axes.T) for ring in rings]
+    outer = [i for i, ring in enumerate(rings) if ring_normal(points[list(ring)]) @ normal > 0]
+    holes: dict[int, list[tuple[int, ...]]] = {i: [] for i in outer}
+    for i in set(range(len(rings))) - set(outer):
+        corner = shapely.Point(flat[i].exterior.coords[0])
+        around = [k for k in outer if flat[k].buffer(PLANE_M).covers(corner)]
+        if around:
+            holes[min(around, key=lambda k: flat[k].area)].append(rings[i])
+    return [Patch((rings[i], *holes[i])) for i in outer]

@@ -1,0 +1,73 @@
+"""Walls below what is open: where models have no party walls, and where a foot lies on a slope."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from facade_core.export.bodies.patches import GRID_M, WELD_M, Patches, joined, open_edges
+
+# Edges whose ends lie this near a line, seen from above, are over it.
+SAME_LINE_M = 0.02
+
+Edge = tuple[np.ndarray, np.ndarray]
+
+
+def curtained(shell: Patches, origin: np.ndarray) -> Patches:
+    """A shell whose open edges all lie on a level with its lowest corner: walls from those that lie higher down to there.
+
+    Models without party walls get these, a foot on a slope a plinth; between the top and the foot of a hole is none. origin
+    (3,): of the grid of corners.
+    """
+    used = sorted({c for patch in shell.patches for ring in patch.rings for c in ring})
+    base = float(shell.points[used, 2].min())
+    # the wall's own edge runs the other way
+    edges = [(shell.points[b], shell.points[a]) for a, b in open_edges(shell.patches)]
+    edges = [(a, b) for a, b in edges if max(a[2], b[2]) > base and np.hypot(*(b - a)[:2]) > WELD_M]
+    polygons = [polygon for own in _lines(edges) for polygon in _walls(own, base)]
+    if not polygons:
+        return shell
+    before = [[shell.points[list(ring)] for ring in patch.rings] for patch in shell.patches]
+    charts = [patch.chart for patch in shell.patches] + [-1] * len(polygons)
+    semantics = [patch.semantic for patch in shell.patches] + [-1] * len(polygons)
+    return joined([*before, *polygons], charts, semantics, origin)
+
+
+def _lines(edges: Sequence[Edge]) -> list[list[Edge]]:
+    """Edges that lie over one line, seen from above, the longest first."""
+    lines: list[list[Edge]] = []
+    for edge in sorted(edges, key=lambda edge: -float(np.hypot(*(edge[1] - edge[0])[:2]))):
+        for own in lines:
+            start, run = own[0][0][:2], (own[0][1] - own[0][0])[:2]
+            across = np.array([-run[1], run[0]]) / np.hypot(*run)
+            if all(abs((end[:2] - start) @ across) < SAME_LINE_M for end in edge):
+                own.append(edge)
+                break
+        else:
+            lines.append([edge])
+    return lines
+
+
+def _walls(edges: Sequence[Edge], base: float) -> list[list[np.ndarray]]:
+    """Walls below edges over one line, the first the longest, down to a height, as polygons: what lies below edges of both
+    directions, as the top and the foot of a hole have them, is none."""
+    origin, along = edges[0][0][:2], (edges[0][1] - edges[0][0])[:2]
+    along = along / np.hypot(*along)
+    below: dict[bool, list[shapely.Polygon]] = {True: [], False: []}
+    for start, end in edges:
+        (x0, x1), (z0, z1) = ((p[:2] - origin) @ along for p in (start, end)), (start[2] - base, end[2] - base)
+        if abs(x1 - x0) > GRID_M:
+            below[x1 > x0].append(shapely.Polygon([(x0, z0), (x1, z1), (x1, 0.0), (x0, 0.0)]))
+    walls = {way: shapely.union_all(own, grid_size=GRID_M) for way, own in below.items()}
+    polygons = []
+    for way in (True, False):
+        for part in shapely.get_parts(shapely.difference(walls[way], walls[not way], grid_size=GRID_M)):
+            if part.geom_type != "Polygon" or part.area < WELD_M**2:
+                continue
+            # the edge on top runs along the line where `way`: clockwise in its plane
+            part = shapely.orient_polygons(part, exterior_cw=way)
+            rings = [np.asarray(ring.coords)[:-1] for ring in (part.exterior, *part.interiors)]
+            polygons.append([np.column_stack([origin + ring[:, :1] * along, base + ring[:, 1]]) for ring in rings])
+    return polygons

@@ -1,0 +1,30 @@
+"""Surfaces of a block as polygons with heights, for what shows a map."""
+
+from __future__ import annotations
+
+import numpy as np
+from shapely import MultiPolygon, Polygon
+
+from facade_core.export.bodies.openings import outlines
+from facade_core.export.models.textured_parts import Textured
+
+
+def surface_polygons(source: Textured, charts: np.ndarray) -> dict[int, MultiPolygon]:
+    """The outline of each of some charts (k,) that has triangles, in world metres with heights."""
+    found = {}
+    for chart in charts.tolist():
+        parts = []
+        for flat in outlines(source.coordinates[source.mesh.triangles[source.mesh.triangles_of(chart)]]):
+            rings = [
+                source.charts.points(chart, *np.asarray(ring.coords).T) for ring in (flat.exterior, *flat.interiors)
+            ]
+            parts.append(Polygon(rings[0], rings[1:]))
+        if parts:
+            found[chart] = MultiPolygon(parts)
+    return found
+
+
+def heights(source: Textured, triangles: np.ndarray) -> tuple[float, float]:
+    """The lowest and the highest corner of some triangles (t,) of the mesh, metres."""
+    corners = source.mesh.vertices[source.mesh.triangles[triangles], 2]
+    return float(corners.min()), float(corners.max())

@@ -1,0 +1,68 @@
+"""Charts as polygons, and where in them the windows and doors of a layout are cut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from facade_core.core.types import Element
+
+# A polygon is taken for its triangles when their areas differ by no more than this share.
+SAME_AREA = 1e-3
+# No smaller opening is cut, m2, and none narrower.
+SMALLEST_OPENING_M2, NARROWEST_M = 0.05, 0.15
+# So far openings stay from the wall's border, and from each other.
+EDGE_M, APART_M = 0.05, 0.06
+# Doors are cut before windows: where both are stated, people walk through.
+OPENINGS = ("door", "window")
+
+
+def outlines(corners: np.ndarray) -> list[Polygon]:
+    """The polygons that triangles (t, 3, 2) of one chart make up, corners kept; the triangles where they overlap or gape.
+
+    Coordinates are the chart's, y down; exterior rings run counter-clockwise as seen from outside.
+    """
+    triangles = shapely.polygons(corners)
+    triangles = triangles[shapely.area(triangles) > 0]
+    if not len(triangles):
+        return []
+    whole = shapely.area(triangles).sum()
+    try:
+        union = shapely.coverage_union_all(triangles)
+    except shapely.GEOSException:  # the triangles are no coverage
+        union = shapely.MultiPolygon()
+    if abs(union.area - whole) > SAME_AREA * whole or not union.is_valid:
+        union = shapely.MultiPolygon(list(triangles))
+    return _seen(union)
+
+
+def openings_in(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
+    """The doors and windows of a wall in its chart's frame, clipped to lie EDGE_M within it, and APART_M from each other.
+
+    elements are in metres, y down from the chart's top left. No opening crosses the wall's end, its top or the ground.
+    """
+    openings: list[tuple[Element, Polygon]] = []
+    free = wall.buffer(-EDGE_M, join_style="mitre")
+    wanted = [e for e in elements if e.label in OPENINGS]
+    for element in sorted(wanted, key=lambda e: (OPENINGS.index(e.label), -e.width * e.height, e.x0, e.y0)):
+        box = shapely.box(element.x0, element.y0, element.x1, element.y1)
+        parts = [
+            part
+            for part in shapely.get_parts(box.intersection(free))
+            if part.geom_type == "Polygon" and not part.interiors and part.area >= SMALLEST_OPENING_M2
+        ]
+        if parts:
+            opening = max(parts, key=lambda part: part.area).simplify(EDGE_M / 2)
+            if not opening.buffer(-NARROWEST_M / 2).is_empty:
+                openings.append((element, _seen(opening)[0]))
+                free = free.difference(opening.buffer(APART_M, join_style="mitre"))
+    return openings
+
+
+def _seen(area: shapely.Geometry) -> list[Polygon]:
+    """Polygons with the exterior counter-clockwise as seen from outside: clockwise where y counts up."""
+    parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and not part.is_empty]
+    return [shapely.orient_polygons(part, exterior_cw=True) for part in parts]

@@ -1,0 +1,243 @@
+"""Polygons of one building that share their corners: welded, T-junctions closed, planar; what is open, and what closes it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from facade_core.core.grouping import grouped
+
+# Corners lie on a grid of so many metres, the one that is written.
+GRID_M = 0.001
+# Corners that lie this near each other are one: where eaves, hips and walls meet, they pass by millimetres.
+WELD_M = 0.01
+# A corner this near an edge is on it: the edge is split there.
+ON_EDGE_M = 0.006
+# A polygon is planar where its corners are within so much of its plane, and no triangle of it is turned by more (cosine).
+PLANE_M, TURN = 0.006, 0.96
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A polygon: rings of indices of corners, the first around the others, counter-clockwise seen from outside; chart, the one
+    it shows, -1 without; semantic, an index into the surfaces of its object."""
+
+    rings: tuple[tuple[int, ...], ...]
+    chart: int = -1
+    semantic: int = -1
+
+    def edges(self) -> Iterator[tuple[int, int]]:
+        for ring in self.rings:
+            yield from zip(ring, ring[1:] + ring[:1], strict=True)
+
+
+@dataclass(frozen=True)
+class Patches:
+    """The polygons of one object over their corners (n, 3), world metres."""
+
+    points: np.ndarray
+    patches: tuple[Patch, ...]
+
+    def only(self, chosen: Sequence[int]) -> Patches:
+        return Patches(self.points, tuple(self.patches[i] for i in chosen))
+
+    def normal(self, patch: Patch) -> np.ndarray:
+        """The area of a polygon as a vector (3,) to its outside, m2."""
+        return sum((ring_normal(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
+
+
+def ring_normal(points: np.ndarray) -> np.ndarray:
+    """The area of a ring (k, 3) as a vector (3,)."""
+    offset = points - points[0]
+    return np.cross(offset[1:-1], offset[2:]).sum(axis=0) / 2
+
+
+def joined(
+    polygons: Sequence[Sequence[np.ndarray]], charts: Sequence[int], semantics: Sequence[int], origin: np.ndarray
+) -> Patches:
+    """Polygons, each its rings (k, 3), as patches on the grid around `origin` (3,): corners within WELD_M of each other are
+    one, edges are split where a corner of another lies on them, and rings that fall together are dropped."""
+    if not polygons:
+        return Patches(np.zeros((0, 3)), ())
+    rings = [ring for polygon in polygons for ring in polygon]
+    points, of = welded(np.concatenate(rings), origin)
+    index = iter(np.split(of, np.cumsum([len(ring) for ring in rings])[:-1]))
+    whole = [
+        Patch(tuple(tuple(next(index).tolist()) for _ in polygon), chart, semantic)
+        for polygon, chart, semantic in zip(polygons, charts, semantics, strict=True)
+    ]
+    return split(Patches(points, tuple(whole)))
+
+
+def welded(points: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n, 3) on the grid around `origin` (3,), those within WELD_M of each other, one by one, as their first: the
+    corners left (k, 3), and which of them each is (n,)."""
+    points = origin + np.rint((points - origin) / GRID_M) * GRID_M
+    tree = KDTree(points)
+    near = tree.sparse_distance_matrix(tree, WELD_M, output_type="coo_matrix")
+    _, of = connected_components(near, directed=False)
+    _, first = np.unique(of, return_index=True)
+    return points[first], of
+
+
+def split(found: Patches) -> Patches:
+    """Edges split at the corners that lie on them; of each ring the largest part that meets no corner twice."""
+    used = sorted({corner for patch in found.patches for ring in patch.rings for corner in ring})
+    tree = KDTree(found.points[used]) if used else None
+    number = np.array(used)
+    on: dict[tuple[int, int], tuple[int, ...]] = {}
+
+    def between(a: int, b: int) -> tuple[int, ...]:
+        key = (min(a, b), max(a, b))
+        if key not in on:
+            assert tree is not None
+            start, run = found.points[key[0]], found.points[key[1]] - found.points[key[0]]
+            length = float(np.linalg.norm(run))
+            near = number[tree.query_ball_point(start + run / 2, length / 2 + ON_EDGE_M)]
+            step = (found.points[near] - start) @ run / length
+            off = np.linalg.norm(found.points[near] - start - step[:, None] * run / length, axis=1)
+            met = (off < ON_EDGE_M) & (step > ON_EDGE_M) & (step < length - ON_EDGE_M)
+            on[key] = tuple(near[met][np.argsort(step[met], kind="stable")].tolist())
+        return on[key] if a < b else on[key][::-1]
+
+    patches = []
+    for patch in found.patches:
+        rings = []
+        for ring in patch.rings:
+            full: list[int] = []
+            for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
+                if a != b:
+                    full += [a, *between(a, b)]
+            rings.append(_simple(full, found.points))
+        if rings[0]:
+            patches.append(replace(patch, rings=tuple(ring for ring in rings if ring)))
+    return Patches(found.points, tuple(patches))
+
+
+def _simple(ring: list[int], points: np.ndarray) -> tuple[int, ...]:
+    """The largest part of a ring that meets no corner twice; empty where no area is left."""
+    while len(set(ring)) < len(ring):
+        seen: dict[int, int] = {}
+        for k, corner in enumerate(ring):
+            if corner in seen:
+                inside, outside = ring[seen[corner] : k], ring[: seen[corner]] + ring[k:]
+                ring = max(inside, outside, key=lambda part: _area(part, points))
+                break
+            seen[corner] = k
+    return tuple(ring) if _area(ring, points) > GRID_M * WELD_M else ()
+
+
+def _area(ring: Sequence[int], points: np.ndarray) -> float:
+    return float(np.linalg.norm(ring_normal(points[list(ring)]))) if len(ring) > 2 else 0.0
+
+
+def edge_counts(patches: Sequence[Patch]) -> Counter[tuple[int, int]]:
+    """How often each directed edge is there."""
+    return Counter(edge for patch in patches for edge in patch.edges())
+
+
+def open_edges(patches: Sequence[Patch]) -> list[tuple[int, int]]:
+    """Directed edges that are there without as many in the other direction, ascending, each as often as that."""
+    count = edge_counts(patches)
+    return [edge for edge in sorted(count) for _ in range(count[edge] - count[edge[1], edge[0]])]
+
+
+def is_closed(patches: Sequence[Patch]) -> bool:
+    """Whether every edge is there twice, once in each direction: a shell that is watertight, and oriented."""
+    count = edge_counts(patches)
+    return bool(count) and all(n == 1 and count[b, a] == 1 for (a, b), n in count.items())
+
+
+def components(patches: Sequence[Patch]) -> list[list[int]]:
+    """The patches in groups that hang together over edges, in the order of their first."""
+    of: dict[tuple[int, int], int] = {}
+    pairs = []
+    for i, patch in enumerate(patches):
+        for a, b in patch.edges():
+            pairs.append((i, of.setdefault((min(a, b), max(a, b)), i)))
+    if not pairs:
+        return []
+    one, other = np.array(pairs).T
+    graph = coo_matrix((np.ones(len(one), bool), (one, other)), shape=(len(patches), len(patches)))
+    _, label = connected_components(graph, directed=False)
+    return [members.tolist() for members in grouped(label).values()]
+
+
+def loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
+    """Rings along directed edges, each corner once in a ring; edges that end nowhere are left out."""
+    after: dict[int, list[int]] = {}
+    for a, b in edges:
+        after.setdefault(a, []).append(b)
+    found: list[tuple[int, ...]] = []
+    for start in sorted(after):
+        while after.get(start):
+            path, place = [start], {start: 0}
+            while after.get(path[-1]):
+                corner = after[path[-1]].pop()
+                if corner in place:
+                    ring = path[place[corner] :]
+                    found.append(tuple(ring))
+                    del path[place[corner] + 1 :]
+                    for gone in ring[1:]:
+                        del place[gone]
+                else:
+                    place[corner] = len(path)
+                    path.append(corner)
+    return [ring for ring in found if len(ring) > 2]
+
+
+def flattened(found: Patches) -> Patches:
+    """Every polygon that is not planar as the triangles of its plane's Delaunay triangulation, its edges kept."""
+    patches: list[Patch] = []
+    for patch in found.patches:
+        patches += _planar(patch, found.points)
+    return Patches(found.points, tuple(patches))
+
+
+def _planar(patch: Patch, points: np.ndarray) -> list[Patch]:
+    if sum(map(len, patch.rings)) == 3:
+        return [patch]
+    corners = np.array([corner for ring in patch.rings for corner in ring])
+    normal = sum((ring_normal(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
+    offset = points[corners] - points[corners].mean(axis=0)
+    triangles = triangulated(patch, points)
+    if not len(triangles):
+        return [patch]
+    sides = np.array([ring_normal(points[ring]) for ring in triangles])
+    turned = (sides @ normal) < TURN * np.linalg.norm(sides, axis=1)
+    if np.abs(offset @ normal).max() <= PLANE_M and not turned.any():
+        return [patch]
+    return [replace(patch, rings=(tuple(ring),)) for ring in triangles.tolist()]
+
+
+def triangulated(patch: Patch, points: np.ndarray) -> np.ndarray:
+    """A polygon as triangles of its corners (t, 3), all of its edges kept; none where it crosses itself."""
+    normal = sum((ring_normal(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    size = float(np.linalg.norm(normal))
+    if size < 1e-12:
+        return np.zeros((0, 3), np.int64)
+    axes, origin = plane_axes(normal / size), points[patch.rings[0][0]]
+    place = {corner: tuple(((points[corner] - origin) @ axes.T).tolist()) for ring in patch.rings for corner in ring}
+    back = {at: corner for corner, at in place.items()}
+    rings = [[place[corner] for corner in ring] for ring in patch.rings]
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    if not polygon.is_valid:
+        return np.zeros((0, 3), np.int64)
+    parts = shapely.orient_polygons(shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)))
+    return np.array([[back[at] for at in part.exterior.coords[:-1]] for part in parts], np.int64).reshape(-1, 3)
+
+
+def plane_axes(normal: np.ndarray) -> np.ndarray:
+    """Right and up (2, 3) on a plane with a unit normal, as whoever looks against the normal has them."""
+    away = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.9 else np.array([0.0, 0.0, 1.0])
+    right = np.cross(away, normal)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(normal, right)])

@@ -1,0 +1,68 @@
+"""The plane of a wall as a frame of its own: metres along it and up it, and where these lie in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.bodies.openings import outlines
+from facade_core.export.models.textured_parts import Textured
+
+# x runs along the wall to the right as it is seen from outside, y up from its foot: so the plane is described for others.
+PLANE_WKT = (
+    'ENGCRS["Plane of a facade: metres along and up",EDATUM["Left end of its foot"],CS[Cartesian,2],'
+    'AXIS["along (x)",east,ORDER[1]],AXIS["up (y)",north,ORDER[2]],LENGTHUNIT["metre",1]]'
+)
+
+
+@dataclass(frozen=True)
+class WallPlane:
+    """Where a wall's raster lies. origin (3,): the left end of the foot in the world, metres; along, up, outward (3,): unit
+    vectors there; height: of the raster's upper edge over the foot, metres; texel: its side, metres, in x and y."""
+
+    origin: np.ndarray
+    along: np.ndarray
+    up: np.ndarray
+    outward: np.ndarray
+    height: float
+    texel: tuple[float, float]
+
+    def world(self, points: np.ndarray) -> np.ndarray:
+        """Points of the plane (n, 2), metres along and up, in the world (n, 3)."""
+        return self.origin + points[:, :1] * self.along + points[:, 1:] * self.up
+
+    @property
+    def transform(self) -> tuple[float, float, float, float, float, float]:
+        """From column and row of the raster to the plane, by rows, as GDAL's drivers in Python have it."""
+        return (self.texel[0], 0.0, 0.0, 0.0, -self.texel[1], self.height)
+
+    def pose(self) -> dict[str, Any]:
+        """The same in numbers by name: world = origin + x * along + y * up."""
+        named = {"origin": self.origin, "along": self.along, "up": self.up, "outward": self.outward}
+        return {name: (vector.round(6) + 0.0).tolist() for name, vector in named.items()}
+
+
+def wall_plane(source: Textured, chart: int) -> WallPlane:
+    """The plane of a chart's raster."""
+    charts = source.charts
+    height = float(charts.size[chart, 1])
+    texel = source.extent[chart] / source.texels[chart]
+    return WallPlane(
+        charts.points(chart, np.zeros(1), np.array([height]))[0],
+        charts.axis_u[chart],
+        -charts.axis_v[chart],
+        charts.normal()[chart],
+        height,
+        (float(texel[0]), float(texel[1])),
+    )
+
+
+def wall_outlines(source: Textured, chart: int) -> list[list[np.ndarray]]:
+    """The polygons of a chart as rings (k, 2) of columns and rows of its raster, the first of each around the others."""
+    corners = source.coordinates[source.mesh.triangles[source.mesh.triangles_of(chart)]]
+    scale = source.texels[chart] / source.extent[chart]
+    return [
+        [np.asarray(ring.coords) * scale for ring in (flat.exterior, *flat.interiors)] for flat in outlines(corners)
+    ]

@@ -1,0 +1,211 @@
+"""CityGML 2.0: faces with rings, semantics and textures as elements of one file, written as they come."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.city_models.cityjson import DECIMALS, SCALE, Face, Pool
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+NAMESPACES = {
+    None: "http://www.opengis.net/citygml/2.0",
+    "gml": "http://www.opengis.net/gml",
+    "xlink": "http://www.w3.org/1999/xlink",
+    "app": "http://www.opengis.net/citygml/appearance/2.0",
+    "bldg": "http://www.opengis.net/citygml/building/2.0",
+    "dem": "http://www.opengis.net/citygml/relief/2.0",
+    "gen": "http://www.opengis.net/citygml/generics/2.0",
+}
+# The theme that readers take first.
+THEME = "rgbTexture"
+# Openings lie in the element of their wall.
+OPENINGS = ("Window", "Door")
+# What XML cannot have, written as Python would write it.
+UNSEEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def tag(name: str) -> str:
+    """A name with a prefix, such as bldg:Building, as lxml has it; without one it is of the core."""
+    prefix, _, local = name.rpartition(":")
+    return f"{{{NAMESPACES[prefix or None]}}}{local}"
+
+
+def add(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
+    """A new child; attributes are named as xlink_href for xlink:href."""
+    from lxml import etree
+
+    child = etree.SubElement(parent, tag(name))
+    for key, value in attributes.items():
+        prefix, _, local = key.rpartition("_")
+        child.set(tag(f"{prefix}:{local}") if prefix else local, value)
+    if text is not None:
+        child.text = UNSEEN.sub(lambda found: ascii(found[0])[1:-1], str(text))
+    return child
+
+
+def ncname(name: str) -> str:
+    """A name as an id of XML may be: what it cannot have as its code, so that no two names become one."""
+    found = "".join(c if re.match(r"[A-Za-z0-9.-]", c) else f"_{ord(c):x}_" for c in name)
+    return found if re.match(r"[A-Za-z_]", found) else f"_{found}"
+
+
+@dataclass
+class Textured:
+    """The polygons of one object as elements, and what of them lies on which page. lod: of its geometry; prefix: of its ids."""
+
+    prefix: str
+    pool: Pool
+    low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
+    high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
+    targets: dict[int, list[tuple[str, list[tuple[str, list[float]]]]]] = field(default_factory=dict)
+    count: int = 0
+
+    def polygon(self, parent: Element, face: Face, name: str = "gml:Polygon") -> str | None:
+        """Add a face as a member of `parent`; returns its id, None where it has no area on the grid."""
+        rings = []
+        for i, points in enumerate(face.rings):
+            own = Pool(self.pool.origin)
+            corners, places = own.ring(points, face.uv[i] if face.page is not None else None)
+            if not corners and not i:
+                return None
+            if corners:
+                world = np.array(list(own.vertices))[corners] * SCALE + self.pool.origin
+                uv = np.array(list(own.places))[places] if places else None
+                rings.append((world, uv))
+        id = f"{self.prefix}-p{self.count}"
+        self.count += 1
+        polygon = add(parent, name, gml_id=id)
+        shown: list[tuple[str, list[float]]] = []
+        for number, (world, uv) in enumerate(rings):
+            ring = add(add(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing")
+            ring.set(tag("gml:id"), f"{id}-r{number}")
+            closed = np.concatenate([world, world[:1]])
+            add(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set("srsDimension", "3")
+            self.low, self.high = np.minimum(self.low, world.min(axis=0)), np.maximum(self.high, world.max(axis=0))
+            if uv is not None:
+                shown.append((f"{id}-r{number}", np.concatenate([uv, uv[:1]]).ravel().tolist()))
+        if face.page is not None:
+            self.targets.setdefault(face.page, []).append((id, shown))
+        return id
+
+    def triangles(self, parent: Element, faces: Sequence[Face]) -> None:
+        """Faces of three corners as the patches of a triangulated surface."""
+        surface = add(parent, "gml:TriangulatedSurface", gml_id=f"{self.prefix}-tin")
+        patches = add(surface, "gml:trianglePatches")
+        for face in faces:
+            self.polygon(patches, face, "gml:Triangle")
+        for triangle in patches:  # a patch has no id of its own
+            del triangle.attrib[tag("gml:id")]
+        self.targets = {
+            page: [(f"{self.prefix}-tin", [ring for _, rings in of for ring in rings])]
+            for page, of in self.targets.items()
+        }
+
+    def appearance(self, parent: Element, images: Sequence[str]) -> None:
+        """What textures lie on the polygons so far; images: the file of every page."""
+        if not self.targets:
+            return
+        holder = add(add(parent, "app:appearance"), "app:Appearance")
+        add(holder, "app:theme", THEME)
+        for page, targets in self.targets.items():
+            texture = add(add(holder, "app:surfaceDataMember"), "app:ParameterizedTexture")
+            add(texture, "app:isFront", "true")
+            add(texture, "app:imageURI", images[page])
+            add(texture, "app:mimeType", "image/jpeg")
+            add(texture, "app:textureType", "specific")
+            add(texture, "app:wrapMode", "none")
+            for id, rings in targets:
+                places = add(add(texture, "app:target", uri=f"#{id}"), "app:TexCoordList")
+                for ring, uv in rings:
+                    text = " ".join(f"{v:.{DECIMALS}f}".rstrip("0").rstrip(".") for v in uv)
+                    add(places, "app:textureCoordinates", text, ring=f"#{ring}")
+
+
+def surfaces_of(
+    made: Textured, faces: Sequence[Face], surfaces: Sequence[Mapping[str, Any]], lod: str
+) -> tuple[list[Element], list[str]]:
+    """bldg:boundedBy elements of an object's semantic surfaces, openings in their wall's, and the ids of all polygons."""
+    from lxml import etree
+
+    ids: list[str] = []
+    members: dict[int, Element] = {}
+    bounds: dict[int, Element] = {}
+    found: list[Element] = []
+
+    def surface(index: int) -> Element:
+        if index not in bounds:
+            own = surfaces[index]
+            if own["type"] in OPENINGS:
+                within = add(surface(own["parent"]), "bldg:opening")
+            else:
+                within = etree.Element(tag("bldg:boundedBy"), nsmap=NAMESPACES)
+                found.append(within)
+            bounds[index] = add(within, f"bldg:{own['type']}", gml_id=f"{made.prefix}-s{index}")
+            if "facade" in own:
+                attribute(bounds[index], "facade", own["facade"])
+        return bounds[index]
+
+    # an opening comes after all of its wall's own polygons
+    for face in sorted(faces, key=lambda face: surfaces[face.semantic]["type"] in OPENINGS):
+        owner = surface(face.semantic)
+        if face.semantic not in members:
+            multi = etree.Element(tag(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
+            first = next((i for i, child in enumerate(owner) if child.tag == tag("bldg:opening")), len(owner))
+            owner.insert(first, multi)
+            members[face.semantic] = add(multi, "gml:MultiSurface")
+        holder = add(members[face.semantic], "gml:surfaceMember")
+        id = made.polygon(holder, face)
+        if id is None:
+            members[face.semantic].remove(holder)
+        else:
+            ids.append(id)
+    return found, ids
+
+
+def solid(lod: str, ids: Sequence[str]) -> Element:
+    """bldg:lodNSolid of polygons that are defined elsewhere."""
+    from lxml import etree
+
+    holder = etree.Element(tag(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
+    shell = add(add(add(holder, "gml:Solid"), "gml:exterior"), "gml:CompositeSurface")
+    for id in ids:
+        add(shell, "gml:surfaceMember", xlink_href=f"#{id}")
+    return holder
+
+
+def attribute(parent: Element, name: str, value: Any) -> None:
+    """A generic attribute of the type that the value has."""
+    kind = {int: "int", float: "double"}.get(type(value), "string")
+    add(add(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
+
+
+@contextmanager
+def city_model(path: Path, title: str, crs: str, extent: np.ndarray, attribution: Attribution) -> Iterator[Any]:
+    """A file's cityObjectMembers, written by the value's `write`, an element at a time. extent (2, 3): least and greatest
+    corner of what comes, metres; whom to name is in its metadata and description."""
+    from lxml import etree
+
+    with etree.xmlfile(str(path), encoding="utf-8") as file:
+        file.write_declaration()
+        with file.element(tag("CityModel"), nsmap=NAMESPACES):
+            root = etree.Element("head", nsmap=NAMESPACES)
+            said = add(add(root, "gml:metaDataProperty"), "gml:GenericMetaData")
+            said.text = attribution.tags()["sources"]
+            add(root, "gml:description", attribution.line)
+            add(root, "gml:name", title)
+            envelope = add(add(root, "gml:boundedBy"), "gml:Envelope", srsName=crs, srsDimension="3")
+            for name, corner in zip(("gml:lowerCorner", "gml:upperCorner"), extent, strict=True):
+                add(envelope, name, " ".join(f"{v:.3f}" for v in corner.tolist()))
+            for element in root:
+                file.write(element)
+            yield file

@@ -1,0 +1,1 @@
+"""Facade models of few pictures: tiling wall material and one picture per element type."""

@@ -1,0 +1,108 @@
+"""A factored model as GLB: textures that are repeated, vertex colours that multiply them, parts that answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.models.buffers import FLOAT, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, Buffer
+from facade_core.export.models.encoders import Encoder
+from facade_core.export.models.features import LABELS, Features, feature_ids
+from facade_core.export.models.glb import SAMPLERS, glb_of
+from facade_core.export.models.gltf_materials import Look, materials_of
+from facade_core.export.tiles.tile_glb import SHORT_MOST
+
+REPEAT = 10497
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles (t, 3) of one node that show one texture, in glTF's frame (y up): position, normal (v, 3), uv (v, 2), colour
+    (v, 3) linear, 0 to 1, that multiplies it; chart (v,)."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    colour: np.ndarray
+    triangles: np.ndarray
+    chart: np.ndarray
+
+
+def factored_glb(
+    nodes: Mapping[str, Mapping[int, Part]],
+    pictures: Sequence[bytes | str],
+    repeated: Sequence[bool],
+    encoder: Encoder,
+    features: Features,
+    *,
+    extras: Mapping[str, Any],
+    copyright: str,
+) -> bytes:
+    """nodes: name -> texture -> what shows it there; pictures of all textures, encoded, or where they lie beside the model,
+    of which those that are shown are named. Surfaces are unlit: their colours hold the light of the day."""
+    buffer = Buffer()
+    every = [part for parts in nodes.values() for part in parts.values()]
+    chart = np.concatenate([part.chart for part in every])
+    rows = np.column_stack([features.of_chart[chart], features.of_owner[chart]])
+    used, index = np.unique(rows, return_inverse=True)
+    index = index.reshape(-1, len(LABELS))
+    shown = sorted({texture for parts in nodes.values() for texture in parts})
+    meshes, start = [], 0
+    for name, parts in nodes.items():
+        primitives = []
+        for texture, part in sorted(parts.items()):
+            position = part.position.astype("<f4")
+            ids = index[start : start + len(position)]
+            start += len(position)
+            attributes = {
+                "POSITION": buffer.accessor(
+                    position, FLOAT, "VEC3", min=position.min(axis=0).tolist(), max=position.max(axis=0).tolist()
+                ),
+                "NORMAL": buffer.accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
+                "TEXCOORD_0": buffer.accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
+                "COLOR_0": buffer.accessor(
+                    np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
+                ),
+            }
+            named, mesh_features = feature_ids(ids, len(used), buffer)
+            triangles = part.triangles.astype("<u4").reshape(-1, 1)
+            primitives.append(
+                {
+                    "attributes": attributes | named,
+                    "indices": buffer.accessor(triangles, UNSIGNED_INT, "SCALAR", target=INDICES),
+                    "material": shown.index(texture),
+                    "extensions": {"EXT_mesh_features": mesh_features},
+                }
+            )
+        meshes.append({"name": name, "primitives": primitives})
+    metadata = features.metadata(used, buffer.view)
+    # an unlit look has one picture
+    materials = materials_of([Look(b"")] * len(shown), encoder)
+    images = [
+        {"uri": picture} if isinstance(picture, str) else {"bufferView": buffer.view(picture), "mimeType": encoder.mime}
+        for picture in (pictures[texture] for texture in shown)
+    ]
+    textures = [
+        one | {"sampler": int(repeated[texture])}
+        for one, texture in zip(materials.document["textures"], shown, strict=True)
+    ]
+    required = [encoder.extension] if encoder.extension else []
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
+        "extensionsUsed": [*sorted({*materials.used, *required}), "EXT_mesh_features", "EXT_structural_metadata"],
+        **({"extensionsRequired": required} if required else {}),
+        "extensions": {"EXT_structural_metadata": metadata},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(meshes))), "extras": dict(extras)}],
+        "nodes": [{"name": mesh["name"], "mesh": i} for i, mesh in enumerate(meshes)],
+        "meshes": meshes,
+        "materials": materials.document["materials"],
+        "textures": textures,
+        "images": images,
+        "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT, "wrapT": REPEAT}],
+        **buffer.document,
+    }
+    return glb_of(document, buffer.chunks)

@@ -1,0 +1,113 @@
+"""A picture that goes on into itself, made of pieces of a wall's free area: image quilting on a torus.
+
+Blocks are cut from the example where it is free and laid with an overlap, each along the path of least difference (Efros and
+Freeman, "Image Quilting for Texture Synthesis and Transfer", 2001); the last ones of a row and column meet the first. What is
+larger than SHADE_M is taken out before and after: that is shade, and would show as a pattern where the picture is repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.linear_light import linear, smoothed
+
+# The picture has the side of these, pixels, that is nearest to so many metres of its example.
+SIDES, REPEAT_M = (64, 128, 256), 4.0
+# Sides of its blocks, of the largest picture's: the largest of which the free area has so many is taken, none below so many
+# pixels.
+BLOCKS, SMALLEST, ENOUGH = (80, 64, 48, 32, 24, 16), 12, 24
+# Blocks that are tried for each place, and of these how near to the best the one that is taken must be.
+TRIED, NEAR = 320, 1.1
+# What is larger is no grain, metres.
+SHADE_M = 0.45
+# Grain is no more than so many times as light as the mean, or as dark.
+MOST = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Grain:
+    """shares (s, s, 3) float32 of the mean light, s of SIDES, that go on into themselves on all sides; metres wide and high."""
+
+    shares: np.ndarray
+    wide: float
+
+
+def repeating(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> Grain:
+    """The grain of a picture (h, w, 3) uint8 where it is free (h, w) bool, at its own pixels; all ones where no block of it
+    is."""
+    import cv2
+
+    side = min(SIDES, key=lambda side: abs(np.log(side / (REPEAT_M * pixels_per_metre))))
+    wide = side / pixels_per_metre
+    light = linear(image)
+    shade = SHADE_M * pixels_per_metre
+    flat = light / np.maximum(smoothed(light, free, shade), 1e-3)
+    rng = np.random.default_rng(seed)
+    inside = cv2.integral(free.astype(np.uint8))
+    for block in (block * side // SIDES[-1] for block in BLOCKS):
+        if min(free.shape) < block or block < SMALLEST:
+            continue
+        full = inside[block:, block:] - inside[:-block, block:] - inside[block:, :-block] + inside[:-block, :-block]
+        places = np.argwhere(full == block * block)
+        if len(places) >= ENOUGH:
+            break
+    else:
+        return Grain(np.ones((side, side, 3), np.float32), wide)
+    chosen = places[rng.permutation(len(places))[:TRIED]]
+    patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
+    quilt = _quilt(np.clip(patches, 1 / MOST, MOST), side, rng)
+    quilt /= np.maximum(smoothed(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
+    return Grain(quilt / quilt.mean(axis=(0, 1)), wide)
+
+
+def _quilt(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
+    """Blocks (n, b, b, 3) laid on a torus of a side."""
+    block = patches.shape[1]
+    count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
+    starts = [k * side // count for k in range(count)]
+    canvas, laid = np.zeros((side, side, 3), np.float32), np.zeros((side, side), bool)
+    for top in starts:
+        for left in starts:
+            at = np.ix_((top + np.arange(block)) % side, (left + np.arange(block)) % side)
+            there, known = canvas[at], laid[at]
+            apart = np.zeros(len(patches))
+            if known.any():
+                rows, columns = np.nonzero(known)
+                some = slice(None, None, max(1, len(rows) // 1500))
+                off = patches[:, rows[some], columns[some]] - there[rows[some], columns[some]]
+                apart = np.square(off).mean(axis=(1, 2))
+            near = np.flatnonzero(apart <= NEAR * apart.min() + 1e-9)
+            patch = patches[near[rng.integers(len(near))]]
+            keep = known & ~_own_side(np.square(patch - there).sum(axis=2), known)
+            canvas[at] = np.where(keep[..., None], there, patch)
+            laid[at] = True
+    return canvas
+
+
+def _own_side(error: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Where a block shows itself: beyond the path of least error through what lies there already, at each of its sides."""
+    own = np.ones(known.shape, bool)
+    for turn in range(4):
+        turned, laid = np.rot90(error, turn), np.rot90(known, turn)
+        strip = int(laid.all(axis=0).cumprod().sum())  # columns at the left that are laid wholly
+        if 0 < strip < laid.shape[1]:
+            beyond = np.arange(laid.shape[1]) >= _path(turned[:, :strip])[:, None]
+            own &= np.rot90(beyond, -turn)
+    return own
+
+
+def _path(error: np.ndarray) -> np.ndarray:
+    """The column (h,) of the cheapest way down errors (h, w), by steps to the next column at most."""
+    height = len(error)
+    cost = error.astype(np.float64).copy()
+    for row in range(1, height):
+        before = np.pad(cost[row - 1], 1, constant_values=np.inf)
+        cost[row] += np.minimum(np.minimum(before[:-2], before[1:-1]), before[2:])
+    path = np.empty(height, np.int64)
+    path[-1] = int(cost[-1].argmin())
+    for row in range(height - 2, -1, -1):
+        low = max(0, path[row + 1] - 1)
+        path[row] = low + int(cost[row, low : path[row + 1] + 2].argmin())
+    return path

@@ -1,0 +1,85 @@
+"""Leaves of a tileset as factored models: near, and from farther off with fewer types and nothing set back. Their pictures lie
+beside the tiles, and all of them share those of walls and elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from facade_core.core.grouping import Grouped
+from facade_core.export.bodies.recess import DEPTHS_M
+from facade_core.export.factored.glb import factored_glb
+from facade_core.export.factored.parts import joined, parts_of, rest, together
+from facade_core.export.factored.pictures import Shown, held
+from facade_core.export.factored.wall import Pieces
+from facade_core.export.models.encoders import Encoder
+from facade_core.export.models.features import Features
+from facade_core.export.models.textured_parts import Frame, Textured
+from facade_core.export.tiles.cells import Cell
+from facade_core.export.tiles.tileset import ERROR_PIXELS, Level, charts_of, corners_of
+
+# Panes are set back once that covers so many pixels.
+BACK_PIXELS = 2.0
+
+
+@dataclass(eq=False)
+class Leaves:
+    """What the leaves of a block share: levels, name -> building -> what was laid of it, the coarsest first; pictures of all,
+    which `names` lie beside the tiles; charts that are not factored; write, a file by its path from the tileset.
+    texture_bytes: what the pictures of leaves so far take of a graphics card; triangles of their nearest levels."""
+
+    levels: Mapping[str, Mapping[int, Pieces]]
+    pictures: Shown
+    names: Sequence[str]
+    source: Textured
+    others: np.ndarray
+    frame: Frame
+    features: Features
+    encoder: Encoder
+    copyright: str
+    write: Callable[[str, bytes], None]
+    texture_bytes: float = 0.0
+    triangles: int = 0
+    triangles_of: Grouped = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.triangles_of = Grouped(self.source.mesh.chart)
+
+    def of(self, cell: Cell) -> list[Level]:
+        """The levels of a cell, the coarsest first; one where nothing is factored, as they would be the same."""
+        mine = np.intersect1d(charts_of(self.source, cell), self.others)
+        before = len(self.names)
+        pages, parts = rest(self.source, self.triangles_of, mine, before, self.frame)
+        self.texture_bytes += held(pages)
+        names = [f"pictures/rest{cell.path and '-'}{cell.path}-{k}.jpg" for k in range(len(pages))]
+        for name, page in zip(names, pages, strict=True):
+            self.write(name, self.encoder.encode(page))
+        uris = [f"../{name}" for name in (*self.names, *names)]
+        repeated = [*self.pictures.repeated, *[False] * len(pages)]
+        found = []
+        levels = list(self.levels.items())
+        if self.bare(cell):
+            levels = levels[-1:]
+        for number, (level, laid) in enumerate(levels):
+            own = joined(laid[building] for building in cell.buildings.tolist() if building in laid)
+            shown = together([parts_of(own, self.pictures, self.frame), *parts.values()])
+            glb = factored_glb(
+                {cell.path or "block": shown},
+                uris,
+                repeated,
+                self.encoder,
+                self.features,
+                extras={},
+                copyright=self.copyright,
+            )
+            last = number == len(levels) - 1
+            self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
+            error = 0.0 if last else DEPTHS_M[0] * ERROR_PIXELS / BACK_PIXELS
+            found.append(Level(level, glb, corners_of([part.position for part in shown.values()]), error, len(shown)))
+        return found
+
+    def bare(self, cell: Cell) -> bool:
+        """Whether nothing of a cell is factored."""
+        return not any(building in laid for laid in self.levels.values() for building in cell.buildings.tolist())

@@ -1,0 +1,96 @@
+"""Elements that are one thing to the eye, such as a window with its balcony, and how far what adorns them reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.types import Element
+
+Rectangle = tuple[float, float, float, float]
+
+# A balcony and what lies behind it are one where that is no wider, metres; things that come this near each other are beside
+# each other.
+WIDEST_M, NEAR_M = 4.5, 0.12
+# How far a surround may reach beyond its element, metres, and how far it is looked for at least.
+REACH_M, LEAST_M = 0.6, 0.06
+# A line of pixels beside an element is of its surround where so much of it differs from the wall by so many grey levels.
+DIFFERS, GREY = 0.3, 14.0
+
+
+@dataclass(frozen=True)
+class Unit:
+    """kind: the label that tells most; box: metres, y down; panes: rectangles in it that lie back in the wall."""
+
+    kind: str
+    box: Rectangle
+    panes: tuple[Rectangle, ...]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        return self.box[2] - self.box[0], self.box[3] - self.box[1]
+
+
+def units_of(elements: Sequence[Element], density: float) -> list[Unit]:
+    """The units of a layout, elements in pixels of so many a metre; by rows from the top, then from the left."""
+    kept = [e for e in elements if e.label in ELEMENT_CLASSES and min(e.width, e.height) / density > 0.2]
+    boxes = np.array([(e.x0, e.y0, e.x1, e.y1) for e in kept]).reshape(-1, 4) / density
+    balcony = np.array([e.label == "balcony" for e in kept], bool)
+    low, high = boxes[:, :2], boxes[:, 2:]
+    near = ((low[:, None] <= high[None] + NEAR_M) & (high[:, None] >= low[None] - NEAR_M)).all(axis=-1)
+    across = np.minimum(high[:, None, 0], high[None, :, 0]) - np.maximum(low[:, None, 0], low[None, :, 0]) > 0
+    union = np.maximum(high[:, None, 0], high[None, :, 0]) - np.minimum(low[:, None, 0], low[None, :, 0])
+    joined = near & across & (union <= WIDEST_M) & (balcony[:, None] ^ balcony[None])
+    count, of = connected_components(joined, directed=False) if len(kept) else (0, np.zeros(0))
+    found = []
+    for number in range(count):
+        mine = np.flatnonzero(of == number)
+        labels = [kept[i].label for i in mine]
+        kind = next(label for label in ("shop", "door", "balcony", "window") if label in labels)
+        box = (*boxes[mine, :2].min(axis=0).tolist(), *boxes[mine, 2:].max(axis=0).tolist())
+        found.append(Unit(kind, box, tuple(_panes(boxes[mine], balcony[mine]))))
+    return sorted(found, key=lambda unit: (unit.box[1], unit.box[0]))
+
+
+def _panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
+    """What of windows, doors and shops a balcony does not stand before."""
+    found = []
+    for x0, y0, x1, y1 in boxes[~balcony].tolist():
+        for _, top, _, foot in boxes[balcony].tolist():
+            if top < y1 and foot > y0:
+                y0, y1 = (y0, top) if top - y0 > y1 - foot else (foot, y1)
+        if y1 - y0 > 0.2:
+            found.append((x0, y0, x1, y1))
+    return found
+
+
+def surround(
+    image: np.ndarray, others: np.ndarray, wall: np.ndarray, box: Rectangle, density: float
+) -> tuple[float, float, float, float]:
+    """How far, metres, a unit's surround reaches beyond its box to the left, up, right and down.
+
+    image (h, w, 3) uint8 of so many pixels a metre; others (h, w) bool: what is of other units; wall (h, w, 3) float32: the
+    colour that the wall has around each pixel, grey levels.
+    """
+    height, width = others.shape
+    x0, y0, x1, y1 = (round(side * density) for side in box)
+    reach = []
+    for axis, outward, start in ((1, -1, x0), (0, -1, y0), (1, 1, x1), (0, 1, y1)):
+        limit = round(REACH_M * density)
+        last = 0
+        for step in range(limit):
+            at = start + outward * step - (outward < 0)
+            if not 0 <= at < (width if axis else height):
+                break
+            line = (slice(max(0, y0), y1), at) if axis else (at, slice(max(0, x0), x1))
+            if others[line].mean() > 0.1:
+                break
+            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > GREY
+            if off.mean() > DIFFERS:
+                last = step + 1
+        reach.append(max(LEAST_M, last / density + 0.03))
+    return tuple(reach)  # type: ignore[return-value]

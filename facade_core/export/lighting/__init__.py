@@ -1,0 +1,1 @@
+"""Material maps of lit models: albedo, normals, roughness, panes."""

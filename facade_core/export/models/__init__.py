@@ -1,0 +1,1 @@
+"""GLB and OpenUSD models of textured parts."""

@@ -1,0 +1,93 @@
+"""Pictures of tiles as JPEG, WebP, or KTX2 of Basis Universal, which graphics cards hold compressed."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.errors import InputError
+from facade_core.export.models.pages import QUALITY, encode
+
+# Of WebP and of ETC1S, 0 to 100, by the eye: what they lose beside JPEG at QUALITY is not measured.
+WEBP_QUALITY, ETC1S_QUALITY, ETC1S_EFFORT = 85, 90, 1
+# Of JPEG's data.
+DATA_QUALITY = 80
+# CesiumJS keeps 512 MiB of tiles with all that they hold, 3d-tiles-renderer .4 GiB: a view that takes more is thrown out and
+# loaded again without end, and there is to be room for tiles that were in view before. KTX2 is asked for small cards.
+VIEW_MB, SMALL_VIEW_MB = 300.0, 120.0
+# A texture and its mipmaps: a third more.
+MIPMAPS = 4 / 3
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """How pages (h, w, 3) uint8 are encoded, of colours and of data, such as normals. extension: glTF's, by which textures name
+    a picture, None for what every reader knows; texel_bytes: what a graphics card holds of a texel, at most; view_mb: what
+    textures of a view take of it, MB at most, where nothing else is asked for."""
+
+    mime: str
+    extension: str | None
+    texel_bytes: float
+    view_mb: float
+    encode: Callable[[np.ndarray], bytes]
+    encode_data: Callable[[np.ndarray], bytes]
+
+
+def encoder(name: str) -> Encoder:
+    """By its name, one of ENCODERS. Raises InputError where what it needs is not installed."""
+    if name == "ktx2":
+        try:
+            import alktx2  # noqa: F401
+        except ImportError as error:
+            raise InputError("--textures ktx2: its encoder is not installed; `make ktx2-setup` adds it") from error
+    return ENCODERS[name]
+
+
+def _webp(image: np.ndarray) -> bytes:
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "WEBP", quality=WEBP_QUALITY, method=4)
+    return buffer.getvalue()
+
+
+def _jpeg_data(image: np.ndarray) -> bytes:
+    """Without subsampling: a normal's directions are as sharp as its length."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=DATA_QUALITY, subsampling=0)
+    return buffer.getvalue()
+
+
+def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
+    """ETC1S with mipmaps. The encoder gives the same bytes for any number of threads."""
+    import alktx2
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "PNG", compress_level=1)
+    return alktx2.encode_bytes_to_ktx2(
+        buffer.getvalue(),
+        mime="image/png",
+        codec="etc1s",
+        quality=ETC1S_QUALITY,
+        effort=ETC1S_EFFORT,
+        srgb=srgb,
+        mipmaps=True,
+        mip_wrap=False,
+        check_for_alpha=False,
+    )
+
+
+# ETC1S becomes BC7, ETC2 or ASTC on the card: a byte a texel or half of that. The others are held as red, green, blue, alpha.
+ENCODERS = {
+    "jpeg": Encoder("image/jpeg", None, 4.0, VIEW_MB, lambda image: encode(image, QUALITY), _jpeg_data),
+    "webp": Encoder("image/webp", "EXT_texture_webp", 4.0, VIEW_MB, _webp, _webp),
+    "ktx2": Encoder(
+        "image/ktx2", "KHR_texture_basisu", 1.0, SMALL_VIEW_MB, _ktx2, lambda image: _ktx2(image, srgb=False)
+    ),
+}

@@ -1,0 +1,187 @@
+"""Binary glTF 2.0, written directly: pictures go in byte for byte as they were encoded."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from facade_core.export.models.buffers import BYTE, FLOAT, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, VERTICES, Buffer
+from facade_core.export.models.gltf_materials import Look, Time, materials_of
+
+# Component types as numpy has them.
+BYTE_KINDS = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
+# glTF's numbers for filters and wrapping.
+LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
+# Of models of pictures alone.
+UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}
+# Types of accessors.
+KINDS = {"position": "VEC3", "normal": "VEC3", "uv": "VEC2", "tangent": "VEC4", "triangles": "SCALAR"}
+# GLB's: the names of its chunks, and the length of its header in bytes.
+JSON, BINARY, HEADER_BYTES = 0x4E4F534A, 0x004E4942, 12
+# Of every model: how its pictures are looked up.
+SAMPLERS = [
+    {
+        "magFilter": LINEAR,
+        "minFilter": LINEAR_MIPMAP_LINEAR,
+        "wrapS": CLAMP_TO_EDGE,
+        "wrapT": CLAMP_TO_EDGE,
+    }
+]
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """Triangles that show one picture, in glTF's frame (y up).
+
+    position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, u right and v down; triangles (t, 3) vertex indices,
+    counter-clockwise seen from outside; picture, the index of the look they show; tangent (v, 3), of what is
+    lit: unit, along u.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    triangles: np.ndarray
+    picture: int
+    tangent: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Node:
+    """A named part of a model."""
+
+    name: str
+    primitives: tuple[Primitive, ...]
+
+
+def glb_bytes(
+    nodes: Sequence[Node],
+    looks: Sequence[bytes] | Sequence[Look],
+    *,
+    extras: Mapping[str, Any] | None = None,
+    copyright: str = "",
+    time: Time = "day",
+) -> bytes:
+    """A model as GLB: one glTF node per Node, every picture of `looks` embedded as it is, all JPEG. extras are the scene's;
+    copyright, the asset's: whom to name for what it is made from; time, of what is lit.
+
+    What is a picture alone is unlit: it holds the light of the day on which it was taken.
+    """
+    shown = materials_of([one if isinstance(one, Look) else Look(one) for one in looks], time=time)
+    nodes = [node for node in nodes if node.primitives]
+    primitives = [primitive for node in nodes for primitive in node.primitives]
+    position = [np.ascontiguousarray(p.position, "<f4") for p in primitives]
+    arrays = {
+        "position": position,
+        "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
+        "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
+        "tangent": [tangents(p.tangent) for p in primitives if p.tangent is not None],
+        "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
+    }
+    buffer = Buffer()
+    first: dict[str, int] = {}
+    for name, parts in arrays.items():
+        kind = KINDS[name]
+        first[name] = len(buffer.accessors)
+        start = 0
+        for part in parts:
+            accessor: dict[str, Any] = {
+                "bufferView": len(buffer.views),
+                "byteOffset": start,
+                "componentType": UNSIGNED_INT if name == "triangles" else FLOAT,
+                "count": len(part),
+                "type": kind,
+            }
+            if name == "position":
+                accessor |= {"min": part.min(axis=0).tolist(), "max": part.max(axis=0).tolist()}
+            buffer.accessors.append(accessor)
+            start += part.nbytes
+        if parts:
+            stride = {} if name == "triangles" else {"byteStride": 4 * parts[0].shape[1]}
+            target = INDICES if name == "triangles" else VERTICES
+            buffer.view(b"".join(part.tobytes() for part in parts), target=target, **stride)
+    pictures = [buffer.view(picture) for picture in shown.pictures]
+
+    meshes: list[dict[str, Any]] = []
+    count = leaning = 0
+    for node in nodes:
+        drawn = []
+        for primitive in node.primitives:
+            attributes = {"POSITION": "position", "NORMAL": "normal", "TEXCOORD_0": "uv"}
+            of = {key: first[name] + count for key, name in attributes.items()}
+            if primitive.tangent is not None:
+                of["TANGENT"] = first["tangent"] + leaning
+                leaning += 1
+            drawn.append(
+                {"attributes": of, "indices": first["triangles"] + count, **shown.primitives[primitive.picture]}
+            )
+            count += 1
+        meshes.append({"name": node.name, "primitives": drawn})
+    document: dict[str, Any] = {
+        "asset": {
+            "version": "2.0",
+            "generator": "Streetloom",
+            **({"copyright": copyright} if copyright else {}),
+        },
+        "scene": 0,
+        "scenes": [
+            {**({"nodes": list(range(len(nodes)))} if nodes else {}), **({"extras": dict(extras)} if extras else {})}
+        ],
+    }
+    if nodes:
+        document |= {
+            **({"extensionsUsed": list(shown.used)} if shown.used else {}),
+            "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
+            "meshes": meshes,
+            **shown.document,
+            "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
+            "samplers": SAMPLERS,
+            **buffer.document,
+        }
+    return glb_of(document, buffer.chunks)
+
+
+def glb_of(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
+    """A GLB of glTF's document and the parts of its buffer, which take multiples of four bytes together."""
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    # the buffer begins at a multiple of eight bytes, as tables in it want
+    text += b" " * (-(HEADER_BYTES + 8 + len(text) + 8) % 8)
+    body = [struct.pack("<II", len(text), JSON), text]
+    if length := sum(map(len, chunks)):
+        body += [struct.pack("<II", length, BINARY), *chunks]
+    return b"".join([struct.pack("<4sII", b"glTF", 2, HEADER_BYTES + sum(map(len, body))), *body])
+
+
+def header_of(file: BinaryIO) -> tuple[dict[str, Any], int]:
+    """What the JSON chunk of a GLB file says, and where the data of its binary chunk begin. Raises ValueError for any other
+    file."""
+    head = file.read(HEADER_BYTES + 8)
+    magic, _, _, length, name = struct.unpack("<4sIIII", head) if len(head) == HEADER_BYTES + 8 else (b"", 0, 0, 0, 0)
+    if magic != b"glTF" or name != JSON:
+        raise ValueError("it is no GLB file")
+    return json.loads(file.read(length)), HEADER_BYTES + 8 + length + 8
+
+
+def with_copyright(glb: bytes, copyright: str) -> bytes:
+    """The same model, whose asset names whom it is from."""
+    document, data = header_of(io.BytesIO(glb))
+    said = document | {"asset": document["asset"] | {"copyright": copyright}}
+    return glb_of(said, [glb[data:]] if len(glb) > data else [])
+
+
+def pictures_of(glb: bytes) -> list[bytes]:
+    """The pictures of a model that `glb_bytes` made."""
+    document, data = header_of(io.BytesIO(glb))
+    views = [document["bufferViews"][image["bufferView"]] for image in document.get("images", [])]
+    return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
+
+
+def tangents(along: np.ndarray) -> np.ndarray:
+    """TANGENT (v, 4) of unit vectors (v, 3) along u of pictures whose v runs down surfaces: normals with x right and y up."""
+    return np.column_stack([along, np.ones(len(along))]).astype("<f4")

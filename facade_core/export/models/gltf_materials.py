@@ -1,0 +1,113 @@
+"""What a model's materials show: a picture each, unlit, or colour with normals, roughness, occlusion and light at night."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from facade_core.export.models.encoders import ENCODERS, Encoder
+from facade_core.export.models.pages import Pictures
+
+# How lit windows are over what a picture's white is: they are to shine, and colours beside them stay.
+STRENGTH = 3.0
+DAY, NIGHT = "day", "night"
+# Whether windows are lit: by day never, by night always, or as a viewer chooses, who sees the first of these before that.
+Time = Literal["day", "night", "day or night", "night or day"]
+
+
+def texels_held(lit: bool, time: Time) -> float:
+    """Texels of a page's pictures for each of its colour, at most: a map has a quarter of them."""
+    return 1.0 + (0.25 * (2 if time == DAY else 3) if lit else 0.0)
+
+
+@dataclass(frozen=True)
+class Look:
+    """The encoded pictures of a page; without normals it is unlit, without glow dark at night."""
+
+    colour: bytes
+    normal: bytes | None = None
+    orm: bytes | None = None
+    glow: bytes | None = None
+
+
+def look_of(pictures: Pictures, encoder: Encoder) -> Look:
+    """A page, encoded."""
+    maps = pictures.maps
+    if maps is None:
+        return Look(encoder.encode(pictures.colour))
+    return Look(
+        encoder.encode(pictures.colour),
+        encoder.encode_data(maps.normal),
+        encoder.encode_data(maps.orm),
+        None if maps.glow is None else encoder.encode(maps.glow),
+    )
+
+
+@dataclass(frozen=True)
+class Materials:
+    """Of looks: the pictures in their order; what glTF's document says of materials and textures (images name views on
+    the pictures that the caller adds); extensions that these use; of each look what a primitive that shows it says."""
+
+    pictures: tuple[bytes, ...]
+    document: dict[str, Any]
+    used: tuple[str, ...]
+    primitives: tuple[dict[str, Any], ...]
+
+
+def materials_of(looks: Sequence[Look], encoder: Encoder = ENCODERS["jpeg"], time: Time = "day") -> Materials:
+    """The materials of looks, at a time of day."""
+    pictures: list[bytes] = []
+    textures: list[dict[str, Any]] = []
+    used = [encoder.extension] if encoder.extension else []
+
+    def texture(picture: bytes) -> dict[str, int]:
+        source = {"source": len(pictures)}
+        textures.append(
+            {"sampler": 0, **({"extensions": {encoder.extension: source}} if encoder.extension else source)}
+        )
+        pictures.append(picture)
+        return {"index": len(textures) - 1}
+
+    choice, first = " or " in time, time.partition(" ")[0]
+    materials: list[dict[str, Any]] = []
+    after: list[dict[str, Any]] = []  # those of night where the first is day, and the other way round
+    primitives: list[dict[str, Any]] = [{"material": i} for i in range(len(looks))]
+    for i, look in enumerate(looks):
+        shown: dict[str, Any] = {
+            "name": f"page-{i}",
+            "pbrMetallicRoughness": {
+                "baseColorTexture": texture(look.colour),
+                "metallicFactor": 0.0,
+                "roughnessFactor": 1.0,
+            },
+        }
+        if look.normal is None or look.orm is None:
+            materials.append(shown | {"extensions": {"KHR_materials_unlit": {}}})
+            used.append("KHR_materials_unlit")
+            continue
+        orm = texture(look.orm)
+        shown["pbrMetallicRoughness"]["metallicRoughnessTexture"] = orm
+        shown |= {"normalTexture": texture(look.normal), "occlusionTexture": orm}
+        if look.glow is None or time == DAY:
+            materials.append(shown)
+            continue
+        by_night = shown | {
+            "name": f"page-{i}-{NIGHT}" if choice else f"page-{i}",
+            "emissiveTexture": texture(look.glow),
+            "emissiveFactor": [1.0, 1.0, 1.0],
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": STRENGTH}},
+        }
+        used.append("KHR_materials_emissive_strength")
+        materials.append(by_night if first == NIGHT else shown)
+        if choice:
+            used.append("KHR_materials_variants")
+            other = len(looks) + len(after)
+            after.append(shown if first == NIGHT else by_night)
+            day, night = (other, i) if first == NIGHT else (i, other)
+            mappings = [{"material": day, "variants": [0]}, {"material": night, "variants": [1]}]
+            primitives[i] = {"material": i, "extensions": {"KHR_materials_variants": {"mappings": mappings}}}
+    document: dict[str, Any] = {"materials": materials + after, "textures": textures}
+    if "KHR_materials_variants" in used:
+        document["extensions"] = {"KHR_materials_variants": {"variants": [{"name": DAY}, {"name": NIGHT}]}}
+    return Materials(tuple(pictures), document, tuple(dict.fromkeys(used)), tuple(primitives))

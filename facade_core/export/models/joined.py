@@ -1,0 +1,107 @@
+"""Models of `glb_bytes` joined into one, their geometry and pictures copied byte for byte: nothing is encoded again."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from facade_core.export.city_models.attribution import joined_lines
+from facade_core.export.models.glb import BINARY, HEADER_BYTES, JSON, SAMPLERS, UNLIT, header_of
+
+# What of a model is counted by index, and where others say which they mean is moved on by how many there are before.
+COUNTED = ("accessors", "bufferViews", "images", "materials", "meshes", "textures")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A model in a file: what its header says, and where its binary chunk begins and how long it is, bytes."""
+
+    path: Path
+    document: Mapping[str, Any]
+    start: int
+    length: int
+
+
+def part_of_file(path: Path) -> Part:
+    """A GLB file as a part. Raises ValueError for any other file."""
+    with path.open("rb") as file:
+        document, start = header_of(file)
+        length = sum(buffer["byteLength"] for buffer in document.get("buffers", ()))
+    return Part(path, document, start, length)
+
+
+def join_glbs(
+    path: Path, parts: Sequence[Part], origin: Sequence[float], *, extras: Mapping[str, Any], copyright: str = ""
+) -> int:
+    """Write the parts as one GLB file around `origin` (world metres), which appears whole or not at all; returns its bytes.
+
+    Each part states its own `origin` in its scene's extras: its nodes are moved from there. extras are the new scene's;
+    copyright is stated with that of the parts, each part of it once. No more
+    than a block of a file is in memory.
+    """
+    document: dict[str, Any] = {name: [] for name in (*COUNTED, "nodes")}
+    length = 0
+    for part in parts:
+        first = {name: len(document[name]) for name in COUNTED}
+        _add(document, part.document, first, length, origin)
+        length += part.length
+    nodes = list(range(len(document["nodes"])))
+    scene: dict[str, Any] = {**({"nodes": nodes} if nodes else {}), "extras": {"origin": list(origin), **extras}}
+    asset = {"version": "2.0", "generator": "Streetloom"}
+    if said := joined_lines([copyright, *(part.document["asset"].get("copyright", "") for part in parts)]):
+        asset["copyright"] = said
+    head: dict[str, Any] = {"asset": asset, "scene": 0, "scenes": [scene]}
+    if nodes:
+        head |= document | {**UNLIT, "samplers": SAMPLERS, "buffers": [{"byteLength": length}]}
+    text = json.dumps(head, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    total = HEADER_BYTES + 8 + len(text) + (8 + length if length else 0)
+    temporary = path.with_suffix(".tmp")
+    with temporary.open("wb") as file:
+        file.write(struct.pack("<4sIIII", b"glTF", 2, total, len(text), JSON) + text)
+        if length:
+            file.write(struct.pack("<II", length, BINARY))
+        for part in parts:
+            with part.path.open("rb") as source:
+                source.seek(part.start)
+                shutil.copyfileobj(source, file)  # the binary chunk is the last
+    os.replace(temporary, path)
+    return total
+
+
+def _add(
+    document: dict[str, Any], part: Mapping[str, Any], first: Mapping[str, int], offset: int, origin: Sequence[float]
+) -> None:
+    """Add a part's lists to those of a document; `offset`: where its binary data begin in the joined ones."""
+    if "nodes" not in part:
+        return
+    views, pictures = first["bufferViews"], first["images"]
+    document["accessors"] += [one | {"bufferView": one["bufferView"] + views} for one in part["accessors"]]
+    document["bufferViews"] += [one | {"byteOffset": one["byteOffset"] + offset} for one in part["bufferViews"]]
+    document["images"] += [one | {"bufferView": one["bufferView"] + views} for one in part["images"]]
+    document["textures"] += [one | {"source": one["source"] + pictures} for one in part["textures"]]
+    for number, one in enumerate(part["materials"], first["materials"]):
+        surface = one["pbrMetallicRoughness"]
+        shown = {"index": surface["baseColorTexture"]["index"] + first["textures"]}
+        document["materials"].append(
+            one | {"name": f"page-{number}", "pbrMetallicRoughness": surface | {"baseColorTexture": shown}}
+        )
+    for one in part["meshes"]:
+        drawn = [
+            {
+                "attributes": {key: index + first["accessors"] for key, index in primitive["attributes"].items()},
+                "indices": primitive["indices"] + first["accessors"],
+                "material": primitive["material"] + first["materials"],
+            }
+            for primitive in one["primitives"]
+        ]
+        document["meshes"].append(one | {"primitives": drawn})
+    x, y, z = (mine - theirs for mine, theirs in zip(part["scenes"][0]["extras"]["origin"], origin, strict=True))
+    moved = [x, z, -y]  # as glTF has it, y up
+    document["nodes"] += [one | {"mesh": one["mesh"] + first["meshes"], "translation": moved} for one in part["nodes"]]

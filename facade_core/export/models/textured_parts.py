@@ -1,0 +1,265 @@
+"""Parts of a block as textured models: their charts' rasters on pages of their own, one node per building."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Protocol
+
+import numpy as np
+
+from facade_core.core.grouping import grouped
+from facade_core.export.models.glb import Node, Primitive
+from facade_core.export.models.pages import (
+    GUTTER,
+    LARGEST_PAGE,
+    Layout,
+    Maps,
+    Pictures,
+    draw_page,
+    encode,
+    halved,
+    lay_out,
+    scaled,
+)
+from facade_core.geometry.charts import Charts, Mesh
+from facade_core.geometry.scene import Scene
+
+GROUND_NODE = "ground"
+# Triangles smaller than this show nothing, m2.
+SMALLEST_M2 = 1e-8
+# Atlas pages that are held decoded; charts of a building lie on few that follow one another.
+PAGES_HELD = 12
+
+
+class Frame(Protocol):
+    """From world metres (n, 3) to a model's own frame, as glTF has it: y up. Directions keep their length."""
+
+    def points(self, world: np.ndarray) -> np.ndarray: ...
+
+    def directions(self, world: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class LocalFrame:
+    """x east, y up, z south of the grid, around `origin` (3,) in world metres."""
+
+    origin: np.ndarray
+
+    def points(self, world: np.ndarray) -> np.ndarray:
+        return y_up(world - self.origin)
+
+    def directions(self, world: np.ndarray) -> np.ndarray:
+        return y_up(world)
+
+
+def y_up(points: np.ndarray) -> np.ndarray:
+    """(n, 3) with z up as glTF has it: (x, y, z) -> (x, z, -y)."""
+    return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
+
+
+def local_frame(mesh: Mesh) -> LocalFrame:
+    """Around the middle of a mesh, in whole metres, on its lowest point."""
+    points = mesh.vertices[mesh.triangles.reshape(-1)]
+    low, high = points.min(axis=0), points.max(axis=0)
+    return LocalFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
+
+
+@dataclass(frozen=True)
+class Textured:
+    """Charts that have a raster each: mesh without triangles too small to show; extent (n, 2) metres that each raster covers
+    from its chart's origin; texels (n, 2) its width and height; raster, a chart's raster (h, w, 3) uint8; maps, of charts that
+    are lit, else None."""
+
+    charts: Charts
+    mesh: Mesh
+    extent: np.ndarray
+    texels: np.ndarray
+    raster: Callable[[int], np.ndarray]
+    maps: Callable[[int], Maps] | None = None
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Of every vertex, outward, (v, 3)."""
+        return self.charts.normal()[self.mesh.vertex_chart]
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """Every vertex in its chart's frame, (v, 2) metres."""
+        return self.mesh.chart_coordinates(self.charts)
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """The middle of every chart, (n, 3) metres."""
+        return self.charts.points(np.arange(len(self.charts)), *self.charts.size.T / 2)
+
+    def chosen(self, buildings: np.ndarray) -> np.ndarray:
+        """The charts of some buildings, -1 for the ground, that have triangles."""
+        drawn = np.zeros(len(self.charts), bool)
+        drawn[self.mesh.chart] = True
+        return np.flatnonzero(drawn & np.isin(self.charts.building, buildings))
+
+
+def shown_area(mesh: Mesh) -> np.ndarray:
+    """The area of every triangle, (t,) m2."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Textured:
+    """A block with the atlas pages (h, w, 3) uint8 that `read_page` gives."""
+    held = lru_cache(maxsize=PAGES_HELD)(read_page)
+    placement, mesh = scene.placement, scene.mesh
+
+    def raster(chart: int) -> np.ndarray:
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        page = held(int(placement.page[chart]))
+        return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
+
+    texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
+    return Textured(
+        scene.charts,
+        part_of(mesh, shown_area(mesh) > SMALLEST_M2),
+        texels / placement.texels_per_metre[:, None],
+        texels,
+        raster,
+    )
+
+
+def part_of(mesh: Mesh, keep: np.ndarray) -> Mesh:
+    """A mesh with the triangles that `keep` (t,) bool holds; vertices stay as they are."""
+    return Mesh(
+        mesh.vertices, mesh.triangles[keep], mesh.chart[keep], mesh.vertex_chart, mesh.texture[keep], mesh.uv[keep]
+    )
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Charts of one Textured laid out on pages: layout of `charts` (k,), and the JPEG of every page."""
+
+    source: Textured
+    charts: np.ndarray
+    layout: Layout
+
+    def texture_coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Where points (n, 2), metres in their charts' frames, of charts (n,) lie on their page: (n, 2), 0 to 1, v down."""
+        place, layout = np.searchsorted(self.charts, chart), self.layout
+        share = np.clip(points / self.source.extent[chart], 0, 1)
+        corner = np.column_stack([layout.x[place], layout.y[place]])
+        return (corner + share * layout.size[place]) / layout.pages[layout.page[place]]
+
+
+def layout_of(source: Textured, charts: np.ndarray, scale: float = 1.0) -> Drawn:
+    """Lay out charts (k,), ascending, at `scale` of their texels; neighbouring buildings share pages."""
+    size = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
+    size = np.minimum(size, LARGEST_PAGE - 2 * GUTTER)
+    return Drawn(source, charts, lay_out(size, _by_place(source, charts)))
+
+
+def _by_place(source: Textured, charts: np.ndarray) -> np.ndarray:
+    """A number for the building of each chart, for each piece of ground its own, that rises along a curve through the block."""
+    if not len(charts):
+        return np.zeros(0, np.int64)
+    building = source.charts.building[charts]
+    _, of = np.unique(np.where(building >= 0, building, -1 - charts), return_inverse=True)
+    centre = source.centres[charts, :2]
+    middle = np.stack([np.bincount(of, centre[:, k]) / np.bincount(of) for k in range(2)], axis=1)
+    cell = ((middle - middle.min(axis=0)) / (np.ptp(middle, axis=0).max() + 1) * 65535).astype(np.int64)
+    rank = np.empty(len(middle), np.int64)
+    rank[np.argsort(_interleaved(cell), kind="stable")] = np.arange(len(middle))
+    return rank[of]
+
+
+def _interleaved(cell: np.ndarray) -> np.ndarray:
+    """Positions (n, 2) of 16 bits along the Z-order curve."""
+    code = np.zeros(len(cell), np.int64)
+    for bit in range(16):
+        for axis in range(2):
+            code |= ((cell[:, axis] >> bit) & 1) << (2 * bit + axis)
+    return code
+
+
+def jpegs(drawn: Drawn) -> list[bytes]:
+    """Every page of a layout, encoded."""
+    return [page_jpeg(drawn, page) for page in range(len(drawn.layout.pages))]
+
+
+def page_jpeg(drawn: Drawn, page: int) -> bytes:
+    """A page of a layout, encoded."""
+    return encode(_page(drawn, page))
+
+
+def page_pictures(drawn: Drawn, page: int) -> Pictures:
+    """A page of a layout, with its maps where its source has them."""
+    maps, half = drawn.source.maps, halved(drawn.layout)
+    return Pictures(
+        _page(drawn, page),
+        None if maps is None else drawn_maps(drawn, page, lambda raster: draw_page(half, page, raster, GUTTER // 2)),
+    )
+
+
+def _page(drawn: Drawn, page: int) -> np.ndarray:
+    def raster(i: int) -> np.ndarray:
+        width, height = drawn.layout.size[i].tolist()
+        return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
+
+    return draw_page(drawn.layout, page, raster)
+
+
+def drawn_maps(drawn: Drawn, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]) -> Maps:
+    """The maps of a page; `draw` puts rasters of its pieces at half their texels on it."""
+    assert drawn.source.maps is not None
+    found: dict[int, tuple[np.ndarray | None, ...]] = {}
+    for i in np.flatnonzero(drawn.layout.page == page).tolist():
+        width, height = (-(-side // 2) for side in drawn.layout.size[i].tolist())
+        maps = drawn.source.maps(int(drawn.charts[i]))
+        found[i] = tuple(None if one is None else scaled(one, (width, height)) for one in maps)
+
+    def kind(number: int) -> np.ndarray | None:
+        if all(one[number] is None for one in found.values()):
+            return None
+        dark = lambda i: np.zeros_like(found[i][0])  # noqa: E731
+        return draw(lambda i: dark(i) if (one := found[i][number]) is None else one)
+
+    normal, orm, glow = (kind(number) for number in range(3))
+    assert normal is not None
+    assert orm is not None
+    return Maps(normal, orm, glow)
+
+
+def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> tuple[list[Node], np.ndarray]:
+    """One node per building, in their order, then the ground, from layouts whose pages follow one another.
+
+    names: building -> name. Second, the least and greatest corner (2, 3) of the model in its frame, after glTF.
+    """
+    primitives: dict[int, list[Primitive]] = {}
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    before = 0
+    for part in drawn:
+        source, mesh = part.source, part.source.mesh
+        place = np.full(len(source.charts), -1, np.int64)
+        place[part.charts] = np.arange(len(part.charts))
+        mine = np.flatnonzero(place[mesh.chart] >= 0)
+        page = part.layout.page[place[mesh.chart[mine]]]
+        owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
+        pages = len(part.layout.pages)
+        for code, here in grouped((owner + 1) * pages + page).items():
+            building, shown = code // pages - 1, code % pages
+            triangles = mesh.triangles[mine[here]]
+            used, index = np.unique(triangles, return_inverse=True)
+            position = frame.points(mesh.vertices[used]).astype(np.float32)
+            low, high = np.minimum(low, position.min(axis=0)), np.maximum(high, position.max(axis=0))
+            primitives.setdefault(building, []).append(
+                Primitive(
+                    position,
+                    frame.directions(source.normals[used]),
+                    part.texture_coordinates(mesh.vertex_chart[used], source.coordinates[used]),
+                    index.reshape(-1, 3),
+                    before + shown,
+                    frame.directions(source.charts.axis_u[mesh.vertex_chart[used]]) if source.maps else None,
+                )
+            )
+        before += len(part.layout.pages)
+    owners = sorted(primitives, key=lambda owner: (owner < 0, owner))
+    return [Node(names.get(owner, GROUND_NODE), tuple(primitives[owner])) for owner in owners], np.array([low, high])

@@ -1,0 +1,223 @@
+"""OpenUSD stages of textured parts, through Pixar's usd-core: metres, z up, one prim a building."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.core.errors import InputError
+from facade_core.export.models.glb import Node
+from facade_core.export.models.gltf_materials import DAY, NIGHT, STRENGTH
+
+# A building's and the block's prims, and the names that customData has of ours.
+ROOT, NAMESPACE = "Block", "streetloom"
+# Plaster, stone and brick scatter light: of what has no map.
+ROUGHNESS, REFRACTION = 0.9, 1.5
+# What chooses between the looks of DAY and NIGHT.
+TIMES = "time"
+
+
+@dataclass(frozen=True)
+class PageFiles:
+    """The asset paths of a page's pictures, from a building's stage: colour, and where it is lit normals; occlusion, roughness
+    and metal; light at night, where any is."""
+
+    colour: str
+    normal: str | None = None
+    orm: str | None = None
+    glow: str | None = None
+
+
+@dataclass(frozen=True)
+class ZUpFrame:
+    """x east, y north, z up, around `origin` (3,) in world metres: what models.Frame is where z is up."""
+
+    origin: np.ndarray
+
+    def points(self, world: np.ndarray) -> np.ndarray:
+        return world - self.origin
+
+    def directions(self, world: np.ndarray) -> np.ndarray:
+        return world
+
+
+def usd_module() -> Any:
+    """The package pxr. Raises InputError with the remedy where it is not installed."""
+    try:
+        import pxr.Usd
+    except ImportError as error:
+        raise InputError(
+            "--format usd: usd-core is not installed, as it takes 220 MB; `make usd-setup` does"
+        ) from error
+    return pxr
+
+
+def write_building(
+    path: Path, node: Node, pages: Sequence[PageFiles], said: Mapping[str, Any], time: str | None = None
+) -> None:
+    """A stage of one node: its meshes by page, and a material for each of these.
+
+    said: what the prim says of itself, in customData; time: which of its variants DAY and NIGHT is shown, None where it has
+    none.
+    """
+    usd_module()
+    from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+    stage = _stage(path)
+    name = identifier(node.name)
+    prim = UsdGeom.Xform.Define(stage, f"/{name}").GetPrim()
+    stage.SetDefaultPrim(prim)
+    Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
+    prim.SetDisplayName(node.name)
+    for key, value in said.items():
+        if value is not None:
+            prim.SetCustomDataByKey(f"{NAMESPACE}:{key}", value)
+    for primitive in node.primitives:
+        material = _material(stage, f"/{name}/Looks/page_{primitive.picture}", pages[primitive.picture])
+        mesh = UsdGeom.Mesh.Define(stage, f"/{name}/page_{primitive.picture}")
+        points = primitive.position.astype(np.float32)
+        mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+        mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(primitive.normal, np.float32)))
+        mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+        triangles = primitive.triangles.astype(np.int32)
+        mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(triangles), 3, np.int32)))
+        mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(triangles.ravel()))
+        mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        mesh.CreateExtentAttr([Gf.Vec3f(*map(float, edge)) for edge in (points.min(axis=0), points.max(axis=0))])
+        uv = np.column_stack([primitive.uv[:, 0], 1 - primitive.uv[:, 1]]).astype(np.float32)
+        kind = Sdf.ValueTypeNames.TexCoord2fArray
+        place = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
+        place.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv)))
+        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    if time:
+        _by_time(prim, time, {NIGHT: lambda: _shine(stage, name, node, pages)})
+    stage.GetRootLayer().Save()
+
+
+def write_block(
+    path: Path, parts: Mapping[str, str], said: Mapping[str, Any], comment: str, time: str | None = None
+) -> None:
+    """A stage that references those of its parts: name -> the asset path, from the stage's folder. said: in the layer's
+    customLayerData; comment: the layer's, whom to name; time: which variant all of them show, None where they have none."""
+    usd_module()
+    from pxr import Kind, Usd, UsdGeom
+
+    stage = _stage(path)
+    block = UsdGeom.Xform.Define(stage, f"/{ROOT}").GetPrim()
+    stage.SetDefaultPrim(block)
+    Usd.ModelAPI(block).SetKind(Kind.Tokens.group)
+    layer = stage.GetRootLayer()
+    layer.comment = comment
+    layer.customLayerData = {NAMESPACE: dict(said)}
+    for name, asset in parts.items():
+        UsdGeom.Xform.Define(stage, f"/{ROOT}/{identifier(name)}").GetPrim().GetReferences().AddReference(asset)
+    if time:
+
+        def choose(one: str) -> None:
+            for prim in block.GetChildren():
+                prim.GetVariantSets().SetSelection(TIMES, one)
+
+        _by_time(block, time, {one: partial(choose, one) for one in (DAY, NIGHT)})
+    layer.Save()
+
+
+def write_package(folder: Path, names: Sequence[str], path: Path) -> None:
+    """Files of a folder, by their paths in it, as one .usdz file; the first is the stage that it opens."""
+    usd_module()
+    from pxr import Sdf
+
+    with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
+        for name in names:
+            package.AddFile(str(folder / name), name)
+
+
+def identifier(name: str) -> str:
+    """A name as a prim may have it: what it cannot have as its code, so that no two names become one."""
+    found = "".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}_" for c in name)
+    return found if found[:1].isalpha() else f"_{found}"
+
+
+def _stage(path: Path) -> Any:
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    return stage
+
+
+def _by_time(prim: Any, first: str, said: Mapping[str, Callable[[], None]]) -> None:
+    """Variants DAY and NIGHT of a prim, `first` of which is shown; what each says is written while it is edited."""
+    variants = prim.GetVariantSets().AddVariantSet(TIMES)
+    for name in (DAY, NIGHT):
+        variants.AddVariant(name)
+        variants.SetVariantSelection(name)
+        with variants.GetVariantEditContext():
+            said.get(name, lambda: None)()
+    variants.SetVariantSelection(first)
+
+
+def _material(stage: Any, path: str, page: PageFiles) -> Any:
+    """A UsdPreviewSurface that shows a page's colour, and takes light as its maps say."""
+    from pxr import Sdf, UsdShade
+
+    material = UsdShade.Material.Define(stage, path)
+    surface, reader = (UsdShade.Shader.Define(stage, f"{path}/{name}") for name in ("surface", "st"))
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    place = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+    kinds = Sdf.ValueTypeNames
+    surface.CreateIdAttr("UsdPreviewSurface")
+    colour = _texture(stage, f"{path}/colour", page.colour, place, "sRGB")
+    surface.CreateInput("diffuseColor", kinds.Color3f).ConnectToSource(colour.CreateOutput("rgb", kinds.Float3))
+    if page.normal and page.orm:
+        normal = _texture(stage, f"{path}/normal", page.normal, place, "raw", scale=2.0, bias=-1.0)
+        surface.CreateInput("normal", kinds.Normal3f).ConnectToSource(normal.CreateOutput("rgb", kinds.Float3))
+        orm = _texture(stage, f"{path}/orm", page.orm, place, "raw")
+        for channel, name in zip("rgb", ("occlusion", "roughness", "metallic"), strict=True):
+            surface.CreateInput(name, kinds.Float).ConnectToSource(orm.CreateOutput(channel, kinds.Float))
+    else:
+        surface.CreateInput("roughness", kinds.Float).Set(ROUGHNESS)
+        surface.CreateInput("metallic", kinds.Float).Set(0.0)
+    surface.CreateInput("ior", kinds.Float).Set(REFRACTION)
+    out = surface.CreateOutput("surface", kinds.Token)
+    material.CreateSurfaceOutput().ConnectToSource(out)
+    return material
+
+
+def _shine(stage: Any, name: str, node: Node, pages: Sequence[PageFiles]) -> None:
+    """Windows give light."""
+    from pxr import Sdf, UsdShade
+
+    for primitive in node.primitives:
+        path, glow = f"/{name}/Looks/page_{primitive.picture}", pages[primitive.picture].glow
+        if glow:
+            place = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
+            texture = _texture(stage, f"{path}/glow", glow, place, "sRGB", scale=STRENGTH)
+            surface = UsdShade.Shader.Get(stage, f"{path}/surface")
+            lit = surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Color3f)
+            lit.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+
+
+def _texture(
+    stage: Any, path: str, picture: str, place: Any, space: str, *, scale: float = 1.0, bias: float = 0.0
+) -> Any:
+    """What reads a picture where `place` says, as numbers of a colour space, times `scale` and `bias` more."""
+    from pxr import Gf, Sdf, UsdShade
+
+    texture = UsdShade.Shader.Define(stage, path)
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(picture)
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(place)
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(space)
+    for side in ("wrapS", "wrapT"):
+        texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set("clamp")
+    if (scale, bias) != (1.0, 0.0):
+        texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(scale, scale, scale, 1.0))
+        texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(bias, bias, bias, 0.0))
+    return texture

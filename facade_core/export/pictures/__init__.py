@@ -1,0 +1,1 @@
+"""Rendered pictures of a block and of facade stages."""

@@ -1,0 +1,104 @@
+"""Facades with their elements as COCO and LabelMe annotations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
+from facade_core.core.types import Element
+from facade_core.export.city_models.attribution import Attribution
+
+
+@dataclass(frozen=True)
+class Annotated:
+    """A rectified facade: its id, its picture's file, width and height in pixels, the side of one in metres, and its elements
+    in pixels, y down."""
+
+    facade: str
+    file: str
+    width: int
+    height: int
+    metres_per_pixel: float
+    elements: Sequence[Element]
+
+    def clipped(self) -> list[Element]:
+        """The elements that lie in the picture, cut at its border."""
+        found = [
+            Element(e.label, max(e.x0, 0), max(e.y0, 0), min(e.x1, self.width), min(e.y1, self.height), e.confidence)
+            for e in self.elements
+        ]
+        return [e for e in found if e.width > 0 and e.height > 0]
+
+
+def coco(facades: Sequence[Annotated], description: str, attribution: Attribution) -> dict[str, Any]:
+    """A COCO object detection document. Categories have the class ids of facade_core.core.labels; `score` is the parser's
+    confidence."""
+    annotations: list[dict[str, Any]] = []
+    for image, facade in enumerate(facades, start=1):
+        for e in facade.clipped():
+            corners = (e.x0, e.y0, e.x1, e.y0, e.x1, e.y1, e.x0, e.y1)
+            annotations.append(
+                {
+                    "id": len(annotations) + 1,
+                    "image_id": image,
+                    "category_id": CLASSES.index(e.label),
+                    "bbox": [round(v, 2) for v in (e.x0, e.y0, e.width, e.height)],
+                    "area": round(e.width * e.height, 2),
+                    "segmentation": [[round(v, 2) for v in corners]],
+                    "iscrowd": 0,
+                    "score": e.confidence,
+                }
+            )
+    return {
+        "info": {
+            "description": description,
+            "contributor": attribution.line,
+            **({"date_created": attribution.made} if attribution.made else {}),
+            "attribution": attribution.value(),
+        },
+        "licenses": [{"id": i, "name": name} for i, name in enumerate(attribution.licences, start=1)],
+        "images": [
+            {
+                "id": i,
+                "file_name": f.file,
+                "width": f.width,
+                "height": f.height,
+                "facade": f.facade,
+                "metres_per_pixel": f.metres_per_pixel,
+            }
+            for i, f in enumerate(facades, start=1)
+        ],
+        "annotations": annotations,
+        "categories": [
+            {"id": CLASSES.index(name), "name": name, "supercategory": "facade"}
+            for name in sorted(ELEMENT_CLASSES, key=CLASSES.index)
+        ],
+    }
+
+
+def labelme(facade: Annotated, attribution: Attribution) -> dict[str, Any]:
+    """The LabelMe file of one facade, beside its picture; LabelMe keeps what else it finds there: whom to name, and which
+    facade it is."""
+    return {
+        "version": "5.5.0",
+        "flags": {},
+        "shapes": [
+            {
+                "label": e.label,
+                "points": [[round(e.x0, 2), round(e.y0, 2)], [round(e.x1, 2), round(e.y1, 2)]],
+                "group_id": None,
+                "description": "",
+                "shape_type": "rectangle",
+                "flags": {},
+            }
+            for e in facade.clipped()
+        ],
+        "imagePath": facade.file,
+        "imageData": None,
+        "imageHeight": facade.height,
+        "imageWidth": facade.width,
+        "facade": facade.facade,
+        "attribution": attribution.value(),
+    }

@@ -1,0 +1,144 @@
+"""Texels as pixels see them: each pixel takes the mean of what it covers, however slanted."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+# A pixel that is so many times longer on a surface than it is wide takes as many places along it, at most.
+LONGEST = 12
+# A surface seen more aslant than this (sine) counts as if it were seen so.
+GRAZING = 0.01
+
+
+class Levels(NamedTuple):
+    """A raster (h, w, 3) uint8 and halves of it, each the means of the one before: texels (k, 3), one raster after the other;
+    first, rows, columns (levels,)."""
+
+    texels: np.ndarray
+    first: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+
+
+class Pinhole(NamedTuple):
+    """A camera as kernels read it: position, and unit axes ahead, right and down (3,) each; focal length, width and height in
+    pixels."""
+
+    position: np.ndarray
+    ahead: np.ndarray
+    right: np.ndarray
+    down: np.ndarray
+    focal: float
+    width: int
+    height: int
+
+
+def levels_of(raster: np.ndarray, coarsest: float) -> Levels:
+    """A raster (h, w, 3) uint8 with halves of it down to where a texel is at least `coarsest` of its own wide."""
+    import cv2
+
+    levels = [raster]
+    while 2 ** (len(levels) - 1) < coarsest and max(levels[-1].shape[:2]) > 1:
+        rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
+        levels.append(cv2.resize(levels[-1], (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, 3))
+    shapes = np.array([level.shape[:2] for level in levels])
+    area = shapes.prod(axis=1)
+    texels = np.concatenate([level.reshape(-1, 3) for level in levels])
+    return Levels(texels, np.cumsum(area) - area, shapes[:, 0].copy(), shapes[:, 1].copy())
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def paint(
+    rgb: np.ndarray,
+    pixel: np.ndarray,
+    depth: np.ndarray,
+    pinhole: Pinhole,
+    origin: np.ndarray,
+    axes: np.ndarray,
+    density: np.ndarray,
+    levels: Levels,
+) -> None:
+    """Draw, in place, the pixels (k,) of rgb (n, 3) uint8 that show a chart, at distances (k,) from the camera.
+
+    origin (3,) and axes (3, 3), right, down and outward, are the chart's frame, density (2,) the texels of its raster for a
+    metre to the right and down.
+    """
+    away = pinhole.position - origin
+    for k in range(len(pixel)):
+        row, column = divmod(pixel[k], pinhole.width)
+        x = (column + 0.5 - pinhole.width / 2) / pinhole.focal
+        y = (row + 0.5 - pinhole.height / 2) / pinhole.focal
+        long = np.sqrt(1 + x * x + y * y)
+        t = depth[k] / long
+        u, v, slant = 0.0, 0.0, 0.0
+        for i in range(3):
+            ray = pinhole.ahead[i] + x * pinhole.right[i] + y * pinhole.down[i]
+            u += (away[i] + t * ray) * axes[0, i]
+            v += (away[i] + t * ray) * axes[1, i]
+            slant += ray * axes[2, i]
+        least = GRAZING * long
+        slant = min(slant, -least) if slant < 0 else max(slant, least)
+        # how the place moves with a step of a pixel to the right and down
+        along_right, along_down = 0.0, 0.0
+        for i in range(3):
+            along_right += pinhole.right[i] * axes[2, i]
+            along_down += pinhole.down[i] * axes[2, i]
+        along_right, along_down = along_right / slant, along_down / slant
+        ux, uy, vx, vy = 0.0, 0.0, 0.0, 0.0
+        for i in range(3):
+            ray = pinhole.ahead[i] + x * pinhole.right[i] + y * pinhole.down[i]
+            dx = pinhole.right[i] - ray * along_right
+            dy = pinhole.down[i] - ray * along_down
+            ux += dx * axes[0, i]
+            uy += dy * axes[0, i]
+            vx += dx * axes[1, i]
+            vy += dy * axes[1, i]
+        step = t / pinhole.focal
+        ux, uy, vx, vy = ux * step * density[0], uy * step * density[0], vx * step * density[1], vy * step * density[1]
+        wide, high = np.sqrt(ux * ux + vx * vx), np.sqrt(uy * uy + vy * vy)
+        if wide >= high:
+            major, minor, du, dv = wide, high, ux, vx
+        else:
+            major, minor, du, dv = high, wide, uy, vy
+        across = max(minor, major / LONGEST, 1e-6)
+        count = min(max(int(np.ceil(major / max(across, 1.0))), 1), LONGEST)
+        level = np.log2(max(across, 1.0))
+        lower = min(int(level), len(levels.first) - 1)
+        upper = min(lower + 1, len(levels.first) - 1)
+        share = level - lower if upper > lower else 0.0
+        red, green, blue = 0.0, 0.0, 0.0
+        for j in range(count):
+            at = (j + 0.5) / count - 0.5
+            pu, pv = u * density[0] + at * du, v * density[1] + at * dv
+            r, g, b = _bilinear(levels, lower, pu, pv)
+            if share > 0:
+                r2, g2, b2 = _bilinear(levels, upper, pu, pv)
+                r, g, b = r + share * (r2 - r), g + share * (g2 - g), b + share * (b2 - b)
+            red, green, blue = red + r, green + g, blue + b
+        rgb[pixel[k], 0] = int(red / count + 0.5)
+        rgb[pixel[k], 1] = int(green / count + 0.5)
+        rgb[pixel[k], 2] = int(blue / count + 0.5)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _bilinear(levels: Levels, level: int, u: float, v: float) -> tuple[float, float, float]:
+    """A level's colour at a place of the raster, in texels of its own size."""
+    rows, columns, first = levels.rows[level], levels.columns[level], levels.first[level]
+    x = min(max(u * columns / levels.columns[0] - 0.5, 0.0), columns - 1.0)
+    y = min(max(v * rows / levels.rows[0] - 0.5, 0.0), rows - 1.0)
+    x0, y0 = int(x), int(y)
+    x1, y1 = min(x0 + 1, columns - 1), min(y0 + 1, rows - 1)
+    beside, below = x - x0, y - y0
+    a, b = first + y0 * columns + x0, first + y0 * columns + x1
+    c, d = first + y1 * columns + x0, first + y1 * columns + x1
+    p, q, r, s = (1 - beside) * (1 - below), beside * (1 - below), (1 - beside) * below, beside * below
+    t = levels.texels
+    return (
+        p * t[a, 0] + q * t[b, 0] + r * t[c, 0] + s * t[d, 0],
+        p * t[a, 1] + q * t[b, 1] + r * t[c, 1] + s * t[d, 1],
+        p * t[a, 2] + q * t[b, 2] + r * t[c, 2] + s * t[d, 2],
+    )

@@ -1,0 +1,162 @@
+"""Pictures: the textured block as a camera sees it, and a facade's stages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from facade_core.core.grouping import Grouped
+from facade_core.core.labels import CLASSES, COLOURS, colourise
+from facade_core.core.types import Lattice
+from facade_core.export.pictures import filtering
+from facade_core.export.pictures.camera import Camera
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.scene import Scene
+from facade_core.street.lighting.sky import HAZE_M, HORIZON, backdrop
+
+# An element of which more than this share was hidden is one that the completion made.
+COMPLETED = 0.3
+# Layouts are drawn at least so many pixels high: lines over small facades stay thin.
+LAYOUT_HEIGHT = 480
+# Pixels that are cast, or hazed, together: few enough that what is made of them on the way stays below what malloc gives back
+# to the system (`flows.memory`). Pages that are mapped anew for every intermediate array took half of a picture's time.
+AT_ONCE = 1 << 15
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for the rasters of their charts.
+
+    scene and camera: what is seen, and from where; pixel (k,) flat index; chart (k,); depth (k,) float32, metres.
+    """
+
+    scene: Scene
+    camera: Camera
+    rgb: np.ndarray
+    pixel: np.ndarray
+    chart: np.ndarray
+    depth: np.ndarray
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """The charts (c,) that it shows, ascending."""
+        return np.unique(self.chart)
+
+    def paint(self, rasters: Mapping[int, np.ndarray]) -> None:
+        """Draw, in place, the pixels that show some charts, by their rasters (h, w, 3), which may be coarser than the atlas:
+        bilinear, and by the means of what a pixel covers where that is more than a texel."""
+        charts, place = self.scene.charts, self.scene.placement
+        ahead, right, down, focal = self.camera.frame()
+        height, width = self.camera.size
+        pinhole = filtering.Pinhole(self.camera.position, ahead, right, down, focal, width, height)
+        axes = np.stack([charts.axis_u, charts.axis_v, charts.normal()], axis=1)
+        for chart, raster in rasters.items():
+            here = self._by_chart.of(chart)
+            if not len(here):
+                continue
+            depth = self.depth[here]
+            share = np.array(raster.shape[1::-1]) / (place.width[chart], place.height[chart])
+            density = place.texels_per_metre[chart] * share
+            levels = filtering.levels_of(raster, float(depth.max() / focal * density.max()) * filtering.LONGEST)
+            flat = self.rgb.reshape(-1, 3)
+            filtering.paint(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)
+
+    def hazed(self) -> np.ndarray:
+        """The painted picture with the haze between what is nearest and what is far, (h, w, 3) uint8."""
+        nearest = self.depth.min(initial=np.inf)
+        drawn = self.rgb.copy().reshape(-1, 3)
+        for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // AT_ONCE):
+            share = (1 - np.exp((nearest - self.depth[some]) / HAZE_M))[:, None].astype(np.float32)
+            here = self.pixel[some]
+            drawn[here] = (drawn[here] * (1 - share) + HORIZON.astype(np.float32) * share + 0.5).astype(np.uint8)
+        return drawn.reshape(self.rgb.shape)
+
+    @cached_property
+    def _by_chart(self) -> Grouped:
+        return Grouped(self.chart)
+
+
+def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
+    """What every pixel shows, and how far away. Rays are `samples` times denser per axis; average the picture down after
+    painting."""
+    size = (camera.size[0] * samples, camera.size[1] * samples)
+    dense = replace(camera, size=size)
+    depth, chart, rgb = np.empty(size, np.float32), np.empty(size, np.int32), np.zeros((*size, 3), np.uint8)
+    band = max(1, AT_ONCE // size[1])
+    for top in range(0, size[0], band):
+        rows = slice(top, top + band)
+        rays = dense.rays(rows)
+        depth[rows], chart[rows] = scene.caster.cast(camera.position, rays)
+        missed = chart[rows] == MISS
+        rgb[rows][missed] = backdrop(rays[missed])
+    pixel = np.flatnonzero(chart.reshape(-1) != MISS)
+    return Picture(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
+
+
+def perspective(scene: Scene, camera: Camera, raster: Callable[[int], np.ndarray], *, samples: int = 2) -> np.ndarray:
+    """The textured block as a camera sees it, (h, w, 3) uint8: filtered, with sky and haze.
+
+    raster gives the raster (h, w, 3) uint8 of a chart; that of published pages is `textured_scene(scene, page).raster`, as
+    `tasks.published.opened.published(out)` has it:
+
+        with published(out) as found:
+            camera = Camera.towards(position, heading=40, pitch=3, field_of_view=75, size=(900, 1440))
+            rgb = perspective(found.plan.scene, camera, found.textured.raster)
+    """
+    picture = aim(scene, camera, samples=samples)
+    for chart in picture.seen[np.argsort(scene.placement.page[picture.seen], kind="stable")].tolist():
+        picture.paint({chart: raster(chart)})
+    return averaged(picture.hazed(), samples)
+
+
+def averaged(rgb: np.ndarray, samples: int) -> np.ndarray:
+    """A picture (h * samples, w * samples, 3) as means of its samples, (h, w, 3) uint8."""
+    import cv2
+
+    size = (rgb.shape[1] // samples, rgb.shape[0] // samples)
+    return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+
+
+def file_of(rgb: np.ndarray, format: str, **options: int) -> bytes:
+    """A picture (h, w, 3) uint8 as a file of a format and with options of Pillow."""
+    from PIL import Image
+
+    buffer = BytesIO()
+    Image.fromarray(rgb).save(buffer, format, **options)
+    return buffer.getvalue()
+
+
+def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
+    """A parse in its colours with the lattice's split lines over it, (h, w, 3) uint8."""
+    drawn = colourise(label_map)
+    height, width = label_map.shape
+    for row in lattice.rows:
+        drawn[min(row, height - 1)] = 255
+    for column in lattice.columns:
+        drawn[:, min(column, width - 1)] = 255
+    return drawn
+
+
+def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequence[Any]]) -> np.ndarray:
+    """Elements over a texture (h, w, 3): outlined where they were seen, filled where the completion made them.
+
+    elements: rows of label, x0, y0, x1, y1 in texels and confidence. The texture is enlarged by a whole number.
+    """
+    import cv2
+
+    times = max(1, -(-LAYOUT_HEIGHT // image.shape[0]))
+    drawn = np.repeat(np.repeat(image, times, axis=0), times, axis=1)
+    for name, *box, _ in elements:
+        x0, y0, x1, y1 = (round(value) for value in box)
+        colour = COLOURS[CLASSES.index(name)] if name in CLASSES else np.full(3, 128, np.uint8)
+        part = hidden[max(0, y0) : y1, max(0, x0) : x1]
+        if part.size and part.mean() > COMPLETED:
+            area = drawn[max(0, y0) * times : y1 * times, max(0, x0) * times : x1 * times]
+            area[:] = (0.45 * area + 0.55 * colour).astype(np.uint8)
+        cv2.rectangle(drawn, (x0 * times, y0 * times), (x1 * times - 1, y1 * times - 1), colour.tolist(), 2)
+    return drawn

@@ -1,0 +1,93 @@
+"""Views of a block: from where it is pictured, and the picture painted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.export.pictures.camera import Camera, aerial, close_up, street_level
+from facade_core.export.pictures.picture import Picture, averaged
+from facade_core.geometry.walls import STREET
+from facade_core.plan.plan import Plan
+from facade_core.street.lighting.sun import Sun, direction
+
+VIEW_SIZE = (900, 1440)
+# Rays along each side of a pixel.
+SAMPLES = 2
+# A facade from a photo is so much more worth showing than one from an exemplar.
+PHOTO_WORTH = 4
+# What lies in its own shade is so much less worth showing than what the sun is on.
+SHADED_WORTH = 0.4
+# Streets that have a view, and viewpoints of a street that are tried for it.
+STREETS, LOOKED_AT = 3, 24
+
+T = TypeVar("T")
+
+
+def view_names(plan: Plan) -> list[str]:
+    """The views of a block: from above, along some streets, and of a facade from near."""
+    near = ["close-up"] if len(plan.facades.chart) else []
+    return ["above", *(f"street-{number}" for number in range(len(_streets(plan)))), *near]
+
+
+def pictured(plan: Plan) -> np.ndarray:
+    """The facades (k,) of which there are pictures: those on streets."""
+    return np.flatnonzero(plan.facades.role == STREET)
+
+
+def cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None) -> list[Camera]:
+    """The cameras of `view_names`, from where most of the facades is seen, photos before others, and those that the sun is on.
+
+    records: those of facades.
+    """
+    worth = _worth(plan, records, sun)
+    found = [aerial(plan.scene, VIEW_SIZE, worth)]
+    for street in _streets(plan):
+        own = spread(plan.of_street(street), LOOKED_AT)
+        found.append(street_level(plan.scene, own, VIEW_SIZE, worth))
+    if len(plan.facades.chart):
+        found.append(close_up(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
+    return found
+
+
+def _worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) -> np.ndarray:
+    """How much each chart (n,) is worth showing; what is no facade on a street, nothing."""
+    worth = np.zeros(len(plan.scene.charts))
+    for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
+        worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
+    if sun is not None:
+        worth *= np.where(plan.scene.charts.normal() @ direction(sun) > 0, 1.0, SHADED_WORTH)
+    return worth
+
+
+def photo_share(record: Record | None) -> float:
+    """How much of a facade is from pictures of it, by its record."""
+    return record.get("provenance", [0.0])[-1] if record else 0.0
+
+
+def paint(picture: Picture, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
+    """A picture aimed with SAMPLES, painted from the rasters of charts, (h, w, 3) uint8; parts: some by chart at a time."""
+    for rasters in parts:
+        picture.paint(rasters)
+    return averaged(picture.hazed(), SAMPLES)
+
+
+def spread(values: list[T], count: int) -> list[T]:
+    """At most `count` of the values, evenly spread."""
+    if len(values) <= count:
+        return values
+    return [values[round(i * (len(values) - 1) / (count - 1))] for i in range(count)]
+
+
+def _streets(plan: Plan) -> list[int]:
+    """The streets that have a view: those with the most facades, by area; a lane between backs shows a wall."""
+    facades = plan.facades
+    area = np.bincount(
+        facades.street, facades.width * facades.height * (facades.role == STREET), minlength=len(plan.streets)
+    )
+    walked = np.unique(plan.street_of_viewpoints)
+    most = walked[np.argsort(-area[walked], kind="stable")][:STREETS]
+    return sorted(most.tolist())

@@ -1,0 +1,1 @@
+"""3D Tiles: quadtree, tile content and distant shells."""

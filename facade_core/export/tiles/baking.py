@@ -1,0 +1,97 @@
+"""The look of a building's own surfaces on simpler ones: rays from before each texel to what is there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from facade_core.export.models.textured_parts import Textured
+from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.raycast import MISS, RayCaster
+
+# Walls are looked at from this far before the shell, and as far behind it.
+BEFORE_M, BEHIND_M = 2.0, 12.0
+# No ray is nearer to the edge of a shell's wall or roof.
+EDGE_M = 0.03
+# Rays per texel and axis.
+SAMPLES = 3
+
+
+def bake(
+    source: Textured,
+    triangles: np.ndarray,
+    charts: Charts,
+    chosen: np.ndarray,
+    texels: np.ndarray,
+    density: float,
+    looks: Sequence[Callable[[int], np.ndarray]],
+) -> list[dict[int, np.ndarray]]:
+    """Rasters (h, w, 3) uint8 of the charts in `chosen`, showing the building whose `triangles` of the source are given, one
+    for each of `looks`, which give a source chart's raster of any size.
+
+    texels (n, 2), width and height of the charts' rasters; density, texels per metre. What no ray finds takes the colour found
+    nearest on its chart, else the building's mean.
+    """
+    mesh = source.mesh
+    used, index = np.unique(mesh.triangles[triangles], return_inverse=True)
+    own = Mesh(
+        mesh.vertices[used], index.reshape(-1, 3).astype(np.int32), mesh.chart[triangles], mesh.vertex_chart[used]
+    )
+    caster = RayCaster(own)
+    highest = own.vertices[:, 2].max()
+    normals = charts.normal()
+    shown: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in looks]
+    for chart in chosen.tolist():
+        width, height = texels[chart].tolist()
+        x = (np.arange(width * SAMPLES) + 0.5) / SAMPLES / density
+        y = (np.arange(height * SAMPLES) + 0.5) / SAMPLES / density
+        # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
+        x, y = (np.clip(v, EDGE_M, side - EDGE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
+        points = charts.points(chart, x[None], y[:, None])
+        wall = charts.kind[chart] == WALL
+        before = BEFORE_M if wall else highest - charts.origin[chart, 2] + 1.0
+        ahead = -normals[chart]
+        origins = points - before * ahead
+        depth, hit = caster.cast(origins, np.broadcast_to(ahead, points.shape))
+        found = (hit != MISS) & (depth < (before + BEHIND_M if wall else np.inf))
+        for baked, look in zip(shown, looks, strict=True):
+            colour = np.zeros((*hit.shape, 3), np.uint8)
+            colour[found] = _look_up(source, hit[found], origins[found] + depth[found][:, None] * ahead, look)
+            baked[chart] = colour, found
+    return [_whole(baked) for baked in shown]
+
+
+def _whole(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dict[int, np.ndarray]:
+    seen = [colour[found] for colour, found in shown.values() if found.any()]
+    mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
+    return {chart: _averaged(_filled(colour, found, mean)) for chart, (colour, found) in shown.items()}
+
+
+def _look_up(source: Textured, chart: np.ndarray, points: np.ndarray, look: Callable[[int], np.ndarray]) -> np.ndarray:
+    """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
+    share = source.charts.coordinates(chart, points) / source.extent[chart]
+    colours = np.empty((len(chart), 3), np.uint8)
+    for one in np.unique(chart).tolist():
+        here, raster = chart == one, look(one)
+        size = np.array(raster.shape[1::-1])
+        column, row = np.clip((share[here] * size).astype(np.int64), 0, size - 1).T
+        colours[here] = raster[row, column]
+    return colours
+
+
+def _filled(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    from scipy.ndimage import distance_transform_edt
+
+    if found.all():
+        return colour
+    if not found.any():
+        return np.broadcast_to(mean.round().astype(np.uint8), colour.shape)
+    nearest = distance_transform_edt(~found, return_distances=False, return_indices=True)
+    return colour[tuple(nearest)]
+
+
+def _averaged(colour: np.ndarray) -> np.ndarray:
+    height, width, _ = colour.shape
+    cells = colour.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, 3)
+    return cells.mean(axis=(1, 3)).round().astype(np.uint8)

@@ -1,0 +1,67 @@
+"""Where a block stands on the earth: from its metric frame to the earth-centred one that 3D Tiles are placed in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.models.textured_parts import y_up
+
+# Metres over which the turn between grid north and true north is measured.
+STEP_M = 100.0
+
+
+@dataclass(frozen=True)
+class EarthFrame:
+    """East, north and up, metres, at a point of a block.
+
+    earth_centred: world points (n, 3) -> earth-centred, earth-fixed metres (EPSG:4978); centre (3,), the frame's origin there;
+    axes (3, 3), its rows east, north and up; turn, radians from true to grid north, clockwise. Every point goes by way of the
+    earth-centred frame, so that neither the scale of the projection nor the earth's curve moves it.
+    """
+
+    earth_centred: Callable[[np.ndarray], np.ndarray]
+    centre: np.ndarray
+    axes: np.ndarray
+    turn: float
+
+    def transform(self) -> np.ndarray:
+        """The frame in the earth-centred one, (4, 4)."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.axes.T, self.centre
+        return matrix
+
+    def points(self, world: np.ndarray) -> np.ndarray:
+        return y_up((self.earth_centred(world) - self.centre) @ self.axes.T)
+
+    def directions(self, world: np.ndarray) -> np.ndarray:
+        """Directions (n, 3), turned from grid to true north as at the origin."""
+        x, y, z = world.T
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        return y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
+
+
+def earth_frame(crs: Any, origin: np.ndarray, geoid_separation: float = 0.0) -> EarthFrame:
+    """The frame at a point (3,) of a block whose horizontal frame is `crs` (any user input of pyproj).
+
+    geoid_separation: metres to add to the block's heights for heights over the ellipsoid.
+    """
+    from pyproj import Transformer
+
+    to_degrees = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    to_earth = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+
+    def earth_centred(world: np.ndarray) -> np.ndarray:
+        degrees = to_degrees.transform(world[:, 0], world[:, 1])
+        return np.column_stack(to_earth.transform(*degrees, world[:, 2] + geoid_separation))
+
+    longitude, latitude = np.radians(to_degrees.transform(*origin[:2]))
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    axes = np.stack([east, np.cross(up, east), up])
+    centre, ahead = earth_centred(np.stack([origin, origin + np.array([0.0, STEP_M, 0.0])]))
+    x, y, _ = axes @ (ahead - centre)
+    return EarthFrame(earth_centred, centre, axes, float(np.arctan2(x, y)))

@@ -1,0 +1,117 @@
+"""A tile as GLB: one primitive a picture, quantised, whose vertices name rows of one table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.models.buffers import BYTE, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, Buffer
+from facade_core.export.models.encoders import Encoder
+from facade_core.export.models.features import LABELS, Features, feature_ids
+from facade_core.export.models.glb import SAMPLERS, glb_of, tangents
+from facade_core.export.models.gltf_materials import Look, Time, materials_of
+
+# The largest of the component types of quantised data.
+BYTE_MOST, SHORT_MOST = 127, 65535
+# Positions lie on a grid of a power of two of this many metres at least, which tiles of one size share: no cracks between them.
+FINEST_M = 2.0**-10
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Triangles that show one picture, whatever they are of; in glTF's frame (y up).
+
+    position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, v down; triangles (t, 3); rows (v, 2): the features'
+    rows of a vertex' part and of its building; tangent (v, 3), of what is lit: unit, along u.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    triangles: np.ndarray
+    rows: np.ndarray
+    tangent: np.ndarray | None = None
+
+
+def tile_glb(
+    batches: Sequence[Batch],
+    looks: Sequence[Look],
+    encoder: Encoder,
+    features: Features,
+    copyright: str,
+    time: Time = "day",
+) -> bytes:
+    """The tile of batches, the i-th of which shows the i-th look."""
+    shown = materials_of(looks, encoder, time)
+    buffer = Buffer()
+    everything = np.concatenate([batch.position for batch in batches])
+    low, step = quantised_frame(everything)
+    used, index = np.unique(np.concatenate([batch.rows for batch in batches]), return_inverse=True)
+    index = index.reshape(-1, len(LABELS))
+    primitives = []
+    start = 0
+    for number, batch in enumerate(batches):
+        place = np.round((batch.position - low) / step).astype("<u2")
+        ids = index[start : start + len(batch.position)]
+        start += len(batch.position)
+        bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
+        attributes = {
+            "POSITION": buffer.accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
+            "NORMAL": buffer.accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
+            "TEXCOORD_0": buffer.accessor(
+                np.round(batch.uv * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
+            ),
+        }
+        if batch.tangent is not None:
+            along = np.round(tangents(batch.tangent) * BYTE_MOST).astype("i1")
+            attributes["TANGENT"] = buffer.accessor(along, BYTE, "VEC4", normalized=True)
+        named, mesh_features = feature_ids(ids, len(used), buffer)
+        wide = len(batch.position) > SHORT_MOST
+        triangles = batch.triangles.astype("<u4" if wide else "<u2").reshape(-1, 1)
+        primitives.append(
+            {
+                "attributes": attributes | named,
+                "indices": buffer.accessor(
+                    triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=INDICES
+                ),
+                "material": number,
+                "extensions": {"EXT_mesh_features": mesh_features},
+            }
+        )
+    metadata = features.metadata(used, buffer.view)
+    images = [{"bufferView": buffer.view(picture), "mimeType": encoder.mime} for picture in shown.pictures]
+    required = [encoder.extension] if encoder.extension else []
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
+        "extensionsUsed": [
+            "KHR_mesh_quantization",
+            "EXT_mesh_features",
+            "EXT_structural_metadata",
+            *shown.used,
+        ],
+        "extensionsRequired": ["KHR_mesh_quantization", *required],
+        "extensions": {"EXT_structural_metadata": metadata},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": [step] * 3}],
+        "meshes": [{"primitives": primitives}],
+        "materials": shown.document["materials"],
+        "textures": shown.document["textures"],
+        "images": images,
+        "samplers": SAMPLERS,
+        **buffer.document,
+    }
+    return glb_of(document, buffer.chunks)
+
+
+def quantised_frame(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Origin (3,) and step, metres, of the grid on which points (n, 3) fit 16 bits: the step a power of two, the origin on a
+    grid of whole steps that starts at zero."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    step = FINEST_M
+    while float((high - low).max()) / step > SHORT_MOST - 2:
+        step *= 2
+    return np.floor(low / step) * step, step

@@ -1,0 +1,77 @@
+"""The charts of a tile on pages of powers of two, cut to what their triangles show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.grouping import grouped
+from facade_core.export.models.page_packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
+from facade_core.export.models.pages import Layout, Pictures, halved, scaled
+from facade_core.export.models.textured_parts import Drawn, Textured, drawn_maps
+
+
+@dataclass(frozen=True)
+class TilePages:
+    """Charts on pages; masks of cells with their borders; used, texels that triangles show."""
+
+    drawn: Drawn
+    masks: tuple[np.ndarray, ...]
+    used: float
+
+    @property
+    def texels(self) -> int:
+        """Of all pages."""
+        return int(self.drawn.layout.pages.prod(axis=1).sum())
+
+    def pictures(self, page: int) -> Pictures:
+        """A page, with its maps where its source has them."""
+        drawn = self.drawn
+
+        def raster(i: int) -> np.ndarray:
+            width, height = drawn.layout.size[i].tolist()
+            return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
+
+        half = halved(drawn.layout)
+        return Pictures(
+            self._drawn(drawn.layout, page, raster, CELL),
+            None
+            if drawn.source.maps is None
+            else drawn_maps(drawn, page, lambda raster: self._drawn(half, page, raster, CELL // 2)),
+        )
+
+    def _drawn(self, layout: Layout, page: int, raster: Callable[[int], np.ndarray], cell: int) -> np.ndarray:
+        """A page (h, w, 3) uint8 of a layout: what is shown with its border, and their mean between."""
+        width, height = layout.pages[page].tolist()
+        image = np.zeros((height, width, 3), np.uint8)
+        free = np.ones((height, width), bool)
+        for i in np.flatnonzero(layout.page == page).tolist():
+            own = raster(i)
+            h, w = own.shape[:2]
+            taken = np.kron(self.masks[i], np.ones((cell, cell), bool))
+            rows, columns = taken.shape
+            padded = np.pad(own, [(cell, rows - h - cell), (cell, columns - w - cell), (0, 0)], mode="edge")
+            top, left = int(layout.y[i]) - cell, int(layout.x[i]) - cell
+            place = (slice(top, top + rows), slice(left, left + columns))
+            np.copyto(image[place], padded, where=taken[..., None])
+            free[place] &= ~taken
+        if free.any() and not free.all():
+            mean = image.sum(axis=(0, 1)) / (free.size - np.count_nonzero(free))
+            np.copyto(image, mean.round().astype(np.uint8), where=free[..., None])
+        return image
+
+
+def tile_pages(source: Textured, charts: np.ndarray, scale: float = 1.0) -> TilePages:
+    """Pages of charts (k,), ascending, at `scale` of their texels."""
+    wanted = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
+    size = room(np.minimum(wanted, LARGEST_PAGE))
+    of_chart = grouped(source.mesh.chart)
+    masks, used = [], 0.0
+    for chart, (width, height) in zip(charts.tolist(), size.tolist(), strict=True):
+        corners = source.coordinates[source.mesh.triangles[of_chart[chart]]] / source.extent[chart] * [width, height]
+        masks.append(mask_of(corners, (width, height)))
+        (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+        used += float(np.abs(ax * by - ay * bx).sum() / 2)
+    return TilePages(Drawn(source, charts, pack_pages(masks, size)), tuple(masks), used)

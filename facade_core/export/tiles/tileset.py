@@ -1,0 +1,306 @@
+"""3D Tiles 1.1: a quadtree of buildings, coarse above and as textured below, whose parts answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.core.grouping import grouped
+from facade_core.export.city_models.attribution import Attribution
+from facade_core.export.models.encoders import MIPMAPS, Encoder
+from facade_core.export.models.features import Features
+from facade_core.export.models.gltf_materials import Time, look_of, texels_held
+from facade_core.export.models.textured_parts import Textured
+from facade_core.export.tiles.cells import COARSE, Cell
+from facade_core.export.tiles.earth import EarthFrame
+from facade_core.export.tiles.far_shells import Shells
+from facade_core.export.tiles.tile_glb import Batch, tile_glb
+from facade_core.export.tiles.tile_pages import TilePages, tile_pages
+
+# A tile is replaced once a texel of its pictures covers a pixel: viewers do that where the error covers this many.
+ERROR_PIXELS = 16
+# A view holds the finest tiles within so many metres of it, and coarse tiles of all else.
+VIEW_M = 300.0
+# Texels are made fewer in steps of this, or longer ones, until a view fits.
+FEWER = 0.97
+
+
+@dataclass(frozen=True)
+class Tiled:
+    """A tileset: its files of JSON by their paths, tileset.json among them; of its tiles texels of all pages, those that
+    triangles show, draw calls, and bytes."""
+
+    tilesets: Mapping[str, Any]
+    texels: int
+    used: float
+    draws: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level of detail of a leaf: a name, its GLB, its least and greatest corner (2, 3), z up, how far it is off what is below
+    it, metres, and its draw calls."""
+
+    name: str
+    glb: bytes
+    corners: np.ndarray
+    error: float
+    draws: int
+
+
+# The levels of a leaf, the coarsest first, of which the last is off by nothing.
+Levels = Callable[[Cell], Sequence[Level]]
+
+
+@dataclass
+class _Writer:
+    source: Textured
+    shells: Shells
+    frame: EarthFrame
+    features: Features
+    encoder: Encoder
+    copyright: str
+    write: Callable[[str, bytes], None]
+    scale: float
+    time: Time
+    levels: Levels | None
+
+    def __post_init__(self) -> None:
+        self.tilesets: dict[str, Any] = {}
+        self.texels, self.used, self.draws, self.bytes = 0, 0.0, 0, 0
+        self.shell_rows = self.features.of_building(self.shells.textured.charts.building, self.source.charts.building)
+
+    def content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
+        """Write a tile of pages with the rows (charts, 2) of their charts; its least and greatest corner (2, 3), z up."""
+        batches, looks = [], []
+        for pages, rows in parts:
+            batches += _batches(pages, rows, self.frame)
+            looks += [look_of(pages.pictures(page), self.encoder) for page in range(len(pages.drawn.layout.pages))]
+            self.texels += pages.texels
+            self.used += pages.used
+        self.model(uri, tile_glb(batches, looks, self.encoder, self.features, self.copyright, self.time), len(batches))
+        return corners_of([batch.position for batch in batches])
+
+    def model(self, uri: str, data: bytes, draws: int) -> None:
+        self.draws += draws
+        self.bytes += len(data)
+        self.write(uri, data)
+
+    def full(self, cell: Cell) -> dict[str, Any]:
+        if self.levels is not None:
+            return self.leaf(cell, self.levels(cell))
+        charts = charts_of(self.source, cell)
+        uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
+        corners = self.content(uri, [(tile_pages(self.source, charts, self.scale), self.rows)])
+        return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": f"../{uri}"}}
+
+    def leaf(self, cell: Cell, levels: Sequence[Level]) -> dict[str, Any]:
+        """Levels of detail, each of which the next replaces."""
+        tile: dict[str, Any] | None = None
+        box = _box(np.concatenate([level.corners for level in levels]))
+        for level in reversed(levels):
+            uri = f"tiles/{level.name}{cell.path and '-'}{cell.path}.glb"
+            self.model(uri, level.glb, level.draws)
+            below = {} if tile is None else {"refine": "REPLACE", "children": [tile]}
+            tile = {
+                "boundingVolume": {"box": box},
+                "geometricError": level.error,
+                "content": {"uri": f"../{uri}"},
+                **below,
+            }
+        assert tile is not None
+        return tile
+
+    @property
+    def rows(self) -> np.ndarray:
+        return np.column_stack([self.features.of_chart, self.features.of_owner])
+
+    def below(self, cell: Cell) -> list[dict[str, Any]]:
+        """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
+        finer = [t for c in cell.children for t in ([self.linked(c)] if c.scale > cell.scale else self.below(c))]
+        return finer or [self.full(cell)]
+
+    def linked(self, cell: Cell) -> dict[str, Any]:
+        """A coarse tile with all below it as a tileset of its own."""
+        root = self.coarse(cell)
+        uri = f"tilesets/{cell.path}.json"
+        error = root["geometricError"]
+        self.tilesets[uri] = {"asset": {"version": "1.1"}, "geometricError": error, "root": root}
+        return {
+            "boundingVolume": root["boundingVolume"],
+            "geometricError": error,
+            "content": {"uri": f"../{uri}"},
+        }
+
+    def coarse(self, cell: Cell) -> dict[str, Any]:
+        children = self.below(cell)
+        shelled = np.setdiff1d(cell.buildings, self.shells.kept)
+        uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
+        simple, own = coarse_pages(self.source, self.shells, cell, self.scale)
+        parts = [(pages, np.column_stack([self.shell_rows] * 2)) for pages in simple] + [
+            (pages, self.rows) for pages in own
+        ]
+        corners = [self.content(uri, parts), *map(_corners, children)]
+        charts = charts_of(self.source, cell)
+        density = float((self.source.texels[charts] / self.source.extent[charts]).max())
+        errors = [
+            ERROR_PIXELS / (density * self.scale * cell.scale),
+            *(self.shells.off[building] for building in shelled.tolist()),
+            *(child["geometricError"] for child in children),
+        ]
+        return {
+            "boundingVolume": {"box": _box(np.concatenate(corners))},
+            "geometricError": max(errors),
+            "refine": "REPLACE",
+            "content": {"uri": f"../{uri}"},
+            "children": children,
+        }
+
+
+def write_tileset(
+    source: Textured,
+    cells: Cell,
+    shells: Shells,
+    frame: EarthFrame,
+    features: Features,
+    encoder: Encoder,
+    write: Callable[[str, bytes], None],
+    *,
+    scale: float = 1.0,
+    time: Time = "day",
+    extras: Mapping[str, Any],
+    attribution: Attribution,
+    levels: Levels | None = None,
+) -> Tiled:
+    """The tileset of a quadtree; its tiles are given to `write` as (relative path, bytes), one at a time.
+
+    The lowest tiles show the source at `scale` of its texels per metre, or what `levels` makes of them. Every tile above
+    shows shells with fewer, and buildings
+    without a shell and the ground as they are, with as many fewer. A tile has one primitive a picture; its geometric error is
+    that of what it shows itself and of nothing elsewhere. Every coarse tile but the root begins a tileset of its own.
+    """
+    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale, time, levels)
+    root = _moved_up(writer.coarse(cells))
+    root["transform"] = frame.transform().T.reshape(-1).tolist()
+    reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
+    top = {
+        "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.value()}},
+        "geometricError": max(reach, 2 * root["geometricError"]),
+        "root": root,
+    }
+    return Tiled({"tileset.json": top, **writer.tilesets}, writer.texels, writer.used, writer.draws, writer.bytes)
+
+
+def count_tiles(cell: Cell, levels: int = 1, above: float = 0.0) -> int:
+    """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`, of so many levels of a leaf."""
+    return (cell.scale > above) + (sum(count_tiles(child, levels, cell.scale) for child in cell.children) or levels)
+
+
+def corners_of(positions: Sequence[np.ndarray]) -> np.ndarray:
+    """The least and greatest corner (2, 3), z up, of points (n, 3) in glTF's frame."""
+    points = np.concatenate(positions)
+    return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
+
+
+def scale_of_view(
+    source: Textured, shells: Shells, cells: Cell, encoder: Encoder, most_bytes: float, time: Time = "day"
+) -> float:
+    """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
+    tiles within VIEW_M of the middle of any of them, and of the coarse tiles above these, which viewers keep beside them."""
+    leaves = list(cells.leaves())
+    middle = np.array([source.centres[charts_of(source, leaf), :2].mean(axis=0) for leaf in leaves])
+    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_M
+    coarse = list(_coarse_cells(cells))
+    # a leaf's path begins with those of the cells above it; (views, coarse tiles)
+    above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
+    texel_bytes = encoder.texel_bytes * MIPMAPS * texels_held(source.maps is not None, time)
+    scale = 1.0
+    while True:
+        fine = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
+        more = [
+            sum(one.texels for part in coarse_pages(source, shells, cell, scale) for one in part) for cell in coarse
+        ]
+        held = float((near @ fine + above @ np.array(more)).max()) * texel_bytes
+        if held <= most_bytes or scale < COARSE:
+            return scale
+        scale *= max(COARSE, min(FEWER, float(np.sqrt(most_bytes / held))))
+
+
+def coarse_pages(
+    source: Textured, shells: Shells, cell: Cell, scale: float
+) -> tuple[Sequence[TilePages], Sequence[TilePages]]:
+    """What the coarse tile of a cell shows: pages of shells, and of the source, each of which it may have none; at `scale` of
+    their texels, or rather of those that the cell says."""
+    kept = np.intersect1d(cell.buildings, shells.kept)
+    own = np.union1d(cell.ground, source.chosen(kept)).astype(np.int64)
+    simple = shells.textured.chosen(np.setdiff1d(cell.buildings, kept))
+    # a shell's rasters are as coarse already as the finest coarse tile
+    return (
+        [tile_pages(shells.textured, simple, scale * cell.scale / COARSE)] if len(simple) else [],
+        [tile_pages(source, own, scale * cell.scale)] if len(own) else [],
+    )
+
+
+def _coarse_cells(cell: Cell, above: float = 0.0) -> Iterator[Cell]:
+    """The cells of which `write_tileset` makes a coarse tile, below one of scale `above`."""
+    if cell.scale > above:
+        yield cell
+    for child in cell.children:
+        yield from _coarse_cells(child, cell.scale)
+
+
+def charts_of(source: Textured, cell: Cell) -> np.ndarray:
+    """The charts (k,) that a cell shows, ascending."""
+    return np.union1d(cell.ground, source.chosen(cell.buildings)).astype(np.int64)
+
+
+def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batch]:
+    """A batch for every page."""
+    drawn = pages.drawn
+    source, mesh = drawn.source, drawn.source.mesh
+    place = np.full(len(source.charts), -1, np.int64)
+    place[drawn.charts] = np.arange(len(drawn.charts))
+    mine = np.flatnonzero(place[mesh.chart] >= 0)
+    found = []
+    for _, here in sorted(grouped(drawn.layout.page[place[mesh.chart[mine]]]).items()):
+        used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
+        chart = mesh.vertex_chart[used]
+        found.append(
+            Batch(
+                frame.points(mesh.vertices[used]),
+                frame.directions(source.normals[used]),
+                drawn.texture_coordinates(chart, source.coordinates[used]),
+                index.reshape(-1, 3),
+                rows[chart],
+                frame.directions(source.charts.axis_u[chart]) if source.maps else None,
+            )
+        )
+    return found
+
+
+def _moved_up(tile: dict[str, Any]) -> dict[str, Any]:
+    """A tile of a tileset in a folder, for the tileset above that folder."""
+    content = tile["content"] | {"uri": tile["content"]["uri"].removeprefix("../")}
+    # what is below in the same file is there too; a tileset that it leads to is not
+    return (
+        tile
+        | {"content": content}
+        | ({"children": [_moved_up(child) for child in tile["children"]]} if "children" in tile else {})
+    )
+
+
+def _box(points: np.ndarray) -> list[float]:
+    """The bounding volume of points (n, 3), z up: centre and half axes, never flat."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = np.maximum((high - low) / 2, 0.01)
+    return np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()
+
+
+def _corners(tile: Mapping[str, Any]) -> np.ndarray:
+    box = np.array(tile["boundingVolume"]["box"])
+    half = box[[3, 7, 11]]
+    return np.stack([box[:3] - half, box[:3] + half])

@@ -1,0 +1,1 @@
+"""The pipeline of one facade: layout, texture and variation."""

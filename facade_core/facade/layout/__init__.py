@@ -1,0 +1,1 @@
+"""Facade layouts: grids, statistical model and completion (layout paper)."""

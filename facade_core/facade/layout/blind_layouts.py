@@ -1,0 +1,96 @@
+"""Whole layouts for a wall of which nothing is seen: columns, floors, doors and shops after a facade of like proportions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from facade_core.core.types import Element
+from facade_core.facade.layout.facade_frame import Frame
+
+Box = tuple[float, float, float, float]
+
+# Columns of LayoutModel.styles: width to height of the facade; columns and floors of windows; a window's width to the column
+# pitch and height to the floor pitch; the first column's margin and the top margin in pitches; the ground floor's height
+# in floor pitches; doors; shops; balconies a window.
+PROPORTION, COLUMNS, FLOORS, WIDE, HIGH, SIDE, TOP, GROUND, DOORS, SHOPS, BALCONIES = range(11)
+STYLE = 11
+# No facade is so low in pixels, and none so high in metres.
+_METRES = 60.0
+
+
+def style_of(elements: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray | None:
+    """(STYLE,) of a whole layout; None where its windows show no columns or floors."""
+    if len(facade.columns) < 2 or len(facade.floors) < 2:
+        return None
+    pitch = np.array([np.median(np.diff(facade.columns)), np.median(np.diff(facade.floors))])
+    labels = [e.label for e in elements]
+    width, height = domain[2] - domain[0], domain[3] - domain[1]
+    return np.array(
+        [
+            width / height,
+            max(2, round((facade.columns[-1] - facade.columns[0]) / pitch[0]) + 1),
+            max(2, round((facade.floors[-1] - facade.floors[0]) / pitch[1]) + 1),
+            min(0.9, facade.size[0] / pitch[0]),
+            min(0.9, facade.size[1] / pitch[1]),
+            (facade.columns[0] - domain[0]) / pitch[0],
+            (facade.floors[0] - domain[1]) / pitch[1],
+            (domain[3] - facade.floors[-1]) / pitch[1],
+            labels.count("door"),
+            labels.count("shop"),
+            labels.count("balcony") / labels.count("window"),
+        ]
+    )
+
+
+def sample_layouts(
+    domain: Box, styles: np.ndarray, metric: Mapping[str, float], count: int, rng: np.random.Generator
+) -> Iterator[list[Element]]:
+    """Layouts in the styles nearest to the domain's proportions, numbers of columns and floors scaled to it.
+
+    A domain at most 60 units high is taken for metres: its floors and columns then follow the metric priors.
+    """
+    width, height = domain[2] - domain[0], domain[3] - domain[1]
+    away = np.abs(np.log(styles[:, PROPORTION] * height / width)) + 0.2 * rng.uniform(size=len(styles))
+    for k in np.argsort(away, kind="stable")[:count]:
+        style = styles[k]
+        floors = style[FLOORS]
+        # a narrower wall has fewer columns of the same proportions
+        columns = style[COLUMNS] * (width / height) / style[PROPORTION]
+        if height <= _METRES:
+            floors = height / metric["floor pitch"] - 1 + 0.5 * rng.uniform()
+            columns = width / (metric["column pitch"] * rng.uniform(0.85, 1.25))
+        yield _layout(domain, style, max(1, round(columns)), max(1, round(floors)))
+
+
+def _layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> list[Element]:
+    x0, y0, x1, y1 = domain
+    side = float(np.clip(style[SIDE], 0.45, 1.2))
+    pitch_x = (x1 - x0) / (columns - 1 + 2 * side)
+    top, ground = float(np.clip(style[TOP], 0.55, 1.5)), float(np.clip(style[GROUND], 0.7, 2.2))
+    pitch_y = (y1 - y0) / (floors - 1 + top + ground)
+    xs = x0 + pitch_x * (side + np.arange(columns))
+    ys = y0 + pitch_y * (top + np.arange(floors))
+    w, h = style[WIDE] * pitch_x / 2, style[HIGH] * pitch_y / 2
+    rail = min(1.2 * w, 0.48 * pitch_x)
+    found = [Element("window", x - w, y - h, x + w, y + h) for y in ys.tolist() for x in xs.tolist()]
+    if style[BALCONIES] > 0.5:
+        found += [
+            Element("balcony", x - rail, y + 0.5 * h, x + rail, y + 1.1 * h)
+            for y in ys[ys < ys[-1]].tolist()
+            for x in xs.tolist()
+        ]
+    space, door = y1 - float(ys[-1]) - h, columns // 2 if style[DOORS] else -1
+    if space < 3 * h:  # the ground floor has windows, and the door takes the place of one
+        if door >= 0:
+            window = found.pop((floors - 1) * columns + door)
+            found.append(Element("door", window.x0, window.y0 + 0.2 * h, window.x1, y1))
+        return found
+    tall = min(2.6 * h, 0.85 * space)
+    for k, x in enumerate(xs.tolist()):
+        if k == door:
+            found.append(Element("door", x - 1.1 * w, y1 - tall, x + 1.1 * w, y1))
+        elif style[SHOPS] >= 2:
+            found.append(Element("shop", x - 0.42 * pitch_x, y1 - tall, x + 0.42 * pitch_x, y1 - 0.05 * tall))
+    return found

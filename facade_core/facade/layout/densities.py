@@ -1,0 +1,102 @@
+"""Densities of the ten scores: Gaussian mixtures whose number of components BIC chooses, and small tables.
+
+A mixture is a (COMPONENTS, 5) float64 array: weight, mean and standard deviation of the value, then of the condition
+(zero where there is none); unused components have weight zero.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.facade.layout.statistics import LABELS
+
+COMPONENTS = 4
+# Log-densities are never below this: a term can speak against a layout, not forbid it (Eq. 8 is ln 0 for a single type).
+FLOOR = float(np.log(1e-3))
+# Narrower components are spikes at values such as "complete", whose density says more of rounding than of facades.
+_LEAST_DEVIATION = 0.03
+_CONSTANT = float(np.log(2 * np.pi))
+
+# The weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
+# symmetry.
+TERMS = ("as", "ed", "gr", "completeness", "gp", "ga", "ec", "coverage", "fb", "fs")
+
+# Rows of Densities.mixtures after one aspect ratio per label.
+WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, ALIGN_X, ALIGN_Y, COVERAGE, SIDES, TOP, BOTTOM = range(
+    LABELS, LABELS + 11
+)
+MIXTURES = LABELS + 11
+# Bins of the symmetric share and of the doors' place; the first door bin is "no door".
+SYMMETRY_BINS, DOOR_BINS = 10, 6
+
+
+class Densities(NamedTuple):
+    """What is learned of the terms.
+
+    mixtures (MIXTURES, COMPONENTS, 5);
+    patterns (PATTERNS,): their log-probabilities;
+    symmetry (DOOR_BINS, SYMMETRY_BINS): log-probabilities of the symmetric share by door place;
+    compatibility (2**KINDS,): of each set of element types.
+    """
+
+    mixtures: np.ndarray
+    patterns: np.ndarray
+    symmetry: np.ndarray
+    compatibility: np.ndarray
+
+
+def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
+    """Mixture of (N,) values, or of (N, 2) values with their condition; the components' covariances are diagonal."""
+    from sklearn.mixture import GaussianMixture
+
+    data = values[:, None] if values.ndim == 1 else values
+    out = np.zeros((COMPONENTS, 5))
+    if len(data) < 2:
+        centre = data.mean(axis=0) if len(data) else np.zeros(data.shape[1])
+        out[0, :3] = 1, centre[0], 1
+        out[0, 3:] = (centre[1], 1) if data.shape[1] > 1 else (0, 0)
+        return out
+    best, best_bic = None, np.inf
+    for k in range(1, min(COMPONENTS, len(np.unique(data, axis=0))) + 1):
+        fitted = GaussianMixture(
+            k, covariance_type="diag", reg_covar=_LEAST_DEVIATION**2, random_state=seed, n_init=2
+        ).fit(data)
+        bic = fitted.bic(data)
+        if best is None or bic < best_bic:
+            best, best_bic = fitted, bic
+    assert best is not None
+    order = np.argsort(best.means_[:, 0])
+    for j, c in enumerate(order):
+        out[j, 0] = best.weights_[c]
+        out[j, 1], out[j, 2] = best.means_[c, 0], np.sqrt(best.covariances_[c, 0])
+        if data.shape[1] > 1:
+            out[j, 3], out[j, 4] = best.means_[c, 1], np.sqrt(best.covariances_[c, 1])
+    return out
+
+
+@njit(cache=True)
+def log_density(value: float, mixture: np.ndarray) -> float:
+    """ln p(value), not below FLOOR."""
+    total = 0.0
+    for k in range(COMPONENTS):
+        if mixture[k, 0] > 0:
+            z = (value - mixture[k, 1]) / mixture[k, 2]
+            total += mixture[k, 0] * np.exp(-0.5 * (z * z + _CONSTANT)) / mixture[k, 2]
+    return max(FLOOR, np.log(total)) if total > 0 else FLOOR
+
+
+@njit(cache=True)
+def log_conditional(value: float, condition: float, mixture: np.ndarray) -> float:
+    """ln p(value | condition), not below FLOOR."""
+    joint, marginal = 0.0, 0.0
+    for k in range(COMPONENTS):
+        if mixture[k, 0] > 0:
+            c = (condition - mixture[k, 3]) / mixture[k, 4]
+            share = mixture[k, 0] * np.exp(-0.5 * c * c) / mixture[k, 4]
+            z = (value - mixture[k, 1]) / mixture[k, 2]
+            marginal += share
+            joint += share * np.exp(-0.5 * (z * z + _CONSTANT)) / mixture[k, 2]
+    return max(FLOOR, np.log(joint / marginal)) if joint > 0 else FLOOR

@@ -1,0 +1,171 @@
+"""Repetition grids of facade elements: same label, comparable size, shared rows and columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.errors import LayoutError
+from facade_core.core.labels import CLASSES
+from facade_core.core.types import Element
+
+# Two elements are of comparable size when neither side differs by more than this factor (natural logarithm).
+_SIZE_TOLERANCE = 0.45
+# Centres closer than this share of the element size lie on one row or column.
+_ALIGNMENT_TOLERANCE = 0.35
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Elements of one label on common rows and columns (Fan et al. 2014, section 3.2); cells may be missing.
+
+    rows, columns: centre positions, ascending, in the elements' unit;
+    width, height: the elements' median size;
+    cells (rows, columns) int32: index into the sequence given to `grids`, -1 where the grid has no element.
+    """
+
+    label: str
+    rows: tuple[float, ...]
+    columns: tuple[float, ...]
+    width: float
+    height: float
+    cells: np.ndarray
+
+    @property
+    def row_spacing(self) -> np.ndarray:
+        """(rows - 1,) distances between neighbouring row centres."""
+        return np.diff(self.rows)
+
+    @property
+    def completeness(self) -> float:
+        """Share of the cells that hold an element (Eq. 4 of Fan et al. 2014)."""
+        return float((self.cells >= 0).mean())
+
+
+def boxes(elements: Sequence[Element]) -> np.ndarray:
+    """(N, 4) float array of x0, y0, x1, y1."""
+    return np.array([(e.x0, e.y0, e.x1, e.y1) for e in elements], float).reshape(-1, 4)
+
+
+def check(elements: Sequence[Element]) -> None:
+    """Raise LayoutError for the first element with an unknown label, a non-finite side or no area."""
+    for i, e in enumerate(elements):
+        if e.label not in CLASSES:
+            raise LayoutError(f"element {i}: unknown label {e.label!r}; use one of {', '.join(CLASSES)}")
+        if not np.isfinite((e.x0, e.y0, e.x1, e.y1)).all():
+            raise LayoutError(f"element {i} ({e.label}): coordinates must be finite, not {e}")
+        if e.width <= 0 or e.height <= 0:
+            raise LayoutError(f"element {i} ({e.label}): no area, x0 < x1 and y0 < y1 are needed, not {e}")
+
+
+def grids(elements: Sequence[Element]) -> list[Grid]:
+    """Fit repetition grids: each element lies in exactly one cell of one grid; the result does not depend on order.
+
+    Elements are grouped by label and comparable size, groups are cut into rows, and rows that share most of their
+    columns make one grid. So the rows of interleaved patterns fall into grids of their own, and grids may overlap.
+    Largest grid of a label first, labels in the order of CLASSES. Raises LayoutError for unknown labels or no area.
+    """
+    box = boxes(elements)
+    found: dict[str, list[Grid]] = {}
+    for group in size_groups(elements):
+        label = elements[group[0]].label
+        found.setdefault(label, []).extend(_fit(label, box, group))
+    return [
+        g
+        for of_label in found.values()
+        for g in sorted(of_label, key=lambda g: (-(g.cells >= 0).sum(), g.rows, g.columns))
+    ]
+
+
+def size_groups(elements: Sequence[Element]) -> list[np.ndarray]:
+    """Indices of the elements of one label and comparable size, labels in the order of CLASSES.
+
+    Every grid of `grids` lies within one group. Raises LayoutError as `grids` does.
+    """
+    check(elements)
+    box = boxes(elements)
+    found: list[np.ndarray] = []
+    for label in CLASSES:
+        members = np.array([i for i, e in enumerate(elements) if e.label == label], int)
+        found += _by_size(box, members[np.lexsort(box[members].T)])
+    return found
+
+
+def _by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
+    if len(members) < 2:
+        return [members] if len(members) else []
+    from scipy.cluster.hierarchy import fcluster, linkage
+
+    size = np.log(box[members, 2:] - box[members, :2])
+    labels = fcluster(linkage(size, "average", metric="chebyshev"), _SIZE_TOLERANCE, "distance")
+    return [members[labels == k] for k in np.unique(labels)]
+
+
+def _clusters(values: np.ndarray, gap: float) -> np.ndarray:
+    """(N,) index of the run each value lies in, runs ascending and more than `gap` apart."""
+    order = np.argsort(values, kind="stable")
+    index = np.empty(len(values), int)
+    index[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
+    return index
+
+
+def _means(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    return np.bincount(index, values) / np.bincount(index)
+
+
+def _fit(label: str, box: np.ndarray, members: np.ndarray) -> list[Grid]:
+    found: list[Grid] = []
+    while len(members):  # elements that share a cell lie in grids of their own, as many as there are in it
+        some, members = _fit_once(label, box, members)
+        found += some
+    return found
+
+
+def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Grid], np.ndarray]:
+    """Grids of members, and those for which a cell was taken already."""
+    centre = (box[members, :2] + box[members, 2:]) / 2
+    width, height = np.median(box[members, 2:] - box[members, :2], axis=0)
+    gap_x, gap_y = _ALIGNMENT_TOLERANCE * width, _ALIGNMENT_TOLERANCE * height
+    row = _clusters(centre[:, 1], gap_y)
+    found: list[Grid] = []
+    left_over: list[int] = []
+    for part in _row_groups(centre[:, 0], row, width, gap_x):
+        inside = np.isin(row, part)
+        index = members[inside]
+        y = _clusters(centre[inside, 1], gap_y)
+        x = _clusters(centre[inside, 0], gap_x)
+        rows, columns = _means(centre[inside, 1], y), _means(centre[inside, 0], x)
+        cells = np.full((len(rows), len(columns)), -1, np.int32)
+        for i, r, c in zip(index, y, x, strict=True):
+            if cells[r, c] < 0:
+                cells[r, c] = i
+            else:
+                left_over.append(int(i))
+        used = cells[cells >= 0]
+        size = np.median(box[used, 2:] - box[used, :2], axis=0)
+        found.append(Grid(label, tuple(rows.tolist()), tuple(columns.tolist()), float(size[0]), float(size[1]), cells))
+    return found, np.array(left_over, int)
+
+
+def _row_groups(x: np.ndarray, row: np.ndarray, width: float, gap: float) -> list[list[int]]:
+    """Rows joined, fullest first, when half the shorter one's columns agree and the others do not cut into them."""
+    counts = np.bincount(row)
+    groups: list[tuple[list[int], np.ndarray]] = []
+    for r in np.argsort(-counts, kind="stable"):
+        own = np.sort(x[row == r])
+        best, best_share = -1, 0.5
+        for k, (_, columns) in enumerate(groups):
+            distance = np.abs(own[:, None] - columns).min(axis=1)
+            aligned = distance <= gap
+            share = aligned.sum() / min(len(own), len(columns))
+            if share >= best_share and not (~aligned & (distance < width)).any():
+                best, best_share = k, share
+        if best < 0:
+            groups.append(([int(r)], own))
+        else:
+            rows, columns = groups[best]
+            joined = np.concatenate([columns, own])
+            groups[best] = ([*rows, int(r)], _means(joined, _clusters(joined, gap)))
+    return [rows for rows, _ in groups]

@@ -1,0 +1,58 @@
+"""What the image still shows of a proposed element: a parse's confidence where nothing stands in front."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.errors import LayoutError
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
+from facade_core.core.types import Parsing
+
+# A parser that is quite sure is still wrong this often.
+_DOUBT = 0.01
+# However regular a facade is, what the picture shows may break its rule.
+_SUREST = 0.95
+
+
+def weighed(
+    probability: np.ndarray,
+    box: np.ndarray,
+    label: np.ndarray,
+    evidence: Parsing,
+    domain: tuple[float, float, float, float],
+) -> np.ndarray:
+    """Probabilities (N,) of rectangles (N, 4) of labels (N,) after a look at what is visible of each.
+
+    The domain covers the parse. The odds are multiplied by those of the parser's mean confidence in the label over the
+    visible pixels of the rectangle, to the power of the visible share: what is wholly hidden keeps its probability.
+    Raises LayoutError for a parse without confidences.
+    """
+    height, width = evidence.occluded.shape
+    if evidence.confidence.shape != (height, width, len(CLASSES)):
+        raise LayoutError(
+            f"evidence: confidence has the shape {evidence.confidence.shape}, not {(height, width, len(CLASSES))}; "
+            "give what `parse` returns"
+        )
+    visible = ~evidence.occluded
+    scale = np.array([width / (domain[2] - domain[0]), height / (domain[3] - domain[1])] * 2)
+    corner = np.rint((box - np.array(domain[:2] * 2)) * scale).astype(int)
+    corner[:, [0, 2]] = corner[:, [0, 2]].clip(0, width)
+    corner[:, [1, 3]] = corner[:, [1, 3]].clip(0, height)
+    area = np.maximum((corner[:, 2] - corner[:, 0]) * (corner[:, 3] - corner[:, 1]), 1)
+    seen = _sums(visible.astype(np.float64), corner)
+    sure = np.zeros(len(box))
+    for k in np.unique(label).tolist():
+        of = label == k
+        channel = evidence.confidence[:, :, CLASSES.index(ELEMENT_CLASSES[k])]
+        sure[of] = _sums(np.where(visible, channel, 0).astype(np.float64), corner[of])
+    mean = np.divide(sure, seen, out=np.full(len(box), 0.5), where=seen > 0)
+    odds = (mean + _DOUBT) / (1 - mean + _DOUBT)
+    return 1 / (1 + (1 / probability.clip(1e-6, _SUREST) - 1) * odds ** -(seen / area))
+
+
+def _sums(values: np.ndarray, corner: np.ndarray) -> np.ndarray:
+    """Sums of values (H, W) over rectangles (N, 4) of whole pixels."""
+    table = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
+    table[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
+    x0, y0, x1, y1 = corner.T
+    return table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]

@@ -1,0 +1,284 @@
+"""Learning the layout model from a database of whole layouts (Fan et al. 2014, section 4)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.core.errors import LayoutError
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.types import Element
+from facade_core.facade.layout import statistics as st
+from facade_core.facade.layout import training_cases
+from facade_core.facade.layout.blind_layouts import style_of
+from facade_core.facade.layout.densities import (
+    ALIGN_X,
+    ALIGN_Y,
+    BOTTOM,
+    COMPLETE,
+    COMPONENTS,
+    COVERAGE,
+    DOOR_BINS,
+    FLOOR,
+    HEIGHT_RATIO,
+    MIXTURES,
+    REGULAR_X,
+    REGULAR_Y,
+    SIDES,
+    SYMMETRY_BINS,
+    TERMS,
+    TOP,
+    WIDTH_RATIO,
+    Densities,
+    fit_mixture,
+)
+from facade_core.facade.layout.facade_frame import frame
+from facade_core.facade.layout.floor_hypotheses import continuations
+from facade_core.facade.layout.grids import boxes
+from facade_core.facade.layout.model import LayoutModel
+from facade_core.facade.layout.policy import LENGTH, roll_out
+from facade_core.facade.layout.policy_optimisation import POPULATION, random_policies, search, start_of
+from facade_core.facade.layout.proposals import Usual
+from facade_core.facade.layout.ranking import Trees
+from facade_core.facade.layout.scores import door_bin, measured, terms
+from facade_core.facade.layout.statistics import LABELS, PATTERNS
+from facade_core.facade.layout.training_examples import Layout, Progress, examples, likely, trained
+
+# Eq. 20: the share of the elements that is removed, the passes over the database and the step.
+_REMOVED, _PASSES, _RATE = 0.1, 3, 0.08
+# Floors whose step or height differs by more than this factor from the others are not carried on by anybody.
+_STEP = 2.2
+# Policies are optimised for so many facades of the database.
+_POLICY_FACADES = 30
+
+
+def learn(
+    layouts: Sequence[Layout],
+    *,
+    names: Sequence[str],
+    metric: Sequence[Layout] = (),
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> LayoutModel:
+    """Learn densities, policies, weights and ranking trees from whole layouts (elements, domain).
+
+    names: theirs, for the record; metric: layouts in metres, for walls of which nothing is seen. Raises LayoutError for
+    fewer than ten layouts with elements.
+    """
+    from dataclasses import replace
+
+    report = progress or (lambda step, done, total: None)
+    layouts = [([e for e in elements if e.label in ELEMENT_CLASSES], domain) for elements, domain in layouts]
+    used = [(elements, domain) for elements, domain in layouts if len(elements) >= 4]
+    if len(used) < 10:
+        raise LayoutError(f"{len(used)} layouts with elements: too few to learn from; give at least ten")
+    report("densities", 0, 1)
+    model = LayoutModel(
+        fit_densities([measured(elements, domain) for elements, domain in used], seed),
+        np.full(len(TERMS), len(TERMS) ** -0.5),
+        True,
+        random_policies(POPULATION, np.random.default_rng(seed)),
+        np.bincount([ELEMENT_CLASSES.index(e.label) for es, _ in used for e in es], minlength=LABELS)
+        / sum(len(es) for es, _ in used),
+        Usual(
+            _typical_sizes(used, "door", 3, seed),
+            _typical_sizes(used, "shop", 6, seed),
+            _typical_floors(used, 8, seed),
+            _ratios(used),
+        ),
+        np.array([s for s in (style_of(es, frame(es, d), d) for es, d in used) if s is not None]),
+        metric_priors(metric),
+        Trees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
+        np.ones(LABELS),
+        tuple(names),
+    )
+    report("densities", 1, 1)
+    model = replace(model, policies=learn_policies(model, used, seed, report))
+    model = replace(model, weights=learn_weights(model, used, seed, report))
+    shown = examples(model, used, seed, report)
+    report("trees", 0, 3)
+    model = replace(model, trees=trained(shown, seed=seed))
+    report("trees", 1, 3)
+    return replace(model, likely=likely(shown, seed=seed, progress=report))
+
+
+def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], seed: int) -> Densities:
+    """The densities of section 4.1-4.3 from the statistics of whole layouts."""
+    unary, pairs = (np.concatenate([s[k] for s in statistics]) for k in (0, 1))
+    overall = np.stack([s[2] for s in statistics])
+    mixtures = np.zeros((MIXTURES, COMPONENTS, 5))
+    for label in range(LABELS):
+        mixtures[label] = fit_mixture(unary[unary[:, st.LABEL] == label, st.ASPECT], seed)
+    for row, values in (
+        (WIDTH_RATIO, unary[:, st.WIDTH_RATIO]),
+        (HEIGHT_RATIO, unary[:, st.HEIGHT_RATIO]),
+        (REGULAR_X, unary[:, st.REGULAR_X]),
+        (REGULAR_Y, unary[:, st.REGULAR_Y]),
+        (COMPLETE, unary[:, st.COMPLETE]),
+        (ALIGN_X, pairs[:, [st.ALIGN_X, st.GAP_X]]),
+        (ALIGN_Y, pairs[:, [st.ALIGN_Y, st.GAP_Y]]),
+        (COVERAGE, overall[:, st.COVERAGE]),
+        (SIDES, overall[:, [st.BORDER_LEFT, st.BORDER_RIGHT]].ravel()),
+        (TOP, overall[:, st.BORDER_TOP]),
+        (BOTTOM, overall[:, st.BORDER_BOTTOM]),
+    ):
+        unknown = np.isnan(values) if values.ndim == 1 else np.isnan(values).any(axis=1)
+        mixtures[row] = fit_mixture(values[~unknown], seed)
+    pattern = pairs[~np.isnan(pairs[:, st.PATTERN]), st.PATTERN].astype(int)
+    counts = np.bincount(pattern, minlength=len(PATTERNS)) + 1.0
+    return Densities(
+        mixtures,
+        np.maximum(FLOOR, np.log(counts / counts.sum())),
+        _symmetry_table(overall),
+        _compatibility(overall[:, st.TYPES].astype(int)),
+    )
+
+
+def _symmetry_table(overall: np.ndarray) -> np.ndarray:
+    """ln p(symmetric share | doors' place), Eq. 11, from a histogram smoothed by a Gaussian kernel; no door is its own row."""
+    from scipy.ndimage import gaussian_filter, gaussian_filter1d
+
+    histogram = np.zeros((DOOR_BINS, SYMMETRY_BINS))
+    for share, at in overall[:, [st.SYMMETRY, st.DOOR_AT]]:
+        histogram[door_bin(at), min(SYMMETRY_BINS - 1, int(share * SYMMETRY_BINS))] += 1
+    histogram[0] = gaussian_filter1d(histogram[0], 1.0)
+    histogram[1:] = gaussian_filter(histogram[1:], 1.0)
+    histogram += 0.1
+    return np.maximum(FLOOR, np.log(histogram / histogram.sum(axis=1, keepdims=True)))
+
+
+def _compatibility(types: np.ndarray) -> np.ndarray:
+    """Eq. 7-8 for every set of element types: how few coherence sets, those of more than one facade, cover it.
+
+    ln(1 - (number - 1) / types): the paper's number / types forbids a facade of one type and speaks for any that has more.
+    """
+    sets = [mask for mask, count in Counter(types.tolist()).items() if mask and count > 1]
+    fewest = np.full(2**st.KINDS, st.KINDS + 1)
+    fewest[0] = 0
+    for wanted in range(1, 2**st.KINDS):  # what is left of a set once another covers its part is a smaller number
+        left = [wanted & ~mask for mask in sets if wanted & mask]
+        fewest[wanted] = min((fewest[rest] + 1 for rest in left), default=st.KINDS + 1)
+    number = np.array([bin(wanted).count("1") for wanted in range(2**st.KINDS)])
+    share = (fewest - 1).clip(0) / number.clip(1)
+    return np.where(share < 1, np.log(np.maximum(1 - share, np.exp(FLOOR))), FLOOR)
+
+
+def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
+    """(POPULATION, LENGTH): the optimal policies of some of the database's facades, the most different ones."""
+    rng = np.random.default_rng([seed, 1])
+    chosen = rng.permutation(len(layouts))[:_POLICY_FACADES]
+    found = []
+    for count, k in enumerate(chosen.tolist()):
+        elements, domain = layouts[k]
+        seen, region = training_cases.hide(
+            training_cases.KINDS[count % len(training_cases.KINDS)], elements, domain, rng
+        )
+        if seen:
+            start = start_of(seen, domain, boxes([]) if not region else np.array(region, float), model)
+            first = random_policies(POPULATION, rng)
+            used, _, scores = search(first, start, model.densities, model.weights, model.mean, 4, 2, seed)
+            found.append(used[scores.argmax()])
+        progress("policies", count + 1, len(chosen))
+    policies = np.array(found)
+    kept = [0]
+    while len(kept) < POPULATION:  # the farthest from those that are kept
+        away = np.abs(policies[:, None] - policies[kept]).sum(axis=2).min(axis=1)
+        kept.append(int(away.argmax()))
+    return policies[kept].reshape(POPULATION, LENGTH)
+
+
+def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
+    """(10,) weights by contrastive divergence (Eq. 17-20): whole layouts against completions of them with 10 % removed.
+
+    Weights stay positive, since every term speaks for a layout, and of length one, since only their ratio ranks layouts.
+    """
+    from dataclasses import replace
+
+    rng = np.random.default_rng([seed, 2])
+    positive = np.array([terms(elements, domain, model) for elements, domain in layouts])
+    scale = positive.std(axis=0) + 1e-3
+    weights = model.weights
+    for turn in range(_PASSES):
+        current = replace(model, weights=weights)
+        gradient = np.zeros(len(TERMS))
+        for k, (elements, domain) in enumerate(layouts):
+            keep = rng.uniform(size=len(elements)) >= _REMOVED
+            seen = [e for e, kept in zip(elements, keep, strict=True) if kept]
+            if not seen:
+                continue
+            start = start_of(seen, domain, boxes([]), model)
+            used, seeds, scores = search(
+                model.policies, start, model.densities, current.weights, model.mean, 1, 1, seed + turn
+            )
+            best = int(scores.argmax())
+            box, label, _ = roll_out(used[best], start, int(seeds[best]))
+            completed = [
+                Element(ELEMENT_CLASSES[n], *corners) for n, corners in zip(label.tolist(), box.tolist(), strict=True)
+            ]
+            gradient += (positive[k] - terms(completed, domain, current)) / scale
+            progress("weights", turn * len(layouts) + k + 1, _PASSES * len(layouts))
+        weights = np.maximum(weights + _RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
+        weights = weights / np.linalg.norm(weights)
+    return weights
+
+
+def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
+    """Median floor and column pitch in metres."""
+    pitches: list[list[float]] = [[], []]
+    for elements, domain in layouts:
+        facade = frame([e for e in elements if e.label == "window"], domain)
+        for axis, centres in enumerate((facade.columns, facade.floors)):
+            pitches[axis] += np.diff(centres).tolist()
+    names = ("column pitch", "floor pitch")
+    likely = [[p for p in found if low < p < high] for found, low, high in zip(pitches, (1, 2), (6, 5), strict=True)]
+    return {
+        name: round(float(np.median(found)), 2) if found else default
+        for name, found, default in zip(names, likely, (2.6, 3.1), strict=True)
+    }
+
+
+def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int) -> np.ndarray:
+    """(count, 3) width, height and gap below, in window sizes, around which the doors or shops of the database lie."""
+    from sklearn.cluster import KMeans
+
+    found = []
+    for elements, domain in layouts:
+        facade = frame(elements, domain)
+        for e in elements:
+            if e.label == label:
+                gap = max(0.02, (facade.ground - e.y1) / facade.size[1])
+                found.append((e.width / facade.size[0], e.height / facade.size[1], gap))
+    if len(found) < count:
+        return np.array([[1.4, 1.5, 0.05]])
+    values = np.log(np.array(found))
+    values = values[values[:, 2] < 0.5]  # what hangs higher is no entrance
+    return np.exp(KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_)
+
+
+def _typical_floors(layouts: Sequence[Layout], count: int, seed: int) -> np.ndarray:
+    """(count, 4), or fewer, ways around which floors of the database go on downwards, as `continued` takes them."""
+    from sklearn.cluster import KMeans
+
+    found = []
+    for elements, domain in layouts:
+        facade = frame([e for e in elements if e.label == "window"], domain)
+        found += continuations(facade.floors, facade.floor_size[:, 1])
+    values = np.array(found).reshape(-1, 4)
+    values = values[(np.abs(values) < np.log(_STEP)).all(axis=1)]
+    count = min(count, len(np.unique(values.round(6), axis=0)))
+    if not count:
+        return np.ones((1, 4))
+    return np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
+
+
+def _ratios(layouts: Sequence[Layout]) -> np.ndarray:
+    """(16, 2) quantiles of window size to spacing, horizontal and vertical."""
+    found: list[list[float]] = [[], []]
+    for elements, domain in layouts:
+        facade = frame(elements, domain)
+        for axis, centres in enumerate((facade.columns, facade.floors)):
+            found[axis] += (facade.size[axis] / np.diff(centres)).tolist()
+    quantiles = np.linspace(0.05, 0.95, 16)
+    return np.column_stack([np.quantile(f, quantiles) if f else np.full(16, 0.5) for f in found])

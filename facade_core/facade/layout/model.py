@@ -1,0 +1,181 @@
+"""The learned layout model: densities, weights, starting policies, priors and the ranking trees, as one JSON file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.core.errors import ModelError
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.facade.layout import proposal_features
+from facade_core.facade.layout.densities import COMPONENTS, DOOR_BINS, MIXTURES, SYMMETRY_BINS, TERMS, Densities
+from facade_core.facade.layout.policy import LENGTH
+from facade_core.facade.layout.proposals import Usual
+from facade_core.facade.layout.ranking import Trees
+from facade_core.facade.layout.statistics import KINDS, LABELS, PATTERNS
+
+SHIPPED = Path(__file__).parent / "models" / "layouts.json"
+FORMAT = 3
+_REMEDY = "fetch it again or run `streetloom train layout`"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayoutModel:
+    """What is learned from a database of layouts.
+
+    weights (10,): of densities.TERMS;
+    mean: a term is the mean over its grids, else their sum as in the paper;
+    policies (10, 15): the most different of the optimal ones;
+    labels (LABELS,): shares of the labels;
+    usual: doors, shops, floors and spacings where none is seen;
+    styles (S, STYLE): see `styles`;
+    metric: medians in metres;
+    trees: the ranking of proposed elements;
+    likely (LABELS,): how likely one must be to be picked;
+    training_set: names of what it learned from.
+    """
+
+    densities: Densities
+    weights: np.ndarray
+    mean: bool
+    policies: np.ndarray
+    labels: np.ndarray
+    usual: Usual
+    styles: np.ndarray
+    metric: Mapping[str, float]
+    trees: Trees
+    likely: np.ndarray
+    training_set: tuple[str, ...]
+
+
+@lru_cache(maxsize=1)
+def shipped() -> LayoutModel:
+    """The model that comes with the package."""
+    return load(SHIPPED)
+
+
+def load(path: str | Path) -> LayoutModel:
+    """Read a model. Raises ModelError where the file is missing, its checksum differs, or it was made for another version."""
+    path = Path(path)
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ModelError(f"{path}: no such layout model; {_REMEDY}") from error
+    except ValueError as error:
+        raise ModelError(f"{path}: not valid JSON ({error}); {_REMEDY}") from error
+    if not isinstance(record, dict) or not isinstance(record.get("model"), dict):
+        raise ModelError(f"{path}: not a layout model; {_REMEDY}")
+    if record.get("sha256") != _digest(record["model"]):
+        raise ModelError(f"{path}: checksum differs from its content; {_REMEDY}")
+    expected = (FORMAT, list(ELEMENT_CLASSES), proposal_features.VERSION)
+    if (record.get("format"), record.get("labels"), record.get("descriptors")) != expected:
+        raise ModelError(f"{path}: made for another version of Streetloom; {_REMEDY}")
+    try:
+        return _decoded(record["model"], tuple(record["training_set"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
+
+
+def opened(path: Path) -> LayoutModel:
+    """`load`, once for a file as it stands."""
+    state = path.stat()
+    return _opened(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _opened(path: Path, _size: int, _modified: int) -> LayoutModel:
+    return load(path)
+
+
+def save(model: LayoutModel, path: str | Path, *, seed: int) -> None:
+    """Write a model; the same model gives the same bytes."""
+    content = _encoded(model)
+    record = {
+        "format": FORMAT,
+        "labels": list(ELEMENT_CLASSES),
+        "descriptors": proposal_features.VERSION,
+        "seed": seed,
+        "training_set": list(model.training_set),
+        "sha256": _digest(content),
+        "model": content,
+    }
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(record, separators=(",", ":")) + "\n", encoding="utf-8")
+
+
+def _digest(content: object) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _encoded(model: LayoutModel) -> dict[str, Any]:
+    return {
+        "mixtures": model.densities.mixtures.tolist(),
+        "patterns": model.densities.patterns.tolist(),
+        "symmetry": model.densities.symmetry.tolist(),
+        "compatibility": model.densities.compatibility.tolist(),
+        "weights": dict(zip(TERMS, model.weights.tolist(), strict=True)),
+        "mean": model.mean,
+        "policies": model.policies.tolist(),
+        "labels": model.labels.tolist(),
+        "doors": model.usual.door.tolist(),
+        "shops": model.usual.shop.tolist(),
+        "floors": model.usual.floors.tolist(),
+        "ratios": model.usual.ratios.tolist(),
+        "styles": model.styles.tolist(),
+        "metric": dict(model.metric),
+        "likely": model.likely.tolist(),
+        "trees": {
+            "base": model.trees.base,
+            **{name: getattr(model.trees, name).tolist() for name in Trees._fields if name != "base"},
+        },
+    }
+
+
+def _decoded(content: Mapping[str, Any], training_set: tuple[str, ...]) -> LayoutModel:
+    trees = content["trees"]
+    whole = {name: np.array(trees[name], np.int64) for name in ("roots", "feature", "left", "right")}
+    return LayoutModel(
+        Densities(
+            _array(content, "mixtures", (MIXTURES, COMPONENTS, 5)),
+            _array(content, "patterns", (len(PATTERNS),)),
+            _array(content, "symmetry", (DOOR_BINS, SYMMETRY_BINS)),
+            _array(content, "compatibility", (2**KINDS,)),
+        ),
+        np.array([float(content["weights"][term]) for term in TERMS]),
+        bool(content["mean"]),
+        _array(content, "policies", (None, LENGTH)),
+        _array(content, "labels", (LABELS,)),
+        Usual(
+            _array(content, "doors", (None, 3)),
+            _array(content, "shops", (None, 3)),
+            _array(content, "floors", (None, 4)),
+            _array(content, "ratios", (16, 2)),
+        ),
+        _array(content, "styles", (None, None)),
+        {name: float(value) for name, value in content["metric"].items()},
+        Trees(
+            **whole,
+            threshold=np.array(trees["threshold"], np.float32),
+            value=np.array(trees["value"], float),
+            base=float(trees["base"]),
+        ),
+        _array(content, "likely", (LABELS,)),
+        training_set,
+    )
+
+
+def _array(content: Mapping[str, Any], name: str, shape: Sequence[int | None]) -> np.ndarray:
+    values = np.array(content[name], float)
+    if values.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, values.shape, strict=True)):
+        raise ValueError(f"{name} has the shape {values.shape}")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} is not finite")
+    return values

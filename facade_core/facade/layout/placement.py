@@ -1,0 +1,200 @@
+"""Where an action of the policy puts its element: spacings, gaps, snapping and what keeps a place from being free; compiled."""
+
+# ruff: noqa: NPY002  (compiled code has its own copy of the legacy generator, seeded at each roll-out)
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.facade.layout.rectangles import BALCONY, WINDOW
+
+# A NULL element takes up space and is no part of the layout.
+NULL = 4
+# An element snaps to the centre of another nearer than this share of its size.
+_SNAPPED = 0.4
+
+
+class Start(NamedTuple):
+    """The observed layout as `roll_out` takes it.
+
+    box (N, 4), label (N,), grid (N,);
+    spacing (N, 2): see `spacings`;
+    gaps (N,) bool: see `beside_gaps`;
+    grids: how many;
+    domain (4,);
+    region (M, 4): what is visible;
+    size (LABELS, 2): of an element where its label has no grid;
+    ratios (K, 2): size to spacing in the database, horizontal and vertical;
+    labels (LABELS,): shares of the labels in the database;
+    ground: where doors and shops stand.
+    """
+
+    box: np.ndarray
+    label: np.ndarray
+    grid: np.ndarray
+    spacing: np.ndarray
+    gaps: np.ndarray
+    grids: int
+    domain: np.ndarray
+    region: np.ndarray
+    size: np.ndarray
+    ratios: np.ndarray
+    labels: np.ndarray
+    ground: float
+
+
+@njit(cache=True)
+def neighbour(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis: int, sign: int) -> float:
+    """Centre distance to the next element of the grid on that side, on the same line; -1 where there is none."""
+    other = 1 - axis
+    best = np.inf
+    side = box[at, other + 2] - box[at, other]
+    own, line = box[at, axis] + box[at, axis + 2], box[at, other] + box[at, other + 2]
+    for j in range(n):
+        if grid[j] == grid[at] and j != at and abs(box[j, other] + box[j, other + 2] - line) < 0.7 * side:
+            away = sign * (box[j, axis] + box[j, axis + 2] - own) / 2
+            if 0 < away < best:
+                best = away
+    return best if best < np.inf else -1.0
+
+
+@njit(cache=True)
+def spacings(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """(N, 2) centre distance of each element to the next one to the right and below, in its grid; -1 where there is none."""
+    out = np.empty((len(box), 2))
+    for i in range(len(box)):
+        for axis in range(2):
+            out[i, axis] = neighbour(box, grid, len(box), i, axis, 1)
+    return out
+
+
+@njit(cache=True)
+def observed_spacing(own: int, axis: int, start: Start) -> float:
+    """A spacing of the seed's grid as seen, drawn at random, else of any grid; -1 where none is seen."""
+    for attempt in range(8):
+        i = np.random.randint(len(start.box))
+        if (attempt >= 4 or start.grid[i] == own) and start.spacing[i, axis] > 0:
+            return start.spacing[i, axis]
+    return -1.0
+
+
+@njit(cache=True)
+def _with_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
+    """Add a line to the first `count` unless one is near it; how many there are now."""
+    for k in range(count):
+        if abs(lines[k] - value) < near:
+            return count
+    lines[count] = value
+    return count + 1
+
+
+@njit(cache=True)
+def gap(
+    box: np.ndarray, grid: np.ndarray, n: int, at: int, x: float, y: float, width: float, height: float
+) -> tuple[bool, float, float]:
+    """The nearest empty cell on the seed's row or column whose other line the grid has: its box does not grow by it."""
+    best, best_x, best_y = np.inf, 0.0, 0.0
+    own = grid[at]
+    xs, ys = np.empty(n), np.empty(n)
+    columns, rows = 0, 0
+    for j in range(n):
+        if grid[j] == own:
+            cx, cy = (box[j, 0] + box[j, 2]) / 2, (box[j, 1] + box[j, 3]) / 2
+            columns = _with_line(xs, columns, cx, 0.35 * width)
+            rows = _with_line(ys, rows, cy, 0.35 * height)
+    for k in range(columns + rows):
+        px, py = (xs[k], y) if k < columns else (x, ys[k - columns])
+        away = abs(px - x) / width + abs(py - y) / height
+        if away < 0.7 or away >= best:
+            continue
+        free = True
+        for j in range(n):
+            in_column = grid[j] == own and abs((box[j, 0] + box[j, 2]) / 2 - px) < 0.7 * width
+            if in_column and abs((box[j, 1] + box[j, 3]) / 2 - py) < 0.7 * height:
+                free = False
+                break
+        if free:
+            best, best_x, best_y = away, px, py
+    return best < np.inf, best_x, best_y
+
+
+@njit(cache=True)
+def beside_gaps(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether `gap` finds an empty cell of the element's grid, what Eq. 23 calls concave."""
+    out = np.empty(len(box), np.bool_)
+    for i in range(len(box)):
+        x, y = (box[i, 0] + box[i, 2]) / 2, (box[i, 1] + box[i, 3]) / 2
+        out[i] = gap(box, grid, len(box), i, x, y, box[i, 2] - box[i, 0], box[i, 3] - box[i, 1])[0]
+    return out
+
+
+@njit(cache=True)
+def size_of_grid(box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise: np.ndarray) -> tuple[float, float]:
+    for i in range(n):
+        if own >= 0 and grid[i] == own:
+            return box[i, 2] - box[i, 0], box[i, 3] - box[i, 1]
+    return otherwise[0], otherwise[1]
+
+
+@njit(cache=True)
+def snapped(
+    box: np.ndarray, label: np.ndarray, n: int, x: float, y: float, width: float, height: float
+) -> tuple[float, float]:
+    best_x, best_y = _SNAPPED * width, _SNAPPED * height
+    to_x, to_y = x, y
+    for j in range(n):
+        if label[j] != NULL:
+            cx, cy = (box[j, 0] + box[j, 2]) / 2, (box[j, 1] + box[j, 3]) / 2
+            if abs(cx - x) < best_x:
+                best_x, to_x = abs(cx - x), cx
+            if abs(cy - y) < best_y:
+                best_y, to_y = abs(cy - y), cy
+    return to_x, to_y
+
+
+@njit(cache=True)
+def add(
+    box: np.ndarray,
+    label: np.ndarray,
+    grid: np.ndarray,
+    n: int,
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    chosen: int,
+    own: int,
+    start: Start,
+) -> bool:
+    """Write the element at index n if its place is free; what is seen, the domain and other elements are hard constraints."""
+    x0, y0, x1, y1 = x - width / 2, y - height / 2, x + width / 2, y + height / 2
+    d = start.domain
+    if x0 < d[0] or y0 < d[1] or x1 > d[2] or y1 > d[3]:
+        return False
+    for r in start.region:
+        if x0 < r[2] and r[0] < x1 and y0 < r[3] and r[1] < y1:
+            return False
+    for j in range(n):
+        if x0 < box[j, 2] and box[j, 0] < x1 and y0 < box[j, 3] and box[j, 1] < y1:
+            pair = (chosen == WINDOW and label[j] == BALCONY) or (chosen == BALCONY and label[j] == WINDOW)
+            if not pair:
+                return False
+    box[n, 0], box[n, 1], box[n, 2], box[n, 3] = x0, y0, x1, y1
+    label[n], grid[n] = chosen, own
+    return True
+
+
+@njit(cache=True)
+def grid_areas(box: np.ndarray, grid: np.ndarray, n: int, domain: np.ndarray, out: np.ndarray) -> None:
+    """Area of each grid's bounding box as a share of the domain, for Eq. 23."""
+    whole = (domain[2] - domain[0]) * (domain[3] - domain[1])
+    for g in range(len(out)):
+        x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf
+        for i in range(n):
+            if grid[i] == g:
+                x0, y0 = min(x0, box[i, 0]), min(y0, box[i, 1])
+                x1, y1 = max(x1, box[i, 2]), max(y1, box[i, 3])
+        out[g] = (x1 - x0) * (y1 - y0) / whole if x1 > x0 else 0.0

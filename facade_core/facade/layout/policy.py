@@ -1,0 +1,216 @@
+"""The planning policy of Fan et al. 2014, section 5.1: a layout is completed by adding one element after another, compiled.
+
+A policy is a (15,) float64 array: lambda_0 to lambda_2, the five directions in order of priority (lambda_3), lambda_4 to
+lambda_10. As in the paper an action adds an element, none moves or deletes one; the reward is the layout's score at the
+end, so a candidate is measured once. Doors and shops stand on the ground: they extend to the sides only.
+"""
+
+# ruff: noqa: NPY002  (compiled code has its own copy of the legacy generator, seeded at each roll-out)
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.facade.layout.placement import (
+    NULL,
+    Start,
+    add,
+    gap,
+    grid_areas,
+    neighbour,
+    observed_spacing,
+    size_of_grid,
+    snapped,
+)
+from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW
+
+RANDOM_SEED, CONCAVITY, RANDOM_DIRECTION = 0, 1, 2
+PRIORITY = slice(3, 8)
+COPY_LABEL, OBSERVED_LABEL, DATABASE_LABEL, COPY_SPACING, OBSERVED_SPACING, SNAP, MIRROR = range(8, 15)
+LENGTH = 15
+LEFT, RIGHT, UP, DOWN, FILL = range(5)
+# At most so many elements are added.
+ROOM = 160
+# The random offset of a sampled spacing, standard deviation as its share.
+_OFFSET = 0.1
+
+
+@njit(cache=True)
+def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Complete the layout once: box (N', 4), label (N',), grid (N',), the observed elements first."""
+    np.random.seed(seed)
+    observed = len(start.box)
+    capacity = observed + ROOM
+    box, label = np.empty((capacity, 4)), np.empty(capacity, np.int64)
+    grid, tried = np.empty(capacity, np.int64), np.zeros(capacity, np.int64)
+    for i in range(observed):
+        _keep(box, label, grid, i, start.box, start.label, start.grid, i)
+    n, grids = observed, start.grids
+    grid_of = np.full(4, -1, np.int64)
+    for i in range(observed - 1, -1, -1):
+        grid_of[label[i]] = grid[i]
+    area = np.zeros(start.grids + 4)
+    grid_areas(box, grid, n, start.domain, area)
+    while n < capacity - 2:
+        seed_at = _seed(policy, box, label, grid, tried, n, area, start.gaps)
+        if seed_at < 0:
+            break
+        way = _direction(policy, tried[seed_at])
+        tried[seed_at] |= 1 << way
+        kind = label[seed_at]
+        if (kind in (DOOR, SHOP)) and (way in (UP, DOWN)):
+            continue
+        found, x, y = _place(policy, box, label, grid, n, seed_at, way, start)
+        if not found:
+            if way == FILL:
+                # no gap on this row, so its other elements need not look; one on another row is found from there
+                height = box[seed_at, 3] - box[seed_at, 1]
+                for j in range(n):
+                    if grid[j] == grid[seed_at] and abs(box[j, 1] - box[seed_at, 1]) < height:
+                        tried[j] |= 1 << FILL
+            continue
+        chosen = kind if way == FILL else _label(policy, start, observed, kind)
+        width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
+        own = grid[seed_at]
+        if chosen != kind and chosen != NULL:
+            own = grid_of[chosen]
+            width, height = size_of_grid(box, grid, n, own, start.size[chosen])
+            if chosen in (DOOR, SHOP):
+                y = start.ground - height / 2
+        if np.random.random() < policy[SNAP]:
+            x, y = snapped(box, label, n, x, y, width, height)
+        if add(box, label, grid, n, x, y, width, height, chosen, own, start):
+            if chosen != NULL and own < 0:
+                grid_of[chosen] = grid[n] = grids
+                grids += 1
+            n += 1
+        if np.random.random() < policy[MIRROR]:
+            middle = (start.domain[0] + start.domain[2]) / 2
+            x = 2 * middle - (box[seed_at, 0] + box[seed_at, 2]) / 2
+            y = (box[seed_at, 1] + box[seed_at, 3]) / 2
+            width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
+            n += add(box, label, grid, n, x, y, width, height, kind, grid[seed_at], start)
+    kept = 0
+    for i in range(n):
+        if label[i] != NULL:
+            _keep(box, label, grid, kept, box, label, grid, i)
+            kept += 1
+    return box[:kept], label[:kept], grid[:kept]
+
+
+@njit(cache=True)
+def _keep(
+    box: np.ndarray,
+    label: np.ndarray,
+    grid: np.ndarray,
+    at: int,
+    of_box: np.ndarray,
+    of_label: np.ndarray,
+    of_grid: np.ndarray,
+    i: int,
+) -> None:
+    """Write another's element i at a place: numba takes seconds to compile slices that are assigned."""
+    for k in range(4):
+        box[at, k] = of_box[i, k]
+    label[at], grid[at] = of_label[i], of_grid[i]
+
+
+@njit(cache=True)
+def _seed(
+    policy: np.ndarray,
+    box: np.ndarray,
+    label: np.ndarray,
+    grid: np.ndarray,
+    tried: np.ndarray,
+    n: int,
+    area: np.ndarray,
+    gaps: np.ndarray,
+) -> int:
+    """The seed element, among those with a direction left: at random or by the rank of Eq. 23; -1 where none is left."""
+    count = 0
+    for i in range(n):
+        count += tried[i] < 31 and label[i] != NULL
+    if count == 0:
+        return -1
+    if np.random.random() < policy[RANDOM_SEED]:
+        skip = np.random.randint(count)
+        for i in range(n):
+            if tried[i] < 31 and label[i] != NULL:
+                if skip == 0:
+                    return i
+                skip -= 1
+    best, best_rank = -1, -1.0
+    for i in range(n):
+        if tried[i] < 31 and label[i] != NULL:
+            # beside a gap of its grid, until that is tried; what was added was added beside others
+            concave = 1.0 if i < len(gaps) and gaps[i] and not tried[i] & (1 << FILL) else 0.0
+            rank = policy[CONCAVITY] * concave + (1 - policy[CONCAVITY]) * (1 - area[grid[i]])
+            if rank > best_rank:
+                best, best_rank = i, rank
+    return best
+
+
+@njit(cache=True)
+def _direction(policy: np.ndarray, tried: int) -> int:
+    if np.random.random() < policy[RANDOM_DIRECTION]:
+        while True:
+            way = np.random.randint(5)
+            if not tried & (1 << way):
+                return way
+    for k in range(5):
+        way = int(policy[3 + k])
+        if not tried & (1 << way):
+            return way
+    return FILL
+
+
+@njit(cache=True)
+def _label(policy: np.ndarray, start: Start, observed: int, kind: int) -> int:
+    """lambda_4: the seed's own; else lambda_5 sampled from the observed, lambda_6 from the database, or NULL."""
+    if np.random.random() < policy[COPY_LABEL]:
+        return kind
+    u = np.random.random()
+    if u < policy[OBSERVED_LABEL]:
+        return int(start.label[np.random.randint(observed)])
+    if u < policy[OBSERVED_LABEL] + policy[DATABASE_LABEL]:
+        v = np.random.random()
+        for k in range(len(start.labels)):
+            v -= start.labels[k]
+            if v < 0:
+                return k
+        return WINDOW
+    return NULL
+
+
+@njit(cache=True)
+def _place(
+    policy: np.ndarray,
+    box: np.ndarray,
+    label: np.ndarray,
+    grid: np.ndarray,
+    n: int,
+    seed_at: int,
+    way: int,
+    start: Start,
+) -> tuple[bool, float, float]:
+    """The new element's centre; False where the direction has none."""
+    x, y = (box[seed_at, 0] + box[seed_at, 2]) / 2, (box[seed_at, 1] + box[seed_at, 3]) / 2
+    width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
+    if way == FILL:
+        return gap(box, grid, n, seed_at, x, y, width, height)
+    axis, sign = (0, 1) if way == RIGHT else (0, -1) if way == LEFT else (1, 1) if way == DOWN else (1, -1)
+    spacing = -1.0
+    u = np.random.random()
+    if u < policy[COPY_SPACING]:
+        spacing = neighbour(box, grid, n, seed_at, axis, -sign)
+    if spacing < 0:
+        spacing = observed_spacing(grid[seed_at], axis, start)
+        if spacing < 0:
+            size = width if axis == 0 else height
+            spacing = size / start.ratios[np.random.randint(len(start.ratios)), axis]
+        if u >= policy[COPY_SPACING] + policy[OBSERVED_SPACING]:
+            spacing *= 1 + _OFFSET * np.random.standard_normal()
+    if axis == 0:
+        return True, x + sign * spacing, y
+    return True, x, y + sign * spacing

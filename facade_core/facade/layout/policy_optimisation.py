@@ -1,0 +1,167 @@
+"""Policy optimisation by a genetic algorithm (Fan et al. 2014, section 5.2).
+
+What makes a candidate and what measures it is compiled; the loop over candidates is not: all that it calls would be compiled
+once more into it, for seconds, to save a run a tenth of one.
+"""
+
+# ruff: noqa: NPY002  (compiled code has its own copy of the legacy generator, seeded at each roll-out)
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.core.types import Element
+from facade_core.facade.layout.densities import Densities
+from facade_core.facade.layout.facade_frame import Box, frame
+from facade_core.facade.layout.model import LayoutModel
+from facade_core.facade.layout.placement import Start, beside_gaps, spacings
+from facade_core.facade.layout.policy import (
+    COPY_SPACING,
+    DATABASE_LABEL,
+    LENGTH,
+    OBSERVED_LABEL,
+    OBSERVED_SPACING,
+    roll_out,
+)
+from facade_core.facade.layout.scores import arrays, log_scores
+from facade_core.facade.layout.statistics import measure
+
+POPULATION = 10
+_STEP = 0.15
+
+
+def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel) -> Start:
+    """The observed layout as the policy takes it."""
+    box, label, grid = arrays(seen)
+    facade = frame(seen, domain)
+    sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.usual.door[0, :2], model.usual.shop[0, :2]]) * facade.size
+    return Start(
+        np.ascontiguousarray(box),
+        label,
+        grid,
+        spacings(np.ascontiguousarray(box), grid),
+        beside_gaps(np.ascontiguousarray(box), grid),
+        int(grid.max()) + 1 if len(grid) else 0,
+        np.array(domain, float),
+        np.ascontiguousarray(region),
+        sizes,
+        model.usual.ratios,
+        model.labels,
+        float(facade.ground),
+    )
+
+
+def search(
+    policies: np.ndarray,
+    start: Start,
+    densities: Densities,
+    weights: np.ndarray,
+    mean: bool,
+    generations: int,
+    tries: int,
+    seed: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Optimise the policy for one facade (Eq. 24); a policy's value is the best score among its `tries` completions.
+
+    policies (POPULATION, LENGTH): where to start from. Returns, for every candidate made, its policy (C, LENGTH), the seed
+    that makes it anew by `roll_out`, and its score (C,), C = generations * POPULATION * tries.
+    """
+    size = len(policies)
+    count = generations * size * tries
+    used, seeds, scores = np.empty((count, LENGTH)), np.empty(count, np.int64), np.empty(count)
+    population, value = policies.copy(), np.full(size, -np.inf)
+    k = 0
+    for generation in range(generations):
+        children = population.copy() if generation == 0 else _children(population, value, seed + generation)
+        fitness = np.full(size, -np.inf)
+        for p in range(size):
+            for _ in range(tries):
+                seeds[k] = seed * 1_000_003 % 2_147_000_000 + k
+                box, label, grid = roll_out(children[p], start, int(seeds[k]))
+                scores[k] = value_of(box, label, grid, start.domain, densities, weights, mean)
+                used[k] = children[p]
+                fitness[p] = max(fitness[p], scores[k])
+                k += 1
+        if generation == 0:
+            value = fitness
+            continue
+        for p in range(size):  # the best of parents and children live on
+            worst = np.argmin(value)
+            if fitness[p] > value[worst]:
+                value[worst], population[worst] = fitness[p], children[p]
+    return used, seeds, scores
+
+
+def value_of(
+    box: np.ndarray,
+    label: np.ndarray,
+    grid: np.ndarray,
+    domain: np.ndarray,
+    densities: Densities,
+    weights: np.ndarray,
+    mean: bool,
+) -> float:
+    """The score of a candidate on the grids that the policy kept."""
+    unary, pairs, overall = measure(box, label, grid, domain)
+    total, count = log_scores(
+        unary, pairs, overall, densities.mixtures, densities.patterns, densities.symmetry, densities.compatibility
+    )
+    value = 0.0
+    for weight, score, times in zip(weights.tolist(), total.tolist(), count.tolist(), strict=True):
+        value += weight * (score / max(times, 1.0) if mean else score)
+    return value
+
+
+@njit(cache=True)
+def _children(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarray:
+    """Crossover takes each parameter from one of two parents (of the better halves of two draws); one is mutated."""
+    np.random.seed(seed)
+    size = len(population)
+    out = np.empty_like(population)
+    for p in range(size):
+        parents = np.empty(2, np.int64)
+        for k in range(2):
+            a, b = np.random.randint(size), np.random.randint(size)
+            parents[k] = a if value[a] >= value[b] else b
+        j = 0
+        while j < LENGTH:
+            parent = population[parents[np.random.randint(2)]]
+            if j == 3:  # the priority of directions is one parameter
+                for k in range(3, 8):
+                    out[p, k] = parent[k]
+                j = 8
+            else:
+                out[p, j] = parent[j]
+                j += 1
+        changed = np.random.randint(11)
+        if changed == 3:
+            a, b = 3 + np.random.randint(5), 3 + np.random.randint(5)
+            out[p, a], out[p, b] = out[p, b], out[p, a]
+        else:
+            j = changed if changed < 3 else changed + 4
+            out[p, j] = min(1.0, max(0.0, out[p, j] + _STEP * np.random.standard_normal()))
+        project(out[p])
+    return out
+
+
+@njit(cache=True)
+def project(policy: np.ndarray) -> None:
+    """Bring the probabilities that share a simplex (lambda_5-6, lambda_7-8) back to it."""
+    for a, b in ((OBSERVED_LABEL, DATABASE_LABEL), (COPY_SPACING, OBSERVED_SPACING)):
+        total = policy[a] + policy[b]
+        if total > 1:
+            policy[a] /= total
+            policy[b] /= total
+
+
+def random_policies(count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, LENGTH) policies drawn at random, probabilities uniform."""
+    out = rng.uniform(size=(count, LENGTH))
+    out[:, 8] = rng.uniform(0.6, 1.0, count)  # most elements are of their neighbour's label
+    out[:, 3:8] = np.argsort(out[:, 3:8], axis=1)
+    for policy in out:
+        project(policy)
+    return out

@@ -1,0 +1,172 @@
+"""What is known of a proposed element: who proposes it, where it would stand, what is seen in its floor and column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.types import Element
+from facade_core.facade.layout.facade_frame import Box, Frame
+from facade_core.facade.layout.grids import Grid, boxes
+from facade_core.facade.layout.proposals import EXTENSIONS, Proposals
+from facade_core.facade.layout.rectangles import SHOP, iou
+
+_FAR = 20.0
+VERSION = 1
+
+
+def describe(
+    proposals: Proposals,
+    seen: Sequence[Element],
+    fitted: Sequence[Grid],
+    facade: Frame,
+    domain: Box,
+    region: np.ndarray,
+) -> np.ndarray:
+    """(N, features) float32, none of which depends on the unit or the facade's place."""
+    box, label = proposals.box, proposals.label.astype(int)
+    if not len(box):
+        return np.zeros((0, 0), np.float32)
+    extent = np.array([domain[2] - domain[0], domain[3] - domain[1]])
+    middle = (domain[0] + domain[2]) / 2
+    observed = boxes(seen)
+    observed_label = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
+    same = label[:, None] == observed_label
+    side, centre = box[:, 2:] - box[:, :2], (box[:, :2] + box[:, 2:]) / 2
+    unit = facade.size
+    pitch = np.array([_pitch(facade.columns), _pitch(facade.floors)])
+    mirrored = observed.copy()
+    mirrored[:, [0, 2]] = 2 * middle - observed[:, [2, 0]]
+
+    columns: list[np.ndarray] = [(label == k).astype(float) for k in range(len(ELEMENT_CLASSES))]
+    columns += _agreement(proposals.support)
+    columns.append(_most(iou(box, mirrored) * same))
+    low, high = box[:, :2] - domain[:2], np.array(domain[2:]) - box[:, 2:]
+    margin_seen = _margins(observed, domain)
+    for axis in (0, 1):
+        columns += [np.minimum(low[:, axis] / unit[axis], _FAR), np.minimum(high[:, axis] / unit[axis], _FAR)]
+        columns += [
+            side[:, axis] / unit[axis],
+            side[:, axis] / extent[axis],
+            (centre[:, axis] - domain[axis]) / extent[axis],
+        ]
+        columns.append(_ratio(side[:, axis], pitch[axis]))
+        columns.append(np.full(len(box), extent[axis] / unit[axis]))
+    columns += [np.abs(centre[:, 0] - middle) / unit[0], np.log(side[:, 0] / side[:, 1])]
+    columns += [np.abs(low[:, 0] - margin_seen) / unit[0], np.abs(high[:, 0] - margin_seen) / unit[0]]
+    columns.append(_ratio(facade.ground - box[:, 3], unit[1]))
+    columns.append(_ratio(facade.ground - centre[:, 1], pitch[1]))
+    columns += _lines_seen(box, centre, side, observed, same)
+    columns += _lines_seen(box, centre, side, observed, observed_label[None] == 0)
+    columns += _around(proposals, centre, side)
+    floor = _band_seen(box, domain, region, vertical=False)
+    column = _band_seen(box, domain, region, vertical=True)
+    columns += [floor, column]
+    counts = np.array([(observed_label == k).sum() for k in range(len(ELEMENT_CLASSES))], float)
+    columns += [np.full(len(box), c) for c in counts]
+    covered = sum(_area(np.clip(r, (*domain[:2], *domain[:2]), (*domain[2:], *domain[2:]))) for r in region)
+    bottom = np.full((1, 4), (domain[0], domain[3] - 0.08 * extent[1], domain[2], domain[3]))
+    facts = [
+        covered / extent.prod(),
+        float(_band_seen(bottom, domain, region, vertical=False)[0]),
+        len(facade.columns),
+        len(facade.floors),
+        *_regularity(facade.columns),
+        *_regularity(facade.floors),
+        max((g.completeness * (g.cells >= 0).sum() for g in fitted), default=0.0) / max(1, len(seen)),
+        extent[0] / extent[1],
+        counts[1] / max(1.0, counts[0]),
+    ]
+    columns += [np.full(len(box), float(f)) for f in facts]
+    columns.append(_ratio(_nearest(centre[:, 0], facade.columns), unit[0]))
+    columns.append(_ratio(_nearest(centre[:, 0], 2 * middle - facade.columns), unit[0]))
+    columns.append(_ratio(_nearest(centre[:, 1], facade.floors), unit[1]))
+    shops = observed[observed_label == SHOP]
+    columns.append(np.full(len(box), (np.median(shops[:, 3] - shops[:, 1]) / unit[1]) if len(shops) else 0.0))
+    return np.nan_to_num(np.column_stack(columns), nan=-1.0, posinf=_FAR, neginf=-_FAR).astype(np.float32)
+
+
+def _agreement(support: np.ndarray) -> list[np.ndarray]:
+    """How many variants of each kind agree, and how well."""
+    n = len(EXTENSIONS)
+    held = support[:, :n] >= 0.5
+    columns = [held.mean(axis=1), support[:, :n].mean(axis=1)]
+    columns += [support[:, v] for v in range(support.shape[1])]
+    columns.append((support >= 0.5).sum(axis=1))
+    return columns
+
+
+def _lines_seen(
+    box: np.ndarray, centre: np.ndarray, side: np.ndarray, observed: np.ndarray, same: np.ndarray
+) -> list[np.ndarray]:
+    """How many seen elements share the floor or the column, how well they align, how far the nearest is, how alike in size."""
+    if not len(observed):
+        return [np.full(len(box), v) for v in (0.0, 0.0, 1.0, 1.0, _FAR, _FAR, 1.0, 1.0)]
+    middle, extent = (observed[:, :2] + observed[:, 2:]) / 2, observed[:, 2:] - observed[:, :2]
+    away = np.abs(centre[:, None] - middle) / side[:, None]
+    in_floor, in_column = same & (away[..., 1] < 0.3), same & (away[..., 0] < 0.3)
+    unlike = np.abs(np.log(extent[None] / side[:, None]))
+    found = [in_floor.sum(axis=1), in_column.sum(axis=1)]
+    found += [_least(away[..., 1], same, 1.0), _least(away[..., 0], same, 1.0)]
+    found += [_least(away[..., 0], in_floor, _FAR), _least(away[..., 1], in_column, _FAR)]
+    found += [_least(unlike[..., 0], in_column, 1.0), _least(unlike[..., 1], in_floor, 1.0)]
+    return [f.astype(float) for f in found]
+
+
+def _around(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
+    """Agreement of the other guesses that overlap this one, of the same label and of others, and its rank among them."""
+    agreed = (proposals.support >= 0.5).mean(axis=1)
+    shared = iou(proposals.box, proposals.box)
+    np.fill_diagonal(shared, 0)
+    same = proposals.label[:, None] == proposals.label
+    rival, other = (shared * same * agreed).max(axis=1), (shared * ~same * agreed).max(axis=1)
+    better = ((shared > 0.1) & same & (agreed > agreed[:, None])).sum(axis=1)
+    return [rival, other, better.astype(float), ((shared > 0) & same).sum(axis=1).astype(float)]
+
+
+def _band_seen(box: np.ndarray, domain: Box, region: np.ndarray, *, vertical: bool) -> np.ndarray:
+    """(N,) the share of each element's floor (or column), over the whole domain, that is visible."""
+    band = box.copy()
+    a = 1 if vertical else 0
+    band[:, a], band[:, a + 2] = domain[a], domain[a + 2]
+    if not len(region):
+        return np.zeros(len(box))
+    low = np.maximum(band[:, None, :2], region[:, :2])
+    sides = np.clip(np.minimum(band[:, None, 2:], region[:, 2:]) - low, 0, None)
+    area = ((band[:, 2:] - band[:, :2]).prod(axis=1)).clip(1e-12)
+    return np.minimum(sides.prod(axis=2).sum(axis=1) / area, 1.0)
+
+
+def _margins(observed: np.ndarray, domain: Box) -> float:
+    return float(min((observed[:, 0] - domain[0]).min(), (domain[2] - observed[:, 2]).min())) if len(observed) else 0.0
+
+
+def _pitch(lines: np.ndarray) -> float:
+    return float(np.median(np.diff(lines))) if len(lines) > 1 else np.nan
+
+
+def _regularity(lines: np.ndarray) -> tuple[float, float]:
+    gaps = np.diff(lines)
+    return (float(gaps.std() / gaps.mean()), float(gaps.min() / gaps.mean())) if len(gaps) > 1 else (-1.0, -1.0)
+
+
+def _ratio(values: np.ndarray, unit: float) -> np.ndarray:
+    return np.minimum(values / unit, _FAR)
+
+
+def _nearest(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    return np.abs(values[:, None] - lines).min(axis=1) if len(lines) else np.full(len(values), np.inf)
+
+
+def _most(values: np.ndarray) -> np.ndarray:
+    return values.max(axis=1) if values.shape[1] else np.zeros(len(values))
+
+
+def _least(values: np.ndarray, where: np.ndarray, otherwise: float) -> np.ndarray:
+    return np.where(where, values, otherwise).min(axis=1)
+
+
+def _area(box: np.ndarray) -> float:
+    return float(max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1]))

@@ -1,0 +1,85 @@
+"""How likely a proposed element is to be there: gradient-boosted trees over what is known of it, and the pick of a layout."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+
+class Trees(NamedTuple):
+    """Boosted regression trees as flat arrays; roots (T,) index of each tree's first node.
+
+    feature (M,), -1 at a leaf; threshold (M,), left if not above; left, right (M,), index of the children; value (M,), of
+    a leaf. base: the sum starts there.
+    """
+
+    roots: np.ndarray
+    feature: np.ndarray
+    threshold: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    value: np.ndarray
+    base: float
+
+
+@njit(cache=True)
+def probability(trees: Trees, rows: np.ndarray) -> np.ndarray:
+    """(N,) the trees' probability for rows (N, features) float32."""
+    out = np.empty(len(rows))
+    for i in range(len(rows)):
+        total = trees.base
+        for root in trees.roots:
+            node = root
+            while trees.feature[node] >= 0:
+                above = rows[i, trees.feature[node]] > trees.threshold[node]
+                node = trees.right[node] if above else trees.left[node]
+            total += trees.value[node]
+        out[i] = 1 / (1 + np.exp(-total))
+    return out
+
+
+def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 400, leaves: int = 32) -> Trees:
+    """Boost trees on rows (N, features) with truth (N,) bool. One thread, so that the result is the same everywhere."""
+    from sklearn.ensemble import HistGradientBoostingClassifier
+    from threadpoolctl import threadpool_limits
+
+    learner = HistGradientBoostingClassifier(
+        max_iter=rounds,
+        learning_rate=0.05,
+        max_leaf_nodes=leaves,
+        min_samples_leaf=60,
+        l2_regularization=3.0,
+        max_features=0.3,
+        early_stopping=False,
+        random_state=seed,
+    )
+    with threadpool_limits(1):
+        learner.fit(rows, truth)
+    roots, parts, offset = [], [], 0
+    for (tree,) in learner._predictors:  # sklearn has no public way to its trees
+        nodes = tree.nodes
+        leaf = nodes["is_leaf"].astype(bool)
+        roots.append(offset)
+        parts.append(
+            (
+                np.where(leaf, -1, nodes["feature_idx"]),
+                np.where(leaf, 0, nodes["num_threshold"]),
+                np.where(leaf, 0, nodes["left"] + offset),
+                np.where(leaf, 0, nodes["right"] + offset),
+                np.where(leaf, nodes["value"], 0),
+            )
+        )
+        offset += len(nodes)
+    feature, threshold, left, right, value = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Trees(
+        np.array(roots, np.int64),
+        feature.astype(np.int64),
+        threshold.astype(np.float32),
+        left.astype(np.int64),
+        right.astype(np.int64),
+        np.round(value, 5),
+        float(np.round(learner._baseline_prediction.item(), 5)),
+    )

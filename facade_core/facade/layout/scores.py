@@ -1,0 +1,131 @@
+"""The ten scores of a layout and their sum, the logarithm of Eq. 15 without Z (Fan et al. 2014, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.numba_cache import njit
+from facade_core.core.types import Element
+from facade_core.facade.layout import statistics as st
+from facade_core.facade.layout.densities import (
+    ALIGN_X,
+    ALIGN_Y,
+    BOTTOM,
+    COMPLETE,
+    COVERAGE,
+    DOOR_BINS,
+    FLOOR,
+    HEIGHT_RATIO,
+    REGULAR_X,
+    REGULAR_Y,
+    SIDES,
+    SYMMETRY_BINS,
+    TOP,
+    WIDTH_RATIO,
+    log_conditional,
+    log_density,
+)
+from facade_core.facade.layout.grids import boxes, grids
+from facade_core.facade.layout.model import LayoutModel, shipped
+from facade_core.facade.layout.statistics import measure
+from facade_core.facade.layout.validation import check_domain, check_elements
+
+
+def score(
+    elements: Sequence[Element], domain: tuple[float, float, float, float], *, model: LayoutModel | None = None
+) -> float:
+    """ln p(G|w) of Eq. 15 without Z: the weighted sum of the ten terms, higher is more plausible.
+
+    elements: windows, balconies, doors and shops in the unit of domain = (x0, y0, x1, y1), y down; other labels do not
+    count, exact duplicates count once. The result does not depend on their order. Every log-density is at least ln 1e-3.
+    Raises LayoutError for elements or a domain that cannot be used.
+    """
+    check_domain(domain)
+    check_elements(elements, domain)
+    chosen = model or shipped()
+    return float(chosen.weights @ terms(elements, domain, chosen))
+
+
+def terms(elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel) -> np.ndarray:
+    """(10,) the value of each of TERMS, as the model adds them up: over all grids, or their mean."""
+    total, count = log_scores(*measured(elements, domain), *model.densities)
+    return total / np.maximum(count, 1) if model.mean else total
+
+
+def measured(
+    elements: Sequence[Element], domain: tuple[float, float, float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`statistics.measure` of a layout's grids; elements in a fixed order first, so that sums do not depend on it."""
+    kept = sorted({e for e in elements if e.label in ELEMENT_CLASSES}, key=lambda e: (e.label, e.y0, e.x0, e.y1, e.x1))
+    box, label, grid = arrays(kept)
+    return measure(box, label, grid, np.array(domain, float))
+
+
+def arrays(elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """box (N, 4), label (N,) and grid (N,) of elements of ELEMENT_CLASSES, as the compiled parts take them."""
+    label = np.array([ELEMENT_CLASSES.index(e.label) for e in elements], np.int64)
+    grid = np.zeros(len(elements), np.int64)
+    for g, fitted in enumerate(grids(elements)):
+        grid[fitted.cells[fitted.cells >= 0]] = g
+    return boxes(elements), label, grid
+
+
+@njit(cache=True)
+def log_scores(
+    unary: np.ndarray,
+    pairs: np.ndarray,
+    overall: np.ndarray,
+    mixtures: np.ndarray,
+    patterns: np.ndarray,
+    symmetry: np.ndarray,
+    compatibility: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of the log-densities of each of TERMS, and how many were added (10,), (10,)."""
+    total, count = np.zeros(10), np.zeros(10)
+    for g in range(len(unary)):
+        u = unary[g]
+        total[0] += log_density(u[st.ASPECT], mixtures[int(u[st.LABEL])])
+        count[0] += 1
+        for column, row, term in (
+            (st.WIDTH_RATIO, WIDTH_RATIO, 1),
+            (st.HEIGHT_RATIO, HEIGHT_RATIO, 1),
+            (st.REGULAR_X, REGULAR_X, 2),
+            (st.REGULAR_Y, REGULAR_Y, 2),
+            (st.COMPLETE, COMPLETE, 3),
+        ):
+            if not np.isnan(u[column]):
+                total[term] += log_density(u[column], mixtures[row])
+                count[term] += 1
+    for k in range(len(pairs)):
+        p = pairs[k]
+        if not np.isnan(p[st.PATTERN]):
+            total[4] += patterns[int(p[st.PATTERN])]
+            count[4] += 1
+        if not np.isnan(p[st.ALIGN_X]):
+            total[5] += log_conditional(p[st.ALIGN_X], p[st.GAP_X], mixtures[ALIGN_X])
+            count[5] += 1
+        if not np.isnan(p[st.ALIGN_Y]):
+            total[5] += log_conditional(p[st.ALIGN_Y], p[st.GAP_Y], mixtures[ALIGN_Y])
+            count[5] += 1
+    total[6] = compatibility[int(overall[st.TYPES])]
+    total[7] = log_density(overall[st.COVERAGE], mixtures[COVERAGE])
+    if np.isnan(overall[st.SYMMETRY]):
+        total[8], total[9] = 4 * FLOOR, FLOOR
+    else:
+        total[8] += log_density(overall[st.BORDER_LEFT], mixtures[SIDES])
+        total[8] += log_density(overall[st.BORDER_RIGHT], mixtures[SIDES])
+        total[8] += log_density(overall[st.BORDER_TOP], mixtures[TOP])
+        total[8] += log_density(overall[st.BORDER_BOTTOM], mixtures[BOTTOM])
+        door = door_bin(overall[st.DOOR_AT])
+        total[9] = symmetry[door, min(SYMMETRY_BINS - 1, int(overall[st.SYMMETRY] * SYMMETRY_BINS))]
+    count[6], count[7], count[8], count[9] = 1, 1, 4, 1
+    return total, count
+
+
+@njit(cache=True)
+def door_bin(at: float) -> int:
+    """Row of the symmetry table: 0 without a door, else the doors' mean place from left to right."""
+    return 0 if at == 0 else 1 + min(DOOR_BINS - 2, int(at * (DOOR_BINS - 1)))

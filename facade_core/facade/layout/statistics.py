@@ -1,0 +1,342 @@
+"""What the ten scores are read from: spacings, alignment, border and symmetry of a layout's grids (Fan et al. 2014, 4.1-4.3).
+
+Compiled: `measure` is called for every candidate layout. Elements come as arrays: box (N, 4) x0, y0, x1, y1; label (N,)
+index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 without holes. By loops: numba's own sort, median
+and unique, slices that are assigned and expressions of arrays each take longer to compile than what calls them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.labels import ELEMENT_CLASSES
+from facade_core.core.numba_cache import njit
+from facade_core.core.small_sort import ascending
+
+LABELS = len(ELEMENT_CLASSES)
+DOOR = ELEMENT_CLASSES.index("door")
+# Centres closer than this share of the element size lie on one row or column.
+ALIGNED = 0.35
+# Interleaved patterns of Eq. 5, as many repetitions of the pattern as the two grids show; the last is any other.
+PATTERNS = ("AB", "ABA", "AAB", "AABB", "other")
+
+# Columns of the arrays that `measure` returns; NaN where a term does not apply.
+ASPECT, WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, LABEL = range(7)
+PATTERN, ALIGN_X, GAP_X, ALIGN_Y, GAP_Y = range(5)
+COVERAGE, BORDER_LEFT, BORDER_RIGHT, BORDER_TOP, BORDER_BOTTOM, SYMMETRY, DOOR_AT, TYPES = range(8)
+UNARY, BINARY, OVERALL = 7, 5, 8
+# The element types of Eq. 7-8: each label above the ground, then each that stands on it: with labels alone the term is a
+# function of their number, and a door on the third floor is one more.
+KINDS = 2 * LABELS
+# An element stands on the ground where less than this share of its height lies between its foot and the domain's.
+_STANDING = 0.5
+
+
+@njit(cache=True)
+def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+    """Means of runs of values that lie at most `gap` apart, ascending, and the run of each value."""
+    order = ascending(values)
+    run = np.empty(len(values), np.int64)
+    means = np.empty(len(values))
+    count, total, k = 0, 0.0, -1
+    for j in range(len(order)):
+        v = values[order[j]]
+        if j == 0 or v - values[order[j - 1]] > gap:
+            k += 1
+            count, total = 0, 0.0
+        count += 1
+        total += v
+        means[k] = total / count
+        run[order[j]] = k
+    return means[: k + 1], run
+
+
+@njit(cache=True)
+def _median(values: np.ndarray) -> float:
+    order = ascending(values)
+    middle = len(values) // 2
+    if len(values) % 2:
+        return values[order[middle]]
+    return (values[order[middle - 1]] + values[order[middle]]) / 2
+
+
+@njit(cache=True)
+def measure(
+    box: np.ndarray, label: np.ndarray, grid: np.ndarray, domain: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Statistics of a layout: (grids, UNARY), (pairs, BINARY) and (OVERALL,) float64, NaN where a term does not apply."""
+    n = len(box)
+    grids = 0
+    for i in range(n):
+        grids = max(grids, grid[i] + 1)
+    unary = np.full((grids, UNARY), np.nan)
+    extent = np.empty((grids, 4))
+    size = np.empty((grids, 2))
+    of_label = np.empty(grids, np.int64)
+    columns = np.empty((grids, n))
+    rows = np.empty((grids, n))
+    column_count, row_count = np.zeros(grids, np.int64), np.zeros(grids, np.int64)
+    middle_x, middle_y, wide, high = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    for g in range(grids):
+        count = 0
+        for i in range(n):
+            if grid[i] == g:
+                x0, y0, x1, y1 = box[i, 0], box[i, 1], box[i, 2], box[i, 3]
+                if count == 0:
+                    of_label[g] = label[i]
+                    extent[g, 0], extent[g, 1], extent[g, 2], extent[g, 3] = x0, y0, x1, y1
+                extent[g, 0], extent[g, 1] = min(extent[g, 0], x0), min(extent[g, 1], y0)
+                extent[g, 2], extent[g, 3] = max(extent[g, 2], x1), max(extent[g, 3], y1)
+                middle_x[count], middle_y[count] = (x0 + x1) / 2, (y0 + y1) / 2
+                wide[count], high[count] = x1 - x0, y1 - y0
+                count += 1
+        width, height = _median(wide[:count]), _median(high[:count])
+        size[g, 0], size[g, 1] = width, height
+        xs, _ = lines(middle_x[:count], ALIGNED * width)
+        ys, _ = lines(middle_y[:count], ALIGNED * height)
+        column_count[g], row_count[g] = len(xs), len(ys)
+        for k in range(len(xs)):
+            columns[g, k] = xs[k]
+        for k in range(len(ys)):
+            rows[g, k] = ys[k]
+        _of_grid(unary[g], count, width, height, xs, ys)
+        unary[g, LABEL] = of_label[g]
+    pairs = np.full((grids * (grids - 1) // 2, BINARY), np.nan)
+    k = 0
+    for i in range(grids):
+        for j in range(i + 1, grids):
+            _of_pair(
+                pairs[k],
+                columns[i, : column_count[i]],
+                columns[j, : column_count[j]],
+                rows[i, : row_count[i]],
+                rows[j, : row_count[j]],
+                extent[i],
+                extent[j],
+                size[i],
+                size[j],
+                domain,
+            )
+            k += 1
+    return unary, pairs, _overall(box, label, extent, domain)
+
+
+@njit(cache=True)
+def _of_grid(out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray) -> None:
+    """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to its mean, share of cells filled.
+
+    The paper has the spread to the grid's extent; in a grid of ten columns that hardly sees one moved by half a window.
+    """
+    out[ASPECT] = np.log(height / width)
+    if len(xs) > 1:
+        mean, deviation = _gaps(xs)
+        out[WIDTH_RATIO] = width / mean
+        out[REGULAR_X] = deviation / mean
+    if len(ys) > 1:
+        mean, deviation = _gaps(ys)
+        out[HEIGHT_RATIO] = height / mean
+        out[REGULAR_Y] = deviation / mean
+    out[COMPLETE] = count / (len(xs) * len(ys))
+
+
+@njit(cache=True)
+def _gaps(lines: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of the distances between lines that follow one another."""
+    count = len(lines) - 1
+    mean, spread = 0.0, 0.0
+    for k in range(count):
+        mean += lines[k + 1] - lines[k]
+    mean /= count
+    for k in range(count):
+        spread += (lines[k + 1] - lines[k] - mean) ** 2
+    return mean, np.sqrt(spread / count)
+
+
+@njit(cache=True)
+def _of_pair(
+    out: np.ndarray,
+    xa: np.ndarray,
+    xb: np.ndarray,
+    ya: np.ndarray,
+    yb: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    size_a: np.ndarray,
+    size_b: np.ndarray,
+    domain: np.ndarray,
+) -> None:
+    """Eq. 5-6 of two grids: the pattern of interleaved lines; the share of overlapping lines that align, with the gap."""
+    apart_x = max(a[0], b[0]) - min(a[2], b[2])
+    apart_y = max(a[1], b[1]) - min(a[3], b[3])
+    if apart_x < 0 and apart_y < 0:  # the bounding boxes cut: their lines may take turns
+        pattern = _pattern(xa, xb, ALIGNED * min(size_a[0], size_b[0]))
+        if pattern < 0:
+            pattern = _pattern(ya, yb, ALIGNED * min(size_a[1], size_b[1]))
+        if pattern >= 0:
+            out[PATTERN] = pattern
+    if apart_x < 0:
+        share = _aligned(xa, xb, ALIGNED * min(size_a[0], size_b[0]), a[0], a[2], b[0], b[2])
+        if share >= 0:
+            out[ALIGN_Y], out[GAP_Y] = share, max(0.0, apart_y) / (domain[3] - domain[1])
+    if apart_y < 0:
+        share = _aligned(ya, yb, ALIGNED * min(size_a[1], size_b[1]), a[1], a[3], b[1], b[3])
+        if share >= 0:
+            out[ALIGN_X], out[GAP_X] = share, max(0.0, apart_x) / (domain[2] - domain[0])
+
+
+@njit(cache=True)
+def _aligned(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
+    """Share of the lines in the common stretch that have a partner; -1 where no line lies in it."""
+    low, high = max(a0, b0), min(a1, b1)
+    overlapping, aligned = 0, 0
+    for k in range(len(p)):
+        if low <= p[k] <= high:
+            near = False
+            for j in range(len(q)):
+                near = near or abs(q[j] - p[k]) <= gap
+            overlapping += 1
+            aligned += near
+    for j in range(len(q)):
+        if low <= q[j] <= high:
+            near = False
+            for k in range(len(p)):
+                near = near or abs(q[j] - p[k]) <= gap
+            overlapping += not near  # one with a partner is counted already
+    return aligned / overlapping if overlapping else -1.0
+
+
+@njit(cache=True)
+def _alone(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
+    """The lines of p of which none of q lies within the gap."""
+    out = np.empty(len(p))
+    n = 0
+    for k in range(len(p)):
+        alone = True
+        for j in range(len(q)):
+            alone = alone and abs(q[j] - p[k]) > gap
+        if alone:
+            out[n] = p[k]
+            n += 1
+    return out[:n]
+
+
+@njit(cache=True)
+def _pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
+    """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other.
+
+    Lines that coincide, being one line of both, take no turns.
+    """
+    p, q = _alone(all_p, all_q, gap), _alone(all_q, all_p, gap)
+    n = len(p) + len(q)
+    if len(p) == 0 or len(q) == 0:
+        return -1
+    values = np.empty(n)
+    for k in range(len(p)):
+        values[k] = p[k]
+    for k in range(len(q)):
+        values[len(p) + k] = q[k]
+    order = ascending(values)
+    turns, first = 0, order[0] >= len(p)
+    runs = np.zeros(n, np.int64)
+    previous = first
+    for k in range(n):
+        second = order[k] >= len(p)
+        if second != previous:
+            turns += 1
+            previous = second
+        runs[turns] += 1
+    if turns <= 1:
+        return -1
+    ones, pairs, short = True, True, runs[0] <= 2 and runs[turns] <= 2
+    # of the runs at even and at odd places: whether all are one; whether all are two, the first and the last at most that
+    single, double = np.ones(2, np.bool_), np.ones(2, np.bool_)
+    for k in range(turns + 1):
+        side = k % 2
+        ones &= runs[k] == 1
+        single[side] &= runs[k] == 1
+        if 0 < k < turns:
+            pairs &= runs[k] == 2
+        double[side] &= runs[k] == 2 if 0 < k < turns else runs[k] <= 2
+    if ones:
+        return 1 if turns == 2 else 0
+    if pairs and short:
+        return 3
+    if (double[0] and single[1]) or (double[1] and single[0]):
+        return 2
+    return 4
+
+
+@njit(cache=True)
+def _overall(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.ndarray) -> np.ndarray:
+    """Eq. 8-11: types present as bits, coverage by grids, borders in mean element sizes, symmetric share, doors' place."""
+    out = np.full(OVERALL, np.nan)
+    n = len(box)
+    types = 0
+    for i in range(n):
+        standing = domain[3] - box[i, 3] < _STANDING * (box[i, 3] - box[i, 1])
+        types |= 1 << (label[i] + LABELS * standing)
+    out[TYPES] = types
+    width, height = domain[2] - domain[0], domain[3] - domain[1]
+    if n == 0:
+        out[COVERAGE] = 0.0
+        return out
+    out[COVERAGE] = _union(extent) / (width * height)
+    w, h = 0.0, 0.0
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    doors, at = 0, 0.0
+    for i in range(n):
+        w += box[i, 2] - box[i, 0]
+        h += box[i, 3] - box[i, 1]
+        left, top = min(left, box[i, 0]), min(top, box[i, 1])
+        right, bottom = max(right, box[i, 2]), max(bottom, box[i, 3])
+        if label[i] == DOOR:
+            doors += 1
+            at += ((box[i, 0] + box[i, 2]) / 2 - domain[0]) / width
+    w, h = w / n, h / n
+    out[BORDER_LEFT], out[BORDER_RIGHT] = (left - domain[0]) / w, (domain[2] - right) / w
+    out[BORDER_TOP], out[BORDER_BOTTOM] = (top - domain[1]) / h, (domain[3] - bottom) / h
+    out[DOOR_AT] = at / doors if doors else 0.0
+    out[SYMMETRY] = symmetry(box, label, domain)
+    return out
+
+
+@njit(cache=True)
+def symmetry(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
+    """Share of the elements' area whose mirror image about the domain's middle meets an element of the label."""
+    twice = domain[0] + domain[2]
+    met, total = 0.0, 0.0
+    for i in range(len(box)):
+        area = (box[i, 2] - box[i, 0]) * (box[i, 3] - box[i, 1])
+        total += area
+        low, high = twice - box[i, 2], twice - box[i, 0]
+        best = 0.0
+        for j in range(len(box)):
+            if label[j] == label[i]:
+                dx = min(high, box[j, 2]) - max(low, box[j, 0])
+                dy = min(box[i, 3], box[j, 3]) - max(box[i, 1], box[j, 1])
+                if dx > 0 and dy > 0:
+                    best = max(best, dx * dy)
+        met += best
+    return min(1.0, met / total)
+
+
+@njit(cache=True)
+def _union(rectangles: np.ndarray) -> float:
+    """Area of the union of rectangles."""
+    count = len(rectangles)
+    xs, ys = np.empty(2 * count), np.empty(2 * count)
+    for r in range(count):
+        xs[2 * r], xs[2 * r + 1] = rectangles[r, 0], rectangles[r, 2]
+        ys[2 * r], ys[2 * r + 1] = rectangles[r, 1], rectangles[r, 3]
+    by_x, by_y = ascending(xs), ascending(ys)
+    area = 0.0
+    for i in range(2 * count - 1):
+        x0, x1 = xs[by_x[i]], xs[by_x[i + 1]]
+        for j in range(2 * count - 1):
+            y0, y1 = ys[by_y[j]], ys[by_y[j + 1]]
+            for r in range(count):
+                e = rectangles[r]
+                if e[0] <= x0 and x1 <= e[2] and e[1] <= y0 and y1 <= e[3]:
+                    area += (x1 - x0) * (y1 - y0)
+                    break
+    return area

@@ -1,0 +1,46 @@
+"""Refusals of layouts, domains and observed regions that cannot be used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.core.errors import LayoutError
+from facade_core.core.types import Element
+from facade_core.facade.layout.grids import boxes, check
+from facade_core.facade.layout.rectangles import overlaps
+
+Box = tuple[float, float, float, float]
+
+
+def check_domain(domain: Box) -> None:
+    """Raise LayoutError for a domain that is no rectangle with an area."""
+    if len(domain) != 4 or not np.isfinite(domain).all() or not (domain[0] < domain[2] and domain[1] < domain[3]):
+        raise LayoutError(f"domain {tuple(domain)}: give finite x0 < x1 and y0 < y1")
+
+
+def check_elements(elements: Sequence[Element], domain: Box) -> None:
+    """Raise LayoutError for an element of an unknown label, without area, or centred outside the domain."""
+    check(elements)
+    box = boxes(elements)
+    centre = (box[:, :2] + box[:, 2:]) / 2
+    outside = ~((centre >= domain[:2]) & (centre <= domain[2:])).all(axis=1)
+    for i in np.flatnonzero(outside).tolist():
+        raise LayoutError(
+            f"element {i} ({elements[i].label}): centred outside the domain {tuple(domain)}; drop or move it"
+        )
+
+
+def checked_region(seen: Sequence[Element], domain: Box, observed_region: Sequence[Box]) -> np.ndarray:
+    """The observed region as (M, 4); raises LayoutError for a box outside the domain and an element outside every box."""
+    region = np.array([tuple(b) for b in observed_region], float).reshape(-1, 4)
+    x0, y0, x1, y1 = domain
+    for i, (a0, b0, a1, b1) in enumerate(region.tolist()):
+        if not (a0 < a1 and b0 < b1 and a0 < x1 and a1 > x0 and b0 < y1 and b1 > y0):
+            raise LayoutError(f"observed region {i}: needs an area inside the domain, not {(a0, b0, a1, b1)}")
+    if seen and not len(region):
+        raise LayoutError("observed region: empty though elements were seen; give the boxes that are visible")
+    for i in np.flatnonzero(~overlaps(boxes(seen), region).any(axis=1)).tolist():
+        raise LayoutError(f"element {i} ({seen[i].label}): outside the observed region; extend the region or drop it")
+    return region

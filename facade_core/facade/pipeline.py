@@ -1,0 +1,401 @@
+"""The facade stages in their order: parse, lattice, elements, variation, layout completion, inpainting, retargeting."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import WALL
+from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED, UNSEEN
+from facade_core.core.resizing import resized, resized_with_labels
+from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, Models
+from facade_core.facade.layout import model as layouts
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.layout.observed import reached, visible_boxes
+from facade_core.facade.texture.building_walls import Wall, on_wall
+from facade_core.facade.texture.inpainting import inpaint
+from facade_core.facade.texture.retargeting import Style
+from facade_core.facade.texture.scale import exemplar_scale
+from facade_core.facade.texture.tint import tinted
+from facade_core.facade.variation.encoding import coded, encode
+from facade_core.facade.variation.hierarchy import Hierarchy
+from facade_core.facade.variation.photo_exchange import exchange_in_photo
+from facade_core.facade.variation.variations import variations
+from facade_core.facade.wall_material import lit_colour
+from facade_core.imagery.rectify.crop import cut_to_facade
+from facade_core.imagery.rectify.shadow import shaded_share
+from facade_core.parsing.confidence import Told, certainty, share_of, with_probabilities
+from facade_core.parsing.elements import elements
+from facade_core.parsing.floor_structure import storeys
+from facade_core.parsing.lattice import lattice
+from facade_core.parsing.occluders import THING_RIM, grown, no_spill, things_in_front
+from facade_core.parsing.segmenter import parse
+
+# A facade of which less than this is seen is not completed from it: what is made would be a guess.
+LEAST_SEEN = 0.05
+# An element hidden by more than this share was not observed.
+HIDDEN_SHARE = 0.3
+# Pixels of the longer side at which an exemplar that comes with labels is counted and looked at: windows are large there.
+COUNTED = 640
+
+# The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
+VARIED = 0.75
+# A wall on no street is drawn in pixels so much finer than its texels where the exemplar has them: in its texels it would be
+# softer.
+FINER = 2
+# How many times lighter or darker a wall may be painted in any band: farther off, grain would be what is seen.
+PAINTED = 4.0
+# A wall goes on so far, metres, behind what stands against it, and beyond its edges.
+EDGE_M = 0.25
+
+
+@dataclass(frozen=True)
+class Facade:
+    """A facade after its stages.
+
+    evidence (h, w, 3) uint8, the image before completion; image (h, w, 3) uint8, complete; labels (h, w) uint8, complete;
+    occluded (h, w) bool; provenance (h, w) uint8; masked, boxes (x0, y0, x1, y1) of the trees, cars, people and the like
+    that the parser saw in front and that are no longer in the image, and masked_share, the share of it that these hid; told,
+    the share of it that its windows are, their number and that of its storeys, and the least and most that these may be, None
+    where no picture tells; floors, its storeys, the ground floor included, 0 where it shows no windows; the elements'
+    confidence is the probability that they are there, times the share of them that was seen, 1 where no picture tells; seconds
+    per stage.
+    """
+
+    evidence: np.ndarray
+    image: np.ndarray
+    labels: np.ndarray
+    occluded: np.ndarray
+    provenance: np.ndarray
+    masked: tuple[Box, ...]
+    masked_share: float
+    lattice: Lattice
+    elements: tuple[Element, ...]
+    hierarchy: Hierarchy | None
+    completion: Completion | None
+    told: Told | None
+    floors: int
+    seconds: dict[str, float] = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Exemplar:
+    """A facade image prepared for retargeting: evidence, image, labels and occluded as in `Facade`, cut to the facade, which
+    was the box (x0, y0, x1, y1) of the picture; found, whether there is one in it; its metric scale, floors and windows in the
+    fullest row; shaded, the share of its wall that lies in shadow; seconds per stage."""
+
+    evidence: np.ndarray
+    image: np.ndarray
+    labels: np.ndarray
+    occluded: np.ndarray
+    box: Box
+    found: bool
+    metres_per_pixel: float
+    floors: int
+    columns: int
+    shaded: float
+    seconds: dict[str, float] = field(compare=False)
+
+
+class _Made(NamedTuple):
+    """A photo parsed and completed, as `Facade` has it, with its lattice and variations to come."""
+
+    image: np.ndarray
+    labels: np.ndarray
+    occluded: np.ndarray
+    masked: tuple[Box, ...]
+    masked_share: float
+    elements: tuple[Element, ...]
+    completion: Completion | None
+    told: Told
+
+
+def from_photo(
+    image: np.ndarray,
+    hidden: np.ndarray,
+    *,
+    kept: np.ndarray | None = None,
+    outside: np.ndarray | None = None,
+    private: np.ndarray | None = None,
+    clean: bool = False,
+    entrances: Sequence[float] = (),
+    front: bool = False,
+    models: Models = SHIPPED_MODELS,
+    seed: int = 0,
+) -> Facade:
+    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
+    `outside` (h, w) bool, sky or street, which the parser may look at, nor what is `private` (h, w) bool, faces and plates.
+
+    What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
+    number plate; but for what is `kept` (h, w) bool, known to be of the facade. A clean photo is known to show the facade
+    alone. entrances: where a map has doors, as shares of the width; front: whether it is on a street, and entered there
+    (`complete`); models: by which it is parsed and completed. Raises ImageError where less than LEAST_SEEN of it is seen.
+    """
+    seconds: dict[str, float] = {}
+    made = _completed(
+        image,
+        hidden,
+        seconds,
+        kept=kept,
+        outside=outside,
+        private=private,
+        clean=clean,
+        entrances=entrances,
+        front=front,
+        models=models,
+        seed=seed,
+    )
+    with _timed(seconds, "lattice"):
+        split = lattice(made.labels)
+    with _timed(seconds, "encode"):
+        hierarchy = encode(made.image, made.elements)
+    return Facade(
+        evidence=image,
+        image=made.image,
+        labels=made.labels,
+        occluded=made.occluded,
+        provenance=np.where(made.occluded, INPAINTED, PHOTO).astype(np.uint8),
+        masked=made.masked,
+        masked_share=made.masked_share,
+        lattice=split,
+        elements=made.elements,
+        hierarchy=hierarchy,
+        completion=made.completion,
+        told=made.told,
+        floors=int(made.told.value.floors),
+        seconds=seconds,
+    )
+
+
+def _completed(
+    image: np.ndarray,
+    hidden: np.ndarray,
+    seconds: dict[str, float],
+    *,
+    kept: np.ndarray | None = None,
+    outside: np.ndarray | None,
+    private: np.ndarray | None,
+    clean: bool,
+    entrances: Sequence[float] = (),
+    front: bool = False,
+    models: Models,
+    seed: int,
+) -> _Made:
+    """What `from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
+    _require_seen(hidden, "of it")
+    with _timed(seconds, "parse"):
+        alpha = np.where(hidden, 0, 255).astype(np.uint8)
+        parsing = parse(np.dstack([image, alpha]), model=models.parser)
+        found = np.zeros_like(hidden) if clean else no_spill(parsing.occluded, hidden)
+        if kept is not None:
+            found &= ~kept
+        in_front, masked = things_in_front(found)
+        if private is not None:
+            in_front |= private
+        masked_share = float((in_front & ~hidden).mean())
+        hidden = hidden | in_front
+        if outside is not None:
+            hidden |= grown(outside, THING_RIM)
+    _require_seen(hidden, "beside sky, trees, cars and the like")
+    with _timed(seconds, "elements"):
+        observed = [e for e in elements(parsing) if share_of(hidden, e) <= HIDDEN_SHARE]
+    completion, made, result, layout = None, parsing, image, observed
+    if hidden.any():
+        height, width = hidden.shape
+        with _timed(seconds, "complete"):
+            if observed:
+                seen = visible_boxes(reached(hidden, observed)) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
+                shown = replace(parsing, occluded=hidden | parsing.occluded)
+                completion = complete(
+                    observed,
+                    (0, 0, width, height),
+                    seen,
+                    seed=seed,
+                    evidence=shown,
+                    entrances=[share * width for share in entrances],
+                    front=front,
+                    model=None if models.layout is None else layouts.opened(models.layout),
+                )[0]
+                layout = list(completion.elements)
+        with _timed(seconds, "inpaint"):
+            result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
+        # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
+        with _timed(seconds, "parse"):
+            made = parse(result, model=models.parser)
+        with _timed(seconds, "elements"):
+            layout = elements(replace(made, occluded=np.zeros_like(hidden)))
+    sure = certainty(models.parser)
+    layout, told = with_probabilities(layout, sure, hidden), sure.told(made, layout, hidden)
+    return _Made(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
+
+
+def _require_seen(hidden: np.ndarray, what: str) -> None:
+    seen = 1 - hidden.mean()
+    if seen < LEAST_SEEN:
+        raise ImageError(
+            f"only {seen:.1%} of the facade is seen {what}, and {LEAST_SEEN:.0%} are the least; give a photo that shows more "
+            "of it, or none"
+        )
+
+
+def prepare_exemplar(
+    image: np.ndarray,
+    hidden: np.ndarray,
+    *,
+    storey: float,
+    private: np.ndarray | None = None,
+    labels: np.ndarray | None = None,
+    models: Models = SHIPPED_MODELS,
+    seed: int = 0,
+) -> Exemplar:
+    """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch; hidden and private as
+    in `from_photo`. One that comes with labels (h, w) uint8, and of which all is seen, is taken as it is: it shows the facade
+    alone. Raises ImageError where it shows too little, or no window."""
+    seconds: dict[str, float] = {}
+    if labels is not None and not hidden.any() and (private is None or not private.any()):
+        evidence = made = image
+        box, found, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
+        with _timed(seconds, "elements"):
+            seen, classes = _at_most(made, labels, COUNTED)
+            floors, layout = storeys(classes), tuple(elements(classes))
+    else:
+        cut = cut_to_facade(image, hidden, model=models.parser)
+        found = cut.found
+        x0, y0, x1, y1 = box = cut.box
+        private = None if private is None else private[y0:y1, x0:x1]
+        whole = _completed(
+            cut.image, cut.hidden, seconds, outside=cut.outside, private=private, clean=False, models=models, seed=seed
+        )
+        evidence, made, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
+        floors, layout, seen, classes = int(whole.told.value.floors), whole.elements, made, labels
+    if not floors:
+        raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
+    with _timed(seconds, "scale"):
+        scale = exemplar_scale(made, labels, storey=storey)
+    shaded = shaded_share(seen, classes)
+    return Exemplar(evidence, made, labels, occluded, box, found, scale, floors, count_columns(layout), shaded, seconds)
+
+
+def _at_most(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
+    """An image (h, w, 3) and labels (h, w), so much smaller that no side has more pixels than `longest`."""
+    share = longest / max(labels.shape)
+    if share >= 1:
+        return image, labels
+    height, width = (max(1, round(side * share)) for side in labels.shape)
+    return resized_with_labels(image, labels, (height, width))
+
+
+def from_exemplar(
+    style: Style,
+    wall: Wall,
+    size: tuple[int, int],
+    *,
+    part: tuple[float, float] | None = None,
+    like: Style | None = None,
+    metres_per_pixel: float,
+    house: int = 0,
+    colour: np.ndarray | None = None,
+    seed: int = 0,
+) -> Facade:
+    """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`: finer than the raster of size = (h, w)
+    that is filled, or coarser; its storeys are as high as in the style `like`, if given. part: from where to where of the wall,
+    metres, of one that goes round a bend; house is the seed of its paint's shade; colour (3,), 0..255, that of the building's
+    walls where pictures of others of them show it.
+
+    What is no wall on a street has no hierarchy, and of what stands against a neighbour nothing is known.
+    """
+    import cv2
+
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "retarget"):
+        left, right = part or (0.0, wall.width)
+        whole = wall.street or wall.door  # of a back's door the joints would be lost
+        texel = wall.height / size[0]
+        pixel = metres_per_pixel if whole else max(metres_per_pixel, texel / FINER)
+        texture, labels = on_wall(
+            style, wall, like=like, metres_per_pixel=metres_per_pixel, drawn_at=pixel, shown_at=texel, seed=seed
+        )
+        own = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
+        texture, labels = resized(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
+        if labels.shape != size:
+            labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
+    with _timed(seconds, "elements"):
+        layout = tuple(elements(labels))
+    hierarchy = varied = None
+    with _timed(seconds, "vary"):
+        if wall.street:
+            # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
+            texture, varied = exchange_in_photo(texture, variations(texture, layout), VARIED, seed)
+        texture = tinted(texture, labels, house=house, seed=seed, paint=_paint(texture, labels, colour))
+    with _timed(seconds, "lattice"):
+        split = lattice(labels)
+    if varied is not None:
+        with _timed(seconds, "encode"):
+            hierarchy = coded(texture, varied)
+    known = np.ones(size, bool) if wall.street else _free(wall, (left, right), size)
+    return Facade(
+        evidence=texture,
+        image=texture,
+        labels=labels,
+        occluded=np.zeros(size, bool),
+        provenance=np.where(known, SYNTHESISED, UNSEEN).astype(np.uint8),
+        masked=(),
+        masked_share=0.0,
+        lattice=split,
+        elements=layout,
+        hierarchy=hierarchy,
+        completion=None,
+        told=None,
+        floors=storeys(labels),
+        seconds=seconds,
+    )
+
+
+def _paint(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
+    """Factors (3,) that give the wall of a texture (h, w, 3) a colour (3,); None without either."""
+    on = labels == WALL
+    if colour is None or not on.any():
+        return None
+    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / PAINTED, PAINTED))
+
+
+def _free(wall: Wall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
+    """The texels (h, w) bool of a part of a wall, from left to right in metres, that stand against no neighbour."""
+    import cv2
+
+    mask = np.zeros(size, np.uint8)
+    scale = np.array([size[1] / (part[1] - part[0]), size[0] / wall.height])
+    for polygon in shapely.get_parts(wall.free.buffer(EDGE_M)):
+        rings = [polygon.exterior, *polygon.interiors]
+        corners = [np.rint((shapely.get_coordinates(ring) - [part[0], 0]) * scale).astype(np.int32) for ring in rings]
+        cv2.fillPoly(mask, corners[:1], 1)
+        if corners[1:]:
+            cv2.fillPoly(mask, corners[1:], 0)
+    return mask.astype(bool)
+
+
+def count_columns(layout: Sequence[Element]) -> int:
+    """Windows in the fullest row: window centres are gathered into rows by overlap in height."""
+    windows = sorted((e for e in layout if e.label == "window"), key=lambda e: e.y0 + e.y1)
+    best, row, bottom = 0, 0, -np.inf
+    for window in windows:
+        middle = (window.y0 + window.y1) / 2
+        if middle > bottom:
+            row, bottom = 0, window.y1
+        row += 1
+        best = max(best, row)
+    return best
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start

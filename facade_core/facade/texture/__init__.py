@@ -1,0 +1,1 @@
+"""Facade textures: synthesis, retargeting and inpainting (tiles and floors papers)."""

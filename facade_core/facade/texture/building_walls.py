@@ -1,0 +1,262 @@
+"""An exemplar's style on the walls of a building: storeys meet round its corners, no window is cut, backs are plain."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.lib.stride_tricks import sliding_window_view
+
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import BALCONY, SHOP, WALL
+from facade_core.core.types import Lattice
+from facade_core.facade.texture.entrances import DOOR_M, door_place, put_door, turn_corner
+from facade_core.facade.texture.genetic import POPULATION
+from facade_core.facade.texture.retargeting import NOISE, Style, elastic, first_tiles, refined
+from facade_core.facade.texture.storeys import Storey, Wall, on_ground, plainest, storeys_on
+from facade_core.facade.texture.tile_composition import compose
+
+# Wall on either side of a window, to the wall's edge or to a neighbour.
+BESIDE_WINDOW_M = 0.25
+# Bays of backs are so many times as wide.
+PLAIN_BAYS = 1.3
+# Bare wall: how wide it may be, as shares of a bay; steps of grey that hardly count as uneven.
+BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
+# Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
+# metres, and by so many texels, and may be so much narrower for it; where it would be narrower still, there is none.
+WHOLE, BESIDE_SEAM_M, BESIDE_SEAM_TEXELS, NARROWER = 0.75, 0.08, 3.0, 0.5
+# A ground floor goes on over a narrow wall where at least so much of it is wall.
+WALLED = 0.6
+# And over a corner that shows no shop.
+BARE_CORNER = 0.97
+
+
+def on_wall(
+    style: Style,
+    wall: Wall,
+    *,
+    like: Style | None = None,
+    metres_per_pixel: float,
+    drawn_at: float | None = None,
+    shown_at: float | None = None,
+    seed: int = 0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / drawn_at) pixels, which are
+    those of the exemplar, of metres_per_pixel, if nothing else is given; shown_at, metres, is what a texel of the walls will
+    show of it, as much if not given.
+
+    Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners; they
+    are those of the style `like`, if given: a wall without shops has those of one with. A
+    storey shows windows where they fit into what is free of the wall, and wall elsewhere. Raises ImageError for a wall of less
+    than 2 pixels a side, or without storeys.
+    """
+    pixel = drawn_at or metres_per_pixel
+    size = round(wall.height / pixel), round(wall.width / pixel)
+    if min(size) < 2 or wall.storeys < 1:
+        raise ImageError(f"on_wall: {size} px and {wall.storeys} storeys; pass at least 2 px a side and 1 storey")
+    rng = np.random.default_rng(seed)
+    plain = plainest(style)
+    stack, scale = storeys_on(style, wall, metres_per_pixel, like)
+    floors = [storey.floor for storey in stack]
+
+    bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (PLAIN_BAYS if wall.plain else 1.0)
+    window = scale * float(np.mean([right - left for left, right in style.exemplar.bays]))
+    blank = wall.width < max(0.5 * bay, window + 2 * BESIDE_WINDOW_M)
+    ends = [0.0, wall.width] if blank else _sections(wall, bay)
+    counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
+    count = 1 if blank else sum(counts)
+    if wall.street and not blank:
+        variants = [first_tiles(style, floors, count, False, rng, NOISE * k**0.5) for k in range(4)]
+        population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
+        tiles, _ = refined(style, floors, population, False, rng)
+    else:
+        tiles = first_tiles(style, floors, count, blank, rng, 0.0)
+    wide = len(style.grid.columns) - 1
+    source = np.stack(np.divmod(tiles, wide))  # the rows and columns of the exemplar's lattice that are shown
+    if blank:
+        source[1] = wide + 1
+    elif not wall.street:
+        row = 0
+        for storey in stack:  # what is behind the windows differs from storey to storey
+            bays = rng.choice(_plain_bays(style, plain), count)
+            source[1, row : row + len(storey.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
+            row += len(storey.heights)
+    if blank:
+        across = np.array([0.0, wall.width])
+    else:
+        widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
+        split = np.split(widths, 3 * np.cumsum(counts)[:-1])
+        fitted = [
+            elastic(own, np.tile([True, False, True], len(own) // 3), right - left)
+            for own, (left, right) in zip(split, pairwise(ends), strict=True)
+        ]
+        apart = max(BESIDE_SEAM_M, BESIDE_SEAM_TEXELS * (shown_at or pixel))
+        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
+    attic = stack[0].attic
+    down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
+    _leave_out(style, wall, stack, source, down, across, plain, blank)
+    ground = len(stack[-1].heights)
+    if wall.corner:
+        _bare_ground(style, stack[-1], source, plain)
+    if wall.street and not blank and on_ground(style, stack[-1]):
+        _enter(style, wall, source, across, ground)
+    back = wall.door or (wall.plain and bool(wall.entrances) and not wall.raised)
+    size_m = wall.width, wall.height
+    middle = door_place(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
+    if middle is not None and not blank:
+        beside = np.flatnonzero((across[:-1] < middle + DOOR_M[0]) & (across[1:] > middle - DOOR_M[0]))
+        own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
+        for left in np.unique(beside // 3 * 3).tolist():
+            source[0, -ground:, left : left + 3] = own[:, None]
+            source[1, -ground:, left : left + 3] = wide + 1
+    if attic > 0:
+        bare = np.broadcast_to(np.array([3 * plain + 1, wide + 1])[:, None, None], (2, 1, source.shape[2]))
+        source, down = np.concatenate([bare, source], axis=1), np.append(0.0, down)
+    rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
+    rows[-1], columns[-1] = size
+    # behind the last column of the lattice one more that shows bare wall
+    lattice = Lattice(style.grid.rows, style.grid.columns + _bare(style, plain))
+    tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
+    image, labels = compose(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
+    if wall.corner and on_ground(style, stack[-1]):
+        turn_corner(style, image, labels, int(rows[-1 - ground]), scale, pixel)
+    if middle is not None:
+        put_door(image, labels, middle, pixel, rng)
+    return image, labels
+
+
+def _enter(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
+    """Show, in `source` as of `_leave_out`, a bay of the exemplar that has a door where the map has one and no bay beside shows
+    a door or a shop; ground: the rows of the ground floor."""
+    doors = np.flatnonzero(style.doors)
+    if not len(doors):
+        return
+    cuts, band = style.exemplar.bay_cuts, slice(style.exemplar.ground_top, style.exemplar.bottom)
+    shop = [(style.labels[band, a:b] == SHOP).any() for a, b in pairwise(cuts)]
+    entered = np.array([*(style.doors | np.array(shop)), False])  # the last: bare wall
+    for place in wall.entrances:
+        own = int(np.clip(np.searchsorted(across[3::3], place), 0, source.shape[2] // 3 - 1))
+        shown = np.minimum(source[1, -1, ::3] // 3, len(entered) - 1)
+        walled = shown[own] == len(entered) - 1
+        if not walled and not entered[shown[max(0, own - 1) : own + 2]].any():
+            source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
+
+
+def _bare_ground(style: Style, storey: Storey, source: np.ndarray, plain: int) -> None:
+    """Show bare wall all over the lowest storey, in `source` as of `_leave_out`: that of the ground floor where it has any."""
+    count, bare = len(storey.heights), len(style.grid.columns)
+    if not (on_ground(style, storey) and _walled(style, source[0, -count:, 0], plain, BARE_CORNER)):
+        own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
+        source[0, -count:] = own[:, None]
+    source[1, -count:] = bare
+
+
+def _sections(wall: Wall, bay: float) -> list[float]:
+    """The ends of a wall, and the seams between which there is room for whole bays, metres."""
+    ends = [0.0]
+    for seam in wall.seams:
+        if min(seam - ends[-1], wall.width - seam) >= WHOLE * bay:
+            ends.append(seam)
+    return [*ends, wall.width]
+
+
+def _off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
+    """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them, so
+    many metres beside it and the wall's ends. One that has no such place stays."""
+    across = across.copy()
+    for left in range(0, len(across) - 1, 3):
+        start, first, last, end = across[left : left + 4]
+        if not any(first - beside < edge < last + beside for edge in (across[0], *seams, across[-1])):
+            continue
+        inner = [seam for seam in seams if start < seam < end]
+        places = [(a + beside, b - beside) for a, b in pairwise([start, *inner, end])]
+        widths = [min(last - first, b - a) for a, b in places]
+        fits = [
+            (abs(x - first), x, width)
+            for (a, b), width in zip(places, widths, strict=True)
+            for x in [float(np.clip(first, a, b - width))]
+            if width >= NARROWER * (last - first)
+        ]
+        if fits:
+            _, x, width = min(fits)
+            across[left + 1 : left + 3] = x, x + width
+    return across
+
+
+def _plain_bays(style: Style, plain: int) -> np.ndarray:
+    """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
+    others."""
+    rows, cuts = style.grid.rows, style.exemplar.bay_cuts
+    band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == BALCONY
+    adorned = np.add.reduceat(band.mean(axis=0), cuts[:-1]) / np.diff(cuts)
+    plainest = np.flatnonzero(adorned <= adorned.min() + 0.002)
+    inner = plainest[(plainest > 0) & (plainest < len(adorned) - 1)]
+    return inner if len(inner) else plainest
+
+
+def _leave_out(
+    style: Style,
+    wall: Wall,
+    stack: list[Storey],
+    source: np.ndarray,
+    down: np.ndarray,
+    across: np.ndarray,
+    plain: int,
+    blank: bool,
+) -> None:
+    """Show, in `source` (2, M, N) rows and columns of the exemplar's lattice, wall in place of bays whose windows, doors or
+    shops reach beyond what is free, and of what crowns an exemplar where the wall is not crowned; cells have the borders
+    down (M + 1,), across (N + 1,), metres."""
+    exemplar, bare = style.exemplar, len(style.grid.columns)
+    free = wall.free.buffer(0.02)
+    shapely.prepare(free)
+    row = 0
+    for storey in stack:
+        count = len(storey.heights)
+        rows = slice(row, row + count)
+        own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
+        if storey.floor == 0 and not storey.crowned and exemplar.kinds[0] == "middle":
+            source[0, row] = 3 * plain
+        if blank:
+            if (storey.floor < 0 or exemplar.kinds[storey.floor] == "ground") and not _walled(
+                style, source[0, rows, 0], plain
+            ):
+                source[0, rows, 0] = own
+        else:
+            low, high = (down[row + 1], down[row + 2]) if count == 3 else (down[row] + 0.1, down[row + 1] - 0.1)
+            for left in range(0, source.shape[2], 3):
+                first, last = across[left + 1 : left + 3].tolist()
+                bent = any(first < seam < last for seam in wall.seams)
+                first, last = first - BESIDE_WINDOW_M, last + BESIDE_WINDOW_M
+                if bent or not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
+                    source[0, rows, left : left + 3] = own[:, None]
+                    source[1, rows, left : left + 3] = bare
+        row += count
+
+
+@lru_cache(maxsize=4)
+def _bare(style: Style, plain: int) -> tuple[int, int]:
+    """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
+    which, pixels."""
+    rows = style.grid.rows[3 * plain : 3 * plain + 4]
+    wall = (style.labels[rows[0] : rows[-1]] == WALL).mean(axis=0)
+    colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
+    best, found = -np.inf, (0, len(wall))
+    bay = float(np.diff(style.exemplar.bay_cuts).mean())
+    for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE}):
+        uneven = np.max([np.ptp(sliding_window_view(colour, width), axis=1) for colour in colours], axis=0)
+        walled = sliding_window_view(wall, width).mean(axis=1)
+        worth = width * walled**8 / (EVEN + uneven)
+        if worth.max() > best:
+            best, left = float(worth.max()), int(np.argmax(worth))
+            found = left, left + width
+    return found
+
+
+def _walled(style: Style, rows: np.ndarray, plain: int, least: float = WALLED) -> bool:
+    """Whether more than a share of some rows (k,) of the exemplar's lattice is wall where its plainest floor is bare."""
+    left, right = _bare(style, plain)
+    shown = [style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == WALL for row in rows.tolist()]
+    return float(np.mean([part.mean() for part in shown])) > least

@@ -1,0 +1,155 @@
+"""What walls that are no fronts show at the ground: the shop that turns a corner, a back's door."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from facade_core.core.labels import DOOR, SHOP
+from facade_core.facade.texture.retargeting import Style
+from facade_core.parsing.floor_structure import Span, runs
+
+# A corner narrower than this shows no shop. Beside it lies this much of the exemplar's ground floor, and a shop is made at most
+# so many times as wide or as narrow; one with a door counts as so much better.
+LEAST_CORNER_M, JAMB_M, STRETCH, ENTERED = 1.1, 0.2, 1.9, 0.5
+# A back's door with its frame, and the width of that, metres.
+DOOR_M, FRAME_M = (1.02, 2.12), 0.07
+# Wall on either side of it.
+BESIDE_M = 0.2
+# Leaves of back doors, and their frames; how light a pane in one is.
+LEAVES = np.array(
+    [[78, 70, 62], [92, 90, 86], [62, 74, 68], [98, 74, 58], [74, 80, 90], [112, 106, 96], [70, 56, 48]], np.float64
+)
+FRAMES, PANE = (0.72, 1.45), 46.0
+# How often a door has a pane, and planks instead of panels.
+GLAZED, PLANKED = 0.35, 0.4
+# The width of a plank, the rail around a panel, and a groove, metres.
+PLANK_M, RAIL_M, GROOVE_M = 0.115, 0.13, 0.014
+
+
+def turn_corner(
+    style: Style, image: np.ndarray, labels: np.ndarray, top: int, scale: float, metres_per_pixel: float
+) -> None:
+    """Show the shop of an exemplar, its door first, on the ground floor of a narrow corner, in place: image (h, w, 3) uint8 and
+    labels (h, w) uint8, from row `top` on; scale: the metres that a pixel of the exemplar takes. Where it has no shop that
+    fits, the ground floor stays as it is."""
+    width = labels.shape[1] * metres_per_pixel
+    band = slice(style.exemplar.ground_top, style.exemplar.bottom)
+    shop = _corner_shop(style.labels[band], scale, width)
+    if shop is None or top >= len(labels):
+        return
+    size = (labels.shape[1], labels.shape[0] - top)
+    image[top:] = cv2.resize(style.image[band, slice(*shop)], size, interpolation=cv2.INTER_AREA)
+    labels[top:] = cv2.resize(style.labels[band, slice(*shop)], size, interpolation=cv2.INTER_NEAREST)
+
+
+def _corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
+    """From which column to which a ground floor's labels (h, w) show the shop for a corner so wide, metres; None where none."""
+    if width < LEAST_CORNER_M or not (labels == SHOP).any():
+        return None
+    jamb = round(JAMB_M / scale)
+    best: tuple[float, Span] | None = None
+    for left, right in runs(np.isin(labels, (SHOP, DOOR)).any(axis=0).astype(float), 0.5):
+        span = max(0, left - jamb), min(labels.shape[1], right + jamb)
+        if not (labels[:, slice(*span)] == SHOP).any():
+            continue
+        off = abs(np.log(max(span[1] - span[0], 1) * scale / width))
+        if off > np.log(STRETCH):
+            continue
+        cost = off - ENTERED * bool((labels[:, slice(*span)] == DOOR).any())
+        if best is None or cost < best[0]:
+            best = cost, span
+    return None if best is None else best[1]
+
+
+def door_place(
+    free: BaseGeometry,
+    size: tuple[float, float],
+    across: np.ndarray,
+    seams: Sequence[float],
+    entrances: Sequence[float],
+    rng: np.random.Generator,
+) -> float | None:
+    """Where the middle of a back's door is, metres from the left: in the bay nearest to where a map has it, else in one by
+    chance, not in the outer fifths of the wall if it can be; None where there is no room. free: of a wall of size (width,
+    height); across: the borders of bays and of windows, as `on_wall` has them; seams: where the wall bends."""
+    width, height = size
+    middles = (across[1:-1:3] + across[2::3]) / 2 if len(across) > 2 else np.array([width / 2])
+    reach = DOOR_M[0] / 2 + BESIDE_M
+    open_ = free.buffer(0.02)
+    fits = [
+        middle
+        for middle in middles.tolist()
+        if reach <= middle <= width - reach
+        and all(abs(seam - middle) > reach for seam in seams)
+        and open_.covers(shapely.box(middle - reach, height - DOOR_M[1], middle + reach, height - 0.05))
+    ]
+    if entrances and fits:
+        return min(fits, key=lambda middle: abs(middle - entrances[0]))
+    inner = [middle for middle in fits if 0.2 * width < middle < 0.8 * width] or fits
+    return inner[int(rng.integers(len(inner)))] if inner else None
+
+
+def put_door(
+    image: np.ndarray, labels: np.ndarray, middle: float, metres_per_pixel: float, rng: np.random.Generator
+) -> None:
+    """Put a plain door at the foot of a wall, in place: image (h, w, 3) uint8, labels (h, w) uint8; its middle so many metres
+    from the left."""
+    wide, high = (max(2, round(side / metres_per_pixel)) for side in DOOR_M)
+    left = round(middle / metres_per_pixel - wide / 2)
+    left, wide = max(0, left), min(wide, labels.shape[1])
+    top = max(0, len(labels) - high)
+    at = np.s_[top : len(labels), left : left + wide]
+    light = image[at].mean() / 150.0  # a door in a dark picture is dark
+    door = plain_door(labels[at].shape, metres_per_pixel, rng)
+    image[at] = np.clip(np.rint(door * np.clip(light, 0.6, 1.15)), 0, 255).astype(np.uint8)
+    labels[at] = DOOR
+
+
+def plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> np.ndarray:
+    """A door as backs have them, (h, w, 3) float: a leaf of planks or panels, some with a pane, in a frame."""
+    height, width = shape
+    y, x = ((np.arange(n) + 0.5) * metres_per_pixel for n in (height, width))
+    across, down = x[None, :], y[:, None]
+    wide, high = width * metres_per_pixel, height * metres_per_pixel
+    colour, frame = LEAVES[rng.integers(len(LEAVES))], FRAMES[int(rng.random() < 0.6)]
+    tone = np.ones(shape) * (1 - 0.1 * down / high) * (1 + 0.05 * rng.standard_normal((1, width)))
+    glazed, planked = rng.random() < GLAZED, rng.random() < PLANKED
+    inner = (FRAME_M + RAIL_M, wide - FRAME_M - RAIL_M)
+
+    def grooved(left: float, right: float, upper: float, lower: float) -> np.ndarray:
+        beside = np.minimum(np.abs(across - left), np.abs(across - right))
+        over = np.minimum(np.abs(down - upper), np.abs(down - lower))
+        within = (
+            (across > left - GROOVE_M)
+            & (across < right + GROOVE_M)
+            & (down > upper - GROOVE_M)
+            & (down < lower + GROOVE_M)
+        )
+        return within & (np.minimum(beside, over) < GROOVE_M)
+
+    parts = [(0.18 * high, 0.5 * high), (0.58 * high, 0.92 * high)]
+    if planked:
+        tone *= np.where((across - FRAME_M) % PLANK_M < GROOVE_M, 0.7, 1.0)
+    else:
+        for upper, lower in parts:
+            tone *= np.where(grooved(*inner, upper, lower), 0.68, 1.0)
+    door = tone[..., None] * colour
+    if glazed:
+        (upper, lower) = parts[0]
+        pane = (across > inner[0]) & (across < inner[1]) & (down > upper) & (down < lower)
+        door[pane] = (
+            PANE * np.array([0.95, 1.0, 1.06]) * (1 + 0.3 * (1 - np.broadcast_to(down, shape)[pane] / high))[:, None]
+        )
+    around = (across < FRAME_M) | (across > wide - FRAME_M) | (down < FRAME_M)
+    door[around] = np.minimum(colour * frame, 210) * (0.9 + 0.2 * tone[around][:, None] / 2)
+    # the frame's shadow on the leaf, the handle
+    leaf = ~around & (down < FRAME_M + 0.05)
+    door[leaf] *= 0.7
+    knob = (np.abs(across - (wide - FRAME_M - 0.07)) < 0.025) & (np.abs(down - 0.52 * high) < 0.05)
+    door[np.broadcast_to(knob, shape)] = 165
+    return door

@@ -1,0 +1,91 @@
+"""Floor height and bay width of a partly hidden facade (floors paper, section 3.1, Code 1)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.core.levelling import spread
+
+ITERATIONS = 400
+_SLOPE = np.tan(np.deg2rad(4.0))
+_TOLERANCE = 2.0  # px within which a shifted line meets a line
+_PEAK = 8  # px within which a shift must be the best one
+_LIKENESS = 0.15  # correlation below which there is no repetition
+
+
+def floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+    """RANSAC floor height in pixels from the near-horizontal lines of the visible part; None without repetition."""
+    image = _without_hole(image, mask)
+    return _pitch(_horizontal_lines(image, mask), image, mask, rng)
+
+
+def bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+    """The same, across: the spacing of window columns from near-vertical lines."""
+    turned = np.ascontiguousarray(_without_hole(image, mask).transpose(1, 0, 2))
+    return _pitch(_horizontal_lines(turned, mask.T), turned, mask.T, rng)
+
+
+def _without_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content is chance."""
+    return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
+
+
+def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Lines (n, 3): y, x0, x1 of line segments that are near horizontal, long enough, and not the hole's outline."""
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+    edges = cv2.Canny(grey, 50, 120)
+    edges[cv2.dilate(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0] = 0
+    shortest = max(8, image.shape[1] // 25)
+    cv2.setRNGSeed(0)
+    found = cv2.HoughLinesP(edges, 1, np.pi / 360, 20, minLineLength=shortest, maxLineGap=3)
+    if found is None:
+        return np.empty((0, 3))
+    x0, y0, x1, y1 = found.reshape(-1, 4).astype(float).T
+    level = np.abs(y1 - y0) <= _SLOPE * np.abs(x1 - x0)
+    return np.stack([(y0 + y1) / 2, np.minimum(x0, x1), np.maximum(x0, x1)], 1)[level]
+
+
+def _pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+    """Code 1: the shift between two random lines under which most lines meet lines; lines that leave do not count."""
+    height = image.shape[0]
+    if len(lines) < 4:
+        return None
+    y, x0, x1 = lines.T
+    pairs = rng.integers(0, len(lines), (ITERATIONS, 2))
+    shifts = np.unique(np.rint(np.abs(y[pairs[:, 0]] - y[pairs[:, 1]])))
+    shifts = shifts[(shifts >= max(12, height / 16)) & (shifts <= height / 3)]
+    if not len(shifts):
+        return None
+    overlap = (x0[:, None] < x1[None]) & (x0[None] < x1[:, None])
+    length = x1 - x0
+    share = np.zeros(len(shifts))
+    for k, shift in enumerate(shifts):
+        meets = (overlap & (np.abs(y[:, None] + shift - y[None]) <= _TOLERANCE)).any(1)
+        stays = y + shift < height
+        share[k] = (length * meets)[stays].sum() / max(length[stays].sum(), 1.0)
+        share[k] *= min(1.0, length[stays].sum() / (0.4 * length.sum()))
+    likeness = _likeness(image, mask, shifts.astype(int))
+    score = np.maximum(likeness, 0.0) * (0.5 + share)
+    peak = score >= np.where(np.abs(shifts[:, None] - shifts) <= _PEAK, score, 0.0).max(1)
+    best = int(np.flatnonzero(peak & (score >= 0.75 * score.max()))[0])  # the fundamental, not its multiples
+    if likeness[best] < _LIKENESS:
+        return None
+    return int(shifts[best])
+
+
+def _likeness(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    """Correlation of the visible image with itself moved down by every shift: of detail, at a quarter of the width."""
+    small = max(1, image.shape[1] // 4), image.shape[0]
+    grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), small, interpolation=cv2.INTER_AREA).astype(np.float32)
+    known = cv2.resize(mask.astype(np.float32), small, interpolation=cv2.INTER_AREA) == 0
+    weight = cv2.blur(known.astype(np.float32), (9, 2 * (image.shape[0] // 16) + 1))
+    local = cv2.blur(grey * known, (9, 2 * (image.shape[0] // 16) + 1)) / np.maximum(weight, 1e-6)
+    detail = np.where(known, cv2.GaussianBlur(grey - local, (0, 0), 3.0), 0.0)
+    out = np.zeros(len(shifts))
+    for k, shift in enumerate(shifts):
+        both = known[:-shift] & known[shift:]
+        a, b = detail[:-shift][both], detail[shift:][both]
+        if len(a) >= 50:
+            out[k] = float((a * b).sum()) / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-6)
+    return out

@@ -1,0 +1,134 @@
+"""Gradient-domain blending: what must be added to cloned pixels so that seams and the rim of the hole do not show."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+_DOUBT = 0.10  # a seam with a colour step of this size (0-1) counts half: a misplaced edge must not bleed
+_LEAK = 2e-4  # pull of every pixel towards its own colour
+_COARSE = 12_000  # unknowns of the coarse solution
+_SWEEPS, _OVER = 40, 1.8
+
+
+def membrane(wanted_right: np.ndarray, wanted_below: np.ndarray, hidden: np.ndarray, region: np.ndarray) -> np.ndarray:
+    """Offsets (H, W, 3) float32, 0 outside hidden (H, W): the least squares fit to wanted steps, smooth within regions.
+
+    wanted_right (H, W, 3) is the step from a pixel to the one on its right that makes their join invisible (0 inside a
+    region), wanted_below downwards. NaN: no join. region (H, W) int32 numbers the parts cloned as one.
+    """
+    weight_right, step_right = _weighted(wanted_right, hidden, 1)
+    weight_below, step_below = _weighted(wanted_below, hidden, 0)
+    offset = _coarse(weight_right, weight_below, step_right, step_below, hidden, region)
+    _relax(
+        offset,
+        weight_right,
+        weight_below,
+        step_right,
+        step_below,
+        hidden,
+        _SWEEPS,
+        np.float32(_OVER),
+        np.float32(_LEAK),
+    )
+    return offset
+
+
+def _weighted(wanted: np.ndarray, hidden: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    joined = np.isfinite(wanted[..., 0])
+    touched = hidden.copy()
+    if axis:
+        touched[:, :-1] |= hidden[:, 1:]
+        touched[:, -1] = False
+    else:
+        touched[:-1] |= hidden[1:]
+        touched[-1] = False
+    step = np.where(joined[..., None], wanted, 0.0).astype(np.float32)
+    size = np.abs(step).mean(2)
+    return np.where(joined & touched, 1.0 / (1.0 + (size / _DOUBT) ** 2), 0.0).astype(np.float32), step
+
+
+def _coarse(
+    weight_right: np.ndarray, weight_below: np.ndarray, step_right: np.ndarray, step_below: np.ndarray,
+    hidden: np.ndarray, region: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """The fit with one unknown for each block of pixels of one region."""
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    height, width = hidden.shape
+    block = max(2, int(np.ceil(np.sqrt(hidden.sum() / _COARSE))))
+    y, x = np.nonzero(hidden)
+    cell = (y // block).astype(np.int64) * (width // block + 1) + x // block
+    _, number = np.unique(np.stack([cell, region[y, x]], 1), axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    count = int(number.max()) + 1
+    node = np.full((height, width), -1, np.int64)
+    node[y, x] = number
+    rows, columns, values = [np.arange(count)], [np.arange(count)], [np.bincount(number, minlength=count) * _LEAK]
+    right = np.zeros((count, 3))
+    for weight, step, here, there in (
+        (weight_right, step_right, np.s_[:, :-1], np.s_[:, 1:]),
+        (weight_below, step_below, np.s_[:-1], np.s_[1:]),
+    ):
+        w = weight[here]
+        used = (w > 0) & (node[here] != node[there])
+        a, b, w, s = node[here][used], node[there][used], w[used].astype(float), step[here][used].astype(float)
+        for p, q, sign in ((a, b, -1.0), (b, a, 1.0)):
+            inside = p >= 0
+            rows.append(p[inside])
+            columns.append(p[inside])
+            values.append(w[inside])
+            for c in range(3):
+                right[:, c] += np.bincount(p[inside], sign * (w * s[:, c])[inside], count)
+            both = inside & (q >= 0)
+            rows.append(p[both])
+            columns.append(q[both])
+            values.append(-w[both])
+    matrix = sparse.csc_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count)
+    )
+    solved = splu(matrix).solve(right)
+    offset = np.zeros((height, width, 3), np.float32)
+    offset[y, x] = solved[number]
+    return offset
+
+
+@njit(cache=True)
+def _relax(
+    offset: np.ndarray,
+    weight_right: np.ndarray,
+    weight_below: np.ndarray,
+    step_right: np.ndarray,
+    step_below: np.ndarray,
+    hidden: np.ndarray,
+    sweeps: int,
+    over: np.float32,
+    leak: np.float32,
+) -> None:
+    """Successive over-relaxation, both ways in turn."""
+    height, width = hidden.shape
+    for sweep in range(sweeps):
+        for i in range(height):
+            y = i if sweep % 2 == 0 else height - 1 - i
+            for j in range(width):
+                x = j if sweep % 2 == 0 else width - 1 - j
+                if not hidden[y, x]:
+                    continue
+                east = weight_right[y, x] if x + 1 < width else np.float32(0)
+                west = weight_right[y, x - 1] if x > 0 else np.float32(0)
+                south = weight_below[y, x] if y + 1 < height else np.float32(0)
+                north = weight_below[y - 1, x] if y > 0 else np.float32(0)
+                total = east + west + south + north + leak
+                for c in range(3):
+                    s = np.float32(0)
+                    if east > 0:
+                        s += east * (offset[y, x + 1, c] - step_right[y, x, c])
+                    if west > 0:
+                        s += west * (offset[y, x - 1, c] + step_right[y, x - 1, c])
+                    if south > 0:
+                        s += south * (offset[y + 1, x, c] - step_below[y, x, c])
+                    if north > 0:
+                        s += north * (offset[y - 1, x, c] + step_below[y - 1, x, c])
+                    offset[y, x, c] += over * (s / total - offset[y, x, c])

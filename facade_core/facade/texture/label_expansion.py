@@ -1,0 +1,105 @@
+"""Choosing one source for each hidden pixel: a labelling of least price and least visible seams, by graph cuts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.facade.texture.source_costs import UNUSABLE, Offers
+
+SWEEPS = 2
+
+
+def choose(offers: Offers, edges: np.ndarray, rim: np.ndarray, seam: float) -> np.ndarray:
+    """For n pixels, the number of the map that each is taken from: (n,) int64.
+
+    edges (e, 2) int64: pairs of neighbours among them. A seam between two maps costs `seam` times the colour difference of the
+    two pictures at both pixels (floors paper, section 3.2.2). rim (k, n) float32: the same towards known pixels.
+    Alpha expansion; moves that would break submodularity are truncated.
+    """
+    unary = offers.price + rim
+    labels = unary.argmin(0)
+    for _ in range(SWEEPS):
+        changed = False
+        for alpha in np.argsort(-np.bincount(labels, minlength=len(unary)), kind="stable"):
+            changed |= _expand(int(alpha), labels, unary, offers.colour, edges, seam)
+        if not changed:
+            break
+    return labels
+
+
+def _expand(
+    alpha: int, labels: np.ndarray, unary: np.ndarray, colour: np.ndarray, edges: np.ndarray, seam: float
+) -> bool:
+    """Let pixels switch to alpha where that lowers the energy; True if any did."""
+    import maxflow
+
+    loose = (labels != alpha) & (unary[alpha] < UNUSABLE)
+    if not loose.any():
+        return False
+    number = np.cumsum(loose) - 1
+    count = int(loose.sum())
+    own = np.stack([unary[labels, np.arange(len(labels))], unary[alpha]], 1)[loose].astype(np.float64)
+    first, second, forth = _capacities(alpha, labels, loose, number, colour, edges, seam, own)
+    graph = maxflow.GraphFloat(count, len(first))
+    graph.add_nodes(count)
+    if len(first):
+        graph.add_edges(first, second, forth, np.zeros_like(forth))
+    graph.add_grid_tedges(np.arange(count), own[:, 1], own[:, 0])
+    graph.maxflow()
+    # a pixel on the sink's side pays its source capacity, the price of alpha
+    switched = np.flatnonzero(loose)[graph.get_grid_segments(np.arange(count))]
+    labels[switched] = alpha
+    return bool(len(switched))
+
+
+@njit(cache=True)
+def _seam(colour: np.ndarray, a: int, b: int, p: int, q: int) -> float:
+    if a == b:
+        return 0.0
+    total = 0.0
+    for c in range(3):
+        total += abs(colour[a, p, c] - colour[b, p, c]) + abs(colour[a, q, c] - colour[b, q, c])
+    return total
+
+
+@njit(cache=True)
+def _capacities(
+    alpha: int,
+    labels: np.ndarray,
+    loose: np.ndarray,
+    number: np.ndarray,
+    colour: np.ndarray,
+    edges: np.ndarray,
+    seam: float,
+    unary: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges among loose pixels; what edges to fixed ones cost is added to own."""
+    first, second = np.empty(len(edges), np.int64), np.empty(len(edges), np.int64)
+    forth = np.empty(len(edges), np.float64)
+    count = 0
+    for e in range(len(edges)):
+        p, q = edges[e, 0], edges[e, 1]
+        if not loose[p] and not loose[q]:
+            continue
+        stay = seam * _seam(colour, labels[p], labels[q], p, q)
+        if not loose[q]:
+            unary[number[p], 0] += stay
+            unary[number[p], 1] += seam * _seam(colour, alpha, labels[q], p, q)
+        elif not loose[p]:
+            unary[number[q], 0] += stay
+            unary[number[q], 1] += seam * _seam(colour, labels[p], alpha, p, q)
+        else:
+            only_q = seam * _seam(colour, labels[p], alpha, p, q)  # q switches, p stays
+            only_p = seam * _seam(colour, alpha, labels[q], p, q)
+            stay = min(stay, only_p + only_q)
+            unary[number[p], 0] += stay
+            unary[number[p], 1] += only_p
+            unary[number[q], 1] -= only_p
+            first[count], second[count], forth[count] = number[p], number[q], only_p + only_q - stay
+            count += 1
+    for n in range(len(unary)):
+        low = min(unary[n, 0], unary[n, 1])
+        unary[n, 0] -= low
+        unary[n, 1] -= low
+    return first[:count], second[:count], forth[:count]

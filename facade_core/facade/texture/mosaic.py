@@ -1,0 +1,173 @@
+"""From chosen translations to pixels, at the full size: each part is fitted to a pixel, copied and blended."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.facade.texture.gradient_blending import membrane
+
+_JOINED = 8  # px, holes nearer than twice this are blended together
+_SAMPLES = 4000  # known pixels that a part's translation is fitted to
+
+
+def paint(
+    image: np.ndarray, known: np.ndarray, chosen: np.ndarray, maps: np.ndarray, factor: int, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """image (H, W, 3) uint8 with hidden pixels copied, and which are known now (H, W) bool.
+
+    chosen (h, w) int64: the number of the map for every pixel of the image reduced by factor, -1 where known; maps (k, 3) are
+    in its pixels. The translation of each connected part is fitted to what is known around it.
+    """
+    from skimage.measure import label
+
+    parts = label(chosen + 1, background=0, connectivity=1)
+    count = int(parts.max())
+    first = np.unique(parts, return_index=True)
+    at = dict(zip(first[0].tolist(), first[1].tolist(), strict=True))
+    fitted = np.zeros((count + 1, 3), np.int64)
+    size = 2 * round(reach) + 1
+    boxes = _boxes(parts, count)
+    for part in range(1, count + 1):
+        dy, step, mirrored = maps[chosen.flat[at[part]]]
+        full = np.array([dy * factor, step * factor + (factor - 1) * mirrored, mirrored])
+        y0, y1, x0, x1 = boxes[part]
+        around = np.s_[max(0, y0 - size) : y1 + size, max(0, x0 - size) : x1 + size]
+        near = cv2.blur((parts[around] == part).astype(np.float32), (size, size)) > 0
+        ys, xs = np.nonzero(near & (chosen[around] < 0))
+        where = np.stack([ys + around[0].start, xs + around[1].start], 1)
+        where = where[:: max(1, len(where) // _SAMPLES)] * factor + factor // 2
+        fitted[part] = _fit(image, known, where, full, factor + 1)
+    number = np.repeat(np.repeat(parts, factor, 0), factor, 1)[: known.shape[0], : known.shape[1]].astype(np.int32)
+    number[known] = 0
+    return _blend(image, known, number, fitted)
+
+
+def _boxes(parts: np.ndarray, count: int) -> list[tuple[int, int, int, int]]:
+    from scipy import ndimage
+
+    return [(0, 0, 0, 0)] + [(a.start, a.stop, b.start, b.stop) for a, b in ndimage.find_objects(parts, count)]
+
+
+def _fit(image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, room: int) -> np.ndarray:
+    """The map within room px of one about which leaves the least difference at the places (n, 2); that one without places."""
+    if len(where) < 20:
+        return about
+    shift = np.arange(-room, room + 1)
+    table = np.stack([np.repeat(shift, len(shift)), np.tile(shift, len(shift)), np.zeros(len(shift) ** 2, int)], 1)
+    table = table[np.argsort(np.abs(table).sum(1), kind="stable")]
+    errors = _differences(image, known, where, about + table)
+    return about + table[int(np.argmin(errors))]
+
+
+@njit(cache=True)
+def _differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, maps: np.ndarray) -> np.ndarray:
+    height, width = known.shape
+    out = np.full(len(maps), np.float32(3e38))
+    for k in range(len(maps)):
+        dy, step, mirrored = maps[k]
+        total, seen = np.float32(0), 0
+        for n in range(len(where)):
+            y, x = where[n]
+            if y >= height or x >= width:
+                continue
+            v, u = y + dy, step - x if mirrored else x + step
+            if 0 <= v < height and 0 <= u < width and known[y, x] and known[v, u]:
+                seen += 1
+                for c in range(3):
+                    total += abs(np.float32(image[y, x, c]) - np.float32(image[v, u, c]))
+        if seen >= 20:
+            out[k] = total / seen
+    return out
+
+
+def _blend(
+    image: np.ndarray, known: np.ndarray, number: np.ndarray, fitted: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Copied and blended hole by hole, so that memory is that of the largest."""
+    from scipy import ndimage
+
+    out, done = image.copy(), known.copy()
+    joined = cv2.dilate((~known).astype(np.uint8), np.ones((2 * _JOINED + 1, 2 * _JOINED + 1), np.uint8))
+    numbered, _ = ndimage.label(joined)
+    for k, (rows, columns) in enumerate(ndimage.find_objects(numbered), 1):
+        copied, steps, filled = _copy(image, known, number, fitted, rows.start, rows.stop, columns.start, columns.stop)
+        hidden = filled & ~known[rows, columns] & (numbered[rows, columns] == k)
+        if not hidden.any():
+            continue
+        offset = membrane(steps[0], steps[1], hidden, number[rows, columns])
+        blended = np.clip(np.rint((copied + offset) * 255.0), 0, 255).astype(np.uint8)
+        out[rows, columns][hidden] = blended[hidden]
+        done[rows, columns] |= hidden
+    return out, done
+
+
+@njit(cache=True)
+def _source(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
+    """Row of the source and its column, or -1, -1 where it is not known."""
+    v = y + fitted[part, 0]
+    u = fitted[part, 1] - x if fitted[part, 2] else x + fitted[part, 1]
+    if 0 <= v < known.shape[0] and 0 <= u < known.shape[1] and known[v, u]:
+        return v, u
+    return -1, -1
+
+
+@njit(cache=True)
+def _copy(
+    image: np.ndarray,
+    known: np.ndarray,
+    number: np.ndarray,
+    fitted: np.ndarray,
+    top: int,
+    bottom: int,
+    left: int,
+    right: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a box: the copied image, 0-1, the steps that make joins invisible (see `membrane`), and what is known or copied."""
+    unit = np.float32(1.0 / 255.0)
+    tall, wide = bottom - top, right - left
+    out = np.zeros((tall, wide, 3), np.float32)
+    filled = np.zeros((tall, wide), np.bool_)
+    for y in range(top, bottom):
+        for x in range(left, right):
+            v, u = (y, x) if known[y, x] else _source(known, fitted, number[y, x], y, x)
+            filled[y - top, x - left] = v >= 0
+            if v >= 0:
+                for c in range(3):
+                    out[y - top, x - left, c] = image[v, u, c] * unit
+    steps = np.full((2, tall, wide, 3), np.float32(np.nan))
+    for y in range(top, bottom):
+        for x in range(left, right):
+            for side in range(2):
+                q, r = y + side, x + 1 - side
+                if q >= bottom or r >= right or not filled[y - top, x - left] or not filled[q - top, r - left]:
+                    continue
+                if known[y, x] and known[q, r]:
+                    continue
+                a, b = number[y, x], number[q, r]
+                if a == b:
+                    for c in range(3):
+                        steps[side, y - top, x - left, c] = 0.0
+                    continue
+                # what a's picture shows less what b's shows, at both pixels: b's offset must exceed a's by it
+                total, count = np.zeros(3, np.float32), 0
+                for i, j in ((y, x), (q, r)):
+                    va, ua = _shown(known, fitted, a, i, j)
+                    vb, ub = _shown(known, fitted, b, i, j)
+                    if va < 0 or vb < 0:
+                        continue
+                    count += 1
+                    for c in range(3):
+                        total[c] += np.float32(image[va, ua, c]) * unit - np.float32(image[vb, ub, c]) * unit
+                for c in range(3):
+                    steps[side, y - top, x - left, c] = total[c] / count if count else np.float32(np.nan)
+    return out, steps, filled
+
+
+@njit(cache=True)
+def _shown(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
+    """Where a part, 0 what is known itself, has its picture of a pixel; -1, -1 if it has none."""
+    if part > 0:
+        return _source(known, fitted, part, y, x)
+    return (y, x) if known[y, x] else (-1, -1)

@@ -1,0 +1,244 @@
+"""An exemplar's style on a wall of any metric size: floors and bays are repeated or dropped, then tiles refined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import DOOR
+from facade_core.core.types import Lattice, Synthesis
+from facade_core.facade.texture.genetic import POPULATION, evolve
+from facade_core.facade.texture.shortest_walks import cheapest_walk, jump_costs
+from facade_core.facade.texture.synthesis import cells, mean_sizes
+from facade_core.facade.texture.tile_composition import compose
+from facade_core.facade.texture.tiling_energy import Tables, tables
+from facade_core.facade.texture.validation import check_image, check_labels
+from facade_core.parsing.floor_structure import Structure, structural_lattice, structure, trimmed_labels
+
+GENERATIONS = 400
+NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
+_EAVES = 2.0  # price of showing the top floor below another: it carries the eaves
+_SOFT = (0.45, 1.8)  # how far a pier may shrink or grow before its windows do
+
+
+@dataclass(frozen=True, eq=False)
+class Style:
+    """An exemplar taken apart: its lattice, and the prices of jumps between floors and bays per band."""
+
+    image: np.ndarray
+    labels: np.ndarray
+    exemplar: Structure
+    grid: Lattice
+    floor_price: np.ndarray
+    bay_price: dict[str, np.ndarray]
+    doors: np.ndarray
+
+    @cached_property
+    def tables(self) -> Tables:
+        """Of the energy of its tilings."""
+        return tables(self.image, self.labels, self.grid)
+
+
+def retarget(
+    image: np.ndarray,
+    labels: np.ndarray,
+    size_m: tuple[float, float],
+    *,
+    floors: int,
+    columns: int | None = None,
+    metres_per_pixel: float,
+    n: int = 1,
+    seed: int = 0,
+) -> list[Synthesis]:
+    """Show the exemplar's style on a wall of size_m = (height, width) metres: n different facades.
+
+    image (H, W, 3) uint8 and labels (H, W) uint8 are the exemplar. Results have round(size_m / metres_per_pixel)
+    pixels. `floors` counts storeys: every row of windows that is shown, the roof's included, and the ground floor, with or
+    without windows of its own (`Structure.storeys`); `columns` counts window columns (default: as many as keep the windows'
+    proportions). Doors and shops stay on the ground, the roof on top; the sky is left out. The roof is left out, too, where
+    a low wall would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
+
+    Floors and bays are laid out as the cheapest walk over the exemplar's; the genetic algorithm of the tiles paper
+    then refines the upper floors, a node taking only tiles of its own band and of its own place within a bay. Synthesis
+    numbers tiles in the lattice of three rows per floor and three columns per bay. Raises ImageError for bad arrays,
+    sizes or counts, and for labels without windows.
+    """
+    plan = style_of(image, labels)
+    if not metres_per_pixel > 0 or not min(size_m) > 0:
+        raise ImageError(f"retarget: size {size_m} m at {metres_per_pixel} m/px; pass positive numbers")
+    size = round(size_m[0] / metres_per_pixel), round(size_m[1] / metres_per_pixel)
+    if min(size) < 2:
+        raise ImageError(f"retarget: {size_m} m at {metres_per_pixel} m/px is {size} px; pass fewer metres per pixel")
+    if floors < 1 or (columns is not None and columns < 1):
+        raise ImageError(f"retarget: floors={floors}, columns={columns}; pass at least 1")
+    results: list[Synthesis] = []
+    for k in range(n):
+        rng = np.random.default_rng([seed, k])
+        for attempt in range(4):
+            result = _lay_out(plan, size, floors, columns, rng, noise=NOISE * (k + attempt > 0) * (1 + attempt))
+            if not any(np.array_equal(result.tiles, other.tiles) for other in results):
+                break
+        results.append(result)
+    return results
+
+
+def style_of(image: np.ndarray, labels: np.ndarray) -> Style:
+    """An exemplar, image (H, W, 3) uint8 and labels (H, W) uint8, taken apart. Raises ImageError for bad arrays, and for labels
+    without windows."""
+    check_image(image)
+    check_labels(image, labels)
+    exemplar = structure(labels)
+    if exemplar is None:
+        raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
+    labels = trimmed_labels(labels)
+    grid = structural_lattice(exemplar)
+    bay_cuts = np.asarray(exemplar.bay_cuts)
+    bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
+    bands["middle"] = (bands["roof"][1], exemplar.floor_cuts[-1 - (exemplar.kinds[-1] == "ground")])
+    bay_price = {name: jump_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2}
+    rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
+    floor_price = jump_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
+    floor_price[:, 0] += _EAVES
+    street = (labels[exemplar.ground_top :] == DOOR).sum(0)
+    door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
+    pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
+    centres = np.array([piece.mean() for piece in pieces])
+    doors = np.histogram(centres, bay_cuts)[0] > 0
+    return Style(image, labels, exemplar, grid, floor_price, bay_price, doors)
+
+
+def _roof_bottom(exemplar: Structure) -> int:
+    return exemplar.floor_cuts[sum(kind == "roof" for kind in exemplar.kinds)]
+
+
+def _lay_out(
+    plan: Style, size: tuple[int, int], floors: int, columns: int | None, rng: np.random.Generator, *, noise: float
+) -> Synthesis:
+    storeys, scale = shown_storeys(plan, size[0], floors, rng, noise)
+    exemplar = plan.exemplar
+    bay_sizes = np.diff(exemplar.bay_cuts)
+    fitting = size[1] / (scale * float(bay_sizes.mean()))
+    blank = columns is None and fitting < 0.5
+    count = 1 if blank else columns or max(1, round(fitting))
+    variants = [first_tiles(plan, storeys, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
+    tiles = variants[0]
+    population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
+    tiles, value = refined(plan, storeys, population, blank, rng)
+    heights, widths = mean_sizes(plan.grid, tiles)
+    soft = np.array([True]) if blank else np.tile([True, False, True], count)
+    across = cells(elastic(widths * scale, soft, size[1]), size[1])
+    picture, carried = compose(plan.image, plan.labels, plan.grid, tiles, cells(heights, size[0]), across)
+    return Synthesis(picture, carried, tiles, value)
+
+
+def shown_storeys(
+    plan: Style, height: int, floors: int, rng: np.random.Generator, noise: float
+) -> tuple[list[int], float]:
+    """Exemplar floors to show from top to bottom (-1: a ground band without windows), and the scale that fits."""
+    exemplar = plan.exemplar
+    kinds = np.array(exemplar.kinds)
+    middle = np.flatnonzero(kinds == "middle")
+    roofs = list(np.flatnonzero(kinds == "roof"))
+    ground = [len(kinds) - 1] if kinds[-1] == "ground" else ([-1] if exemplar.bottom > exemplar.floor_cuts[-1] else [])
+    sizes = np.append(np.diff(exemplar.floor_cuts)[: len(kinds)], exemplar.bottom - exemplar.floor_cuts[len(kinds)])
+    price = plan.floor_price * np.exp(noise * rng.standard_normal(plan.floor_price.shape))
+    standing = exemplar.ground_band or kinds[-1] == "ground"
+    best: tuple[float, list[int], float] | None = None
+    for kept in (roofs, roofs[-1:], []):
+        wanted = floors - len(kept) - standing
+        if wanted < 0 or (wanted == 0 and not kept and max(ground, default=-1) < 0):  # of no row of windows
+            continue
+        start = price[kept[-1], middle] if kept else 0.3 * np.arange(len(middle))
+        end = price[middle, ground[0]] if ground and ground[0] >= 0 else 0.05 * np.arange(len(middle))[::-1]
+        walk = middle[cheapest_walk(price[np.ix_(middle, middle)], start, end, wanted)] if wanted else []
+        storeys = [int(f) for f in [*kept, *walk, *ground]]
+        scale = height / float(sizes[storeys].sum())
+        strain = abs(np.log(scale)) + 0.15 * (len(roofs) - len(kept))
+        if best is None or strain < best[0] - 1e-9:
+            best = strain, storeys, scale
+    if best is None:  # fewer floors than the ground band has itself
+        storeys = [g for g in ground if g >= 0] or [int(middle[-1])]
+        best = 0.0, storeys, height / float(sizes[storeys].sum())
+    return best[1], float(np.clip(best[2], 0.4, 2.5))
+
+
+def first_tiles(
+    plan: Style, storeys: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
+) -> np.ndarray:
+    """A first tiling: the storeys' rows times, for every band, its own cheapest walk over the bays."""
+    exemplar, wide = plan.exemplar, len(plan.grid.columns) - 1
+    bays = len(exemplar.bays)
+    ends = np.zeros(bays), np.zeros(bays)
+    ends[0][1:], ends[1][:-1] = 1.0, 1.0
+    shake = np.exp(noise * rng.standard_normal((bays, bays)))
+    walks = {}
+    for band, price in plan.bay_price.items():
+        if band == "ground" and plan.doors.any():
+            most = max(1, round(int(plan.doors.sum()) * count / bays / 1.5))
+            walks[band] = cheapest_walk(price * shake, *ends, count, marked=plan.doors, most=most)
+        else:
+            walks[band] = cheapest_walk(price * shake, *ends, count)
+    if blank:
+        pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(plan.grid.columns)[::3]))
+    lines = []
+    for storey in storeys:
+        kind = "ground" if storey < 0 else exemplar.kinds[storey]
+        walk = walks.get(kind, walks["middle"])
+        across = pier if blank else (3 * walk[:, None] + np.arange(3)).ravel()
+        lines += [row * wide + across for row in rows_of(plan, storey)]
+    return np.array(lines, np.int32)
+
+
+def rows_of(plan: Style, storey: int) -> range:
+    return (
+        range(3 * len(plan.exemplar.floors), len(plan.grid.rows) - 1)
+        if storey < 0
+        else range(3 * storey, 3 * storey + 3)
+    )
+
+
+def refined(
+    plan: Style, storeys: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
+) -> tuple[np.ndarray, float]:
+    """The genetic algorithm within bands: roof and ground stay, borders stay, floors swap tiles of like height."""
+    exemplar, grid = plan.exemplar, plan.grid
+    tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
+    height = np.diff(grid.rows)
+    kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in storeys for _ in rows_of(plan, s)]
+    source_kinds = np.array(
+        [kind for kind in exemplar.kinds for _ in range(3)] + ["base"] * (tall - 3 * len(exemplar.floors))
+    )
+    own = np.array([row for s in storeys for row in rows_of(plan, s)])
+    alike = np.abs(np.log(height[own][:, None] / height[None])) < 0.15
+    same_place = (own[:, None] % 3) == (np.arange(tall)[None] % 3)
+    rows = alike & same_place & (source_kinds == "middle")[None]
+    rows[np.arange(len(own)), own] = True
+    place = np.arange(population.shape[2]) % 3
+    columns = place[:, None] == (np.arange(wide)[None] % 3)
+    frozen = np.zeros(population.shape[1:], bool)
+    frozen[np.array(kinds) != "middle"] = True
+    frozen[:, [0, -1]] = True
+    if blank:
+        frozen[:] = True
+    tiles, lowest = evolve(
+        plan.tables,
+        population,
+        rows=rows,
+        columns=columns,
+        frozen=frozen,
+        usable=np.ones((tall, wide), bool),
+        generations=GENERATIONS,
+        rng=rng,
+    )
+    return tiles, float(lowest[-1])
+
+
+def elastic(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
+    """Sizes that sum to total: soft ones (piers) give way first, within _SOFT, then all."""
+    room = total - sizes[~soft].sum()
+    stretch = float(np.clip(room / sizes[soft].sum(), *_SOFT))
+    fitted = np.where(soft, sizes * stretch, sizes)
+    return fitted * (total / fitted.sum())

@@ -1,0 +1,60 @@
+"""Joining a cloned patch to what is there: where the seam runs, and how colours meet."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+
+@njit(cache=True)
+def least_path(error: np.ndarray) -> np.ndarray:
+    """The path of least error along the first axis: (n, k) float64 -> (n,) int64, steps of at most 1 (minimum-error cut)."""
+    length, wide = error.shape
+    total = error.copy()
+    for a in range(1, length):
+        for b in range(wide):
+            best = total[a - 1, b]
+            if b > 0:
+                best = min(best, total[a - 1, b - 1])
+            if b + 1 < wide:
+                best = min(best, total[a - 1, b + 1])
+            total[a, b] += best
+    path = np.empty(length, np.int64)
+    for a in range(length - 1, -1, -1):
+        if a == length - 1:
+            path[a] = np.argmin(total[a])
+            continue
+        b = path[a + 1]
+        for other in (b - 1, b + 1):
+            if 0 <= other < wide and total[a, other] < total[a, b]:
+                b = other
+        path[a] = b
+    return path
+
+
+def diffused(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Colour differences known on a rim, spread smoothly over everything: (h, w, 3) float32.
+
+    difference (h, w, 3) counts where weight (h, w) is above 0. A membrane by normalised convolution: near the rim its
+    local mean, far from it the mean over an ever wider part of it. Differences are clipped, so that one misplaced edge
+    does not bleed into the patch.
+    """
+    weight = weight.astype(np.float32)
+    clipped = np.clip(difference, -48.0, 48.0) * weight[..., None]
+    extent = float(max(difference.shape[:2]))
+    sums, shares = np.zeros_like(clipped), np.zeros_like(weight)
+    for sigma, share in ((4.0, 1.0), (16.0, 0.1), (max(48.0, extent / 2), 0.01)):
+        sums += share * _blur(clipped, sigma)
+        shares += share * _blur(weight, sigma)
+    return sums / np.maximum(shares, 1e-6)[..., None]
+
+
+def _blur(array: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian blur that shrinks the array first where sigma is large; zero outside."""
+    factor = max(1, int(sigma // 4))
+    height, width = array.shape[:2]
+    small = cv2.resize(array, (-(-width // factor), -(-height // factor)), interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), sigma / factor, borderType=cv2.BORDER_CONSTANT)
+    return cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR)

@@ -1,0 +1,90 @@
+"""Cheapest walks over the floors or bays of an exemplar: where to repeat, where to skip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.labels import BALCONY, DOOR, SHOP, WINDOW
+
+_REACH = 4  # px on either side of a cut that are compared
+_JUMP = 0.03  # price of any jump, in mean absolute colour difference (0-1)
+_REVISIT = 0.02  # price of showing the same part twice in a row
+_CUT = 4.0  # price of a jump through windows or doors over the whole length of the cut
+_MISMATCH = 0.6  # price of a jump between different labels, e.g. from a balcony to plain wall
+
+
+def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.ndarray:
+    """Price (B, B) of showing part b after part a, where parts lie between successive cuts along axis 1.
+
+    What naturally follows a is compared with b on both sides of the cut; [a, a + 1] is 0.
+    """
+    last = image.shape[1] - 1
+    count = len(cuts) - 1
+    strip = np.clip(np.asarray(cuts)[:, None] + np.arange(-_REACH, _REACH), 0, last)
+    seen = (image[:, strip].astype(np.float32) / 255.0).transpose(1, 0, 2, 3)
+    label = labels[:, np.clip(np.asarray(cuts), 0, last)].T
+    before = labels[:, np.clip(np.asarray(cuts) - 1, 0, last)].T
+    price = np.empty((count, count))
+    for a in range(count):
+        for b in range(count):
+            end, start = a + 1, b
+            colour = np.abs(seen[end] - seen[start])
+            # Beyond a border of the facade there is nothing to compare with.
+            kept = [colour[:, :_REACH]] * (start > 0) + [colour[:, _REACH:]] * (end < count)
+            differ = float(np.mean([part.mean() for part in kept])) if kept else 0.5
+            joint = (before[end] != label[start]) & (
+                np.isin(before[end], (BALCONY, WINDOW, DOOR)) | np.isin(label[start], (BALCONY, WINDOW, DOOR))
+            )
+            broken = max(_broken(before[end], label[end]), _broken(before[start], label[start]))
+            price[a, b] = _JUMP + differ + _MISMATCH * joint.mean() + _CUT * broken + _REVISIT * (a == b)
+    price[np.arange(count - 1), np.arange(1, count)] = 0.0
+    return price
+
+
+def _broken(before: np.ndarray, after: np.ndarray) -> float:
+    """Share of a cut that runs through one window, door or shop."""
+    same = before == after
+    return float((same & np.isin(before, (WINDOW, DOOR))).mean() + 0.05 * (same & (before == SHOP)).mean())
+
+
+def cheapest_walk(
+    price: np.ndarray,
+    start: np.ndarray,
+    end: np.ndarray,
+    length: int,
+    *,
+    marked: np.ndarray | None = None,
+    most: int = 0,
+) -> np.ndarray:
+    """The cheapest sequence of `length` parts: price (B, B) of every step, start (B,) and end (B,) of its ends.
+
+    marked (B,) bool parts (those with a door) are shown at least once and at most `most` times where that is possible.
+    """
+    count = len(price)
+    flags = np.zeros(count, int) if marked is None else marked.astype(int)
+    levels = (most if marked is not None else 0) + 1
+    score = np.full((levels, count), np.inf)
+    for b in range(count):
+        if flags[b] < levels:
+            score[flags[b], b] = start[b]
+    came = np.zeros((length, levels, count), int)
+    for step in range(1, length):
+        following = np.full_like(score, np.inf)
+        for b in range(count):
+            for level in range(flags[b], levels):
+                options = score[level - flags[b]] + price[:, b]
+                came[step, level, b] = int(np.argmin(options))
+                following[level, b] = options.min()
+        score = following
+    finish = score + end[None]
+    least = 1 if marked is not None and marked.any() else 0
+    if not np.isfinite(finish[least:]).any():
+        return cheapest_walk(price, start, end, length)
+    finish[:least] = np.inf
+    level, part = divmod(int(np.argmin(finish)), count)
+    walk = [part]
+    for step in range(length - 1, 0, -1):
+        previous = came[step, level, walk[-1]]
+        level -= int(flags[walk[-1]])
+        walk.append(int(previous))
+    return np.array(walk[::-1])

@@ -1,0 +1,229 @@
+"""From a tiling to pixels: tiles are warped into their cells, borders move to where neighbours agree.
+
+Detail changes from one tile to the next along a path of least difference, up to REACH px off the cell's border; colour
+(what is left after a blur) cross-fades over the border.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.core.types import Lattice
+from facade_core.facade.texture.seams import least_path
+
+# All in pixels of the exemplar.
+REACH = 5  # by which a path may leave the border
+_SIGMA = 6.0  # splits colour (low band) from detail (high band)
+_FADE = 10  # on either side of a border over which colour cross-fades
+
+
+def compose(
+    image: np.ndarray,
+    labels: np.ndarray,
+    lattice: Lattice,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    coarser: float = 1.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Render tiles (M, N) of image (H, W, 3) into cells with borders rows (M + 1,), columns (N + 1,): image, labels.
+
+    coarser: how many pixels of the exemplar are as long as one of the new picture, where these are not the same.
+
+    Where two neighbours are also neighbours in the exemplar both sides of a border show the same pixels, so only true
+    jumps are seams. Labels are carried along with nearest-neighbour sampling.
+    """
+    source_rows, source_columns = np.asarray(lattice.rows, np.float64), np.asarray(lattice.columns, np.float64)
+    rows, columns = np.asarray(rows, np.int64), np.asarray(columns, np.int64)
+    full_rows, full_columns = source_rows, source_columns
+    across = len(source_columns) - 1
+    shrink_y = np.median(np.diff(rows)[:, None] / np.diff(source_rows)[tiles // across])
+    shrink_x = np.median(np.diff(columns)[None, :] / np.diff(source_columns)[tiles % across])
+    if min(shrink_y, shrink_x) < 0.95:  # area filtering first, so that the bilinear warp works near scale 1
+        height, width = image.shape[:2]
+        small = max(4, round(height * min(1.0, shrink_y))), max(4, round(width * min(1.0, shrink_x)))
+        image = cv2.resize(image, small[::-1], interpolation=cv2.INTER_AREA)
+        source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
+    colour = image.astype(np.float32)
+    where = (source_rows, source_columns, tiles, rows, columns)
+    beside, below = _paths(colour, *where, max(1, round(REACH / coarser)))
+    cell = _cells(beside, below, rows, columns)
+    low = cv2.GaussianBlur(colour, (0, 0), _SIGMA / coarser, borderType=cv2.BORDER_REPLICATE)
+    out = _faded(low, *where, max(1, round(_FADE / coarser))) + _shown(colour - low, cell, *where)
+    fine = _carried(labels, cell, full_rows, full_columns, tiles, rows, columns)
+    return np.clip(np.rint(out), 0, 255).astype(np.uint8), fine
+
+
+@njit(cache=True)
+def _at(position: int, cell: int, source: np.ndarray, borders: np.ndarray, tile: int) -> float:
+    """Where a position of the new picture lies in the exemplar along one axis, by the cell that shows it."""
+    step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
+    return source[tile] + (position - borders[cell] + 0.5) * step
+
+
+@njit(cache=True)
+def _sample(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
+    """Bilinear, at pixel positions v, u counted from the picture's corner."""
+    v = min(max(v - 0.5, 0.0), image.shape[0] - 1.0)
+    u = min(max(u - 0.5, 0.0), image.shape[1] - 1.0)
+    top, left = min(int(v), image.shape[0] - 2), min(int(u), image.shape[1] - 2)
+    fv, fu = np.float32(v - top), np.float32(u - left)
+    for c in range(3):
+        upper = image[top, left, c] * (1 - fu) + image[top, left + 1, c] * fu
+        lower = image[top + 1, left, c] * (1 - fu) + image[top + 1, left + 1, c] * fu
+        out[c] = upper * (1 - fv) + lower * fv
+
+
+@njit(cache=True)
+def _paths(
+    image: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    most: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
+    tall, wide = tiles.shape
+    across = len(source_columns) - 1
+    beside = np.empty((rows[-1], max(0, wide - 1)), np.int64)
+    below = np.empty((max(0, tall - 1), columns[-1]), np.int64)
+    one, other = np.empty(3, np.float32), np.empty(3, np.float32)
+    for m in range(tall):
+        for n in range(wide):
+            y0, y1, x0, x1 = rows[m], rows[m + 1], columns[n], columns[n + 1]
+            i, j = tiles[m, n] // across, tiles[m, n] % across
+            for side in range(2):
+                if (n + 1 == wide) if side == 0 else (m + 1 == tall):
+                    continue
+                mm, nn = (m, n + 1) if side == 0 else (m + 1, n)
+                ii, jj = tiles[mm, nn] // across, tiles[mm, nn] % across
+                length = y1 - y0 if side == 0 else x1 - x0
+                room = (min(x1 - x0, columns[nn + 1] - x1) if side == 0 else min(y1 - y0, rows[mm + 1] - y1)) // 2
+                reach = min(most, room)
+                error = np.empty((length, 2 * reach + 1))
+                for a in range(length):
+                    for b in range(2 * reach + 1):
+                        y, x = (y0 + a, x1 - reach + b) if side == 0 else (y1 - reach + b, x0 + a)
+                        _sample(image, _at(y, m, source_rows, rows, i), _at(x, n, source_columns, columns, j), one)
+                        _sample(
+                            image, _at(y, mm, source_rows, rows, ii), _at(x, nn, source_columns, columns, jj), other
+                        )
+                        error[a, b] = 0.01 * abs(b - reach)
+                        for c in range(3):
+                            error[a, b] += (one[c] - other[c]) ** 2
+                path = least_path(error)
+                for a in range(length):
+                    if side == 0:
+                        beside[y0 + a, n] = x1 - reach + path[a]
+                    else:
+                        below[m, x0 + a] = y1 - reach + path[a]
+    return beside, below
+
+
+@njit(cache=True)
+def _cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Which cell every pixel shows, (H, W) int32: m * N + n."""
+    height, width, wide = rows[-1], columns[-1], beside.shape[1] + 1
+    cell = np.empty((height, width), np.int32)
+    column = np.empty((height, width), np.int32)
+    for y in range(height):
+        n = 0
+        for x in range(width):
+            while n < wide - 1 and x >= beside[y, n]:
+                n += 1
+            column[y, x] = n
+    for x in range(width):
+        m = 0
+        for y in range(height):
+            while m < below.shape[0] and y >= below[m, x]:
+                m += 1
+            cell[y, x] = m * wide + column[y, x]
+    return cell
+
+
+@njit(cache=True)
+def _shown(
+    image: np.ndarray,
+    cell: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> np.ndarray:
+    """Each pixel as its cell shows it: (H, W, 3) float32."""
+    height, width, wide = cell.shape[0], cell.shape[1], tiles.shape[1]
+    across = len(source_columns) - 1
+    out = np.empty((height, width, 3), np.float32)
+    for y in range(height):
+        for x in range(width):
+            m, n = cell[y, x] // wide, cell[y, x] % wide
+            i, j = tiles[m, n] // across, tiles[m, n] % across
+            _sample(image, _at(y, m, source_rows, rows, i), _at(x, n, source_columns, columns, j), out[y, x])
+    return out
+
+
+@njit(cache=True)
+def _carried(
+    labels: np.ndarray,
+    cell: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> np.ndarray:
+    wide, across = tiles.shape[1], len(source_columns) - 1
+    out = np.empty(cell.shape, np.uint8)
+    for y in range(cell.shape[0]):
+        for x in range(cell.shape[1]):
+            m, n = cell[y, x] // wide, cell[y, x] % wide
+            i, j = tiles[m, n] // across, tiles[m, n] % across
+            v, u = _at(y, m, source_rows, rows, i), _at(x, n, source_columns, columns, j)
+            out[y, x] = labels[min(max(int(v), 0), labels.shape[0] - 1), min(max(int(u), 0), labels.shape[1] - 1)]
+    return out
+
+
+@njit(cache=True)
+def _faded(
+    image: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    margin: int,
+) -> np.ndarray:
+    """Accumulate every tile, extended by margin into its surroundings, with weights that fade over the border."""
+    height, width = rows[-1], columns[-1]
+    out = np.zeros((height, width, 3), np.float32)
+    weight = np.zeros((height, width), np.float32)
+    across = len(source_columns) - 1
+    one = np.empty(3, np.float32)
+    for m in range(tiles.shape[0]):
+        for n in range(tiles.shape[1]):
+            i, j = tiles[m, n] // across, tiles[m, n] % across
+            y0, y1, x0, x1 = rows[m], rows[m + 1], columns[n], columns[n + 1]
+            if y1 == y0 or x1 == x0:
+                continue
+            for y in range(max(0, y0 - margin), min(height, y1 + margin)):
+                fade_y = min(1.0, (y - y0 + 0.5 + margin) / (2.0 * margin), (y1 - y - 0.5 + margin) / (2.0 * margin))
+                v = _at(y, m, source_rows, rows, i)
+                for x in range(max(0, x0 - margin), min(width, x1 + margin)):
+                    fade_x = min(
+                        1.0, (x - x0 + 0.5 + margin) / (2.0 * margin), (x1 - x - 0.5 + margin) / (2.0 * margin)
+                    )
+                    _sample(image, v, _at(x, n, source_columns, columns, j), one)
+                    w = np.float32(fade_y * fade_x)
+                    weight[y, x] += w
+                    for c in range(3):
+                        out[y, x, c] += w * one[c]
+    for y in range(height):
+        for x in range(width):
+            for c in range(3):
+                out[y, x, c] /= weight[y, x]
+    return out

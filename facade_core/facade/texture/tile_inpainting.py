@@ -1,0 +1,102 @@
+"""Filling a hole tile by tile: structure from what is visible, visible tiles fixed (tiles paper, section 4.3)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import UNKNOWN
+from facade_core.core.levelling import spread
+from facade_core.core.types import Lattice
+from facade_core.facade.texture.genetic import POPULATION, evolve
+from facade_core.facade.texture.seams import diffused
+from facade_core.facade.texture.tile_composition import compose
+from facade_core.facade.texture.tiling_energy import tables, tile_histograms
+
+_ALIKE = 0.35  # log-ratio of sizes up to which a tile may be warped into a hidden cell
+_DIFFERENT = 0.2  # share of label area in which rows or columns of tiles may differ and still be exchanged
+_RIM = 6
+
+
+def fill_by_tiles(
+    image: np.ndarray, mask: np.ndarray, labels: np.ndarray, grid: Lattice, rng: np.random.Generator
+) -> np.ndarray:
+    """image (H, W, 3) uint8 with the pixels of mask (H, W) filled by tiles of a lattice over labels (H, W) uint8.
+
+    A tile is observed if no more than a twentieth of it is hidden. Only whole visible tiles are copied; what is hidden of
+    others is taken from around first, as colours fade over borders. Generations grow with the hidden nodes: 40 each, 400 to
+    5000. Raises ImageError where no tile is visible.
+    """
+    image = np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
+    rows, columns = np.asarray(grid.rows), np.asarray(grid.columns)
+    hidden = np.add.reduceat(np.add.reduceat(mask.astype(float), rows[:-1], 0), columns[:-1], 1)
+    heights, widths = np.diff(rows), np.diff(columns)
+    usable = hidden == 0
+    frozen = hidden <= 0.05 * heights[:, None] * widths[None]
+    if not usable.any():
+        raise ImageError(
+            "inpaint: no whole tile is visible outside the mask; use method='floors' or retarget an exemplar"
+        )
+    tall, wide = usable.shape
+    shares = tile_histograms(labels, rows, columns).reshape(tall, wide, -1)
+    may_row = (np.abs(np.log(heights[:, None] / heights[None])) < _ALIKE) & usable.any(1)[None] & _same_kind(shares)
+    may_column = (np.abs(np.log(widths[:, None] / widths[None])) < _ALIKE) & usable.any(0)[None]
+    may_column &= _same_kind(shares.transpose(1, 0, 2))
+    for allowed, there, size in ((may_row, usable.any(1), heights), (may_column, usable.any(0), widths)):
+        for k in np.flatnonzero(~allowed.any(1)):
+            allowed[k, np.argmin(np.where(there, np.abs(np.log(size / size[k])), np.inf))] = True
+    own = np.arange(tall * wide, dtype=np.int32).reshape(tall, wide)
+    population = np.stack([_first(own, usable, frozen, may_row, may_column, rng) for _ in range(POPULATION)])
+    tiles, _ = evolve(
+        tables(image, np.where(mask, UNKNOWN, labels), grid, usable=usable),
+        population,
+        rows=may_row,
+        columns=may_column,
+        frozen=frozen,
+        usable=usable,
+        generations=int(np.clip(40 * (~frozen).sum(), 400, 5000)),
+        rng=rng,
+    )
+    drawn, _ = compose(image, labels, grid, tiles, rows, columns)
+    return _blend(image, drawn, mask)
+
+
+def _same_kind(shares: np.ndarray) -> np.ndarray:
+    """Which rows (n, n) of tiles hold the same labels in the same columns, from tile histograms (n, m, classes)."""
+    flat = shares.reshape(len(shares), -1)
+    return np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _DIFFERENT * shares.shape[1]
+
+
+def _first(
+    own: np.ndarray,
+    usable: np.ndarray,
+    frozen: np.ndarray,
+    may_row: np.ndarray,
+    may_column: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Random visible tiles at the hidden nodes, of the same row if one fits, else of the same column."""
+    tiles = own.copy()
+    anywhere = np.argwhere(usable)
+    for y, x in np.argwhere(~frozen):
+        beside = np.flatnonzero(usable[y] & may_column[x])
+        above = np.flatnonzero(usable[:, x] & may_row[y])
+        if len(beside):
+            tiles[y, x] = own[y, rng.choice(beside)]
+        elif len(above):
+            tiles[y, x] = own[rng.choice(above), x]
+        elif usable[y].any():
+            tiles[y, x] = own[y, rng.choice(np.flatnonzero(usable[y]))]
+        else:
+            tiles[y, x] = own[tuple(rng.choice(anywhere))]
+    return tiles
+
+
+def _blend(image: np.ndarray, drawn: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """drawn in the hole, its colours levelled to those of the rim; image elsewhere."""
+    kernel = np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)
+    rim = (cv2.dilate(mask.astype(np.uint8), kernel) > 0) & ~mask
+    offset = diffused(image.astype(np.float32) - drawn, rim.astype(np.float32))
+    filled = np.clip(np.rint(drawn + offset), 0, 255).astype(np.uint8)
+    return np.where(mask[..., None], filled, image)

@@ -1,0 +1,44 @@
+"""What every public function of this package asks of its images, labels and masks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.errors import ImageError
+
+# Pixels of a side that anything of a facade can be told on.
+LEAST_SIDE = 16
+
+
+def check_image(image: np.ndarray, *, least: int = LEAST_SIDE) -> None:
+    """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least `least` px a side."""
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}"
+        raise ImageError(f"texture: the image is {found}; pass uint8 RGB of shape (H, W, 3)")
+    if min(image.shape[:2]) < least:
+        raise ImageError(
+            f"texture: the image is {image.shape[1]} x {image.shape[0]} px; pass one of at least {least} x {least} px"
+        )
+
+
+def check_labels(image: np.ndarray, labels: np.ndarray) -> None:
+    """Raise ImageError unless labels is uint8 (H, W) of the image's size, class ids or UNKNOWN."""
+    from facade_core.parsing.validation import check_labels as check_ids
+
+    if not isinstance(labels, np.ndarray) or labels.dtype != np.uint8 or labels.shape != image.shape[:2]:
+        found = f"{getattr(labels, 'dtype', type(labels).__name__)} {getattr(labels, 'shape', '')}"
+        raise ImageError(
+            f"texture: the labels are {found}; pass uint8 class ids of shape {image.shape[:2]}, as parse(image) does"
+        )
+    check_ids(labels)
+
+
+def check_mask(image: np.ndarray, mask: np.ndarray) -> None:
+    """Raise ImageError unless mask is bool (H, W) of the image's size and leaves something known."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != image.shape[:2]:
+        found = f"{getattr(mask, 'dtype', type(mask).__name__)} {getattr(mask, 'shape', '')}"
+        raise ImageError(f"inpaint: the mask is {found}; pass bool of shape {image.shape[:2]}, True = missing")
+    if mask.all():
+        raise ImageError(
+            "inpaint: the mask covers the whole image; pass a mask with visible pixels, or retarget an exemplar"
+        )

@@ -1,0 +1,1 @@
+"""Variation-factored encoding of facades (variation paper)."""

@@ -1,0 +1,146 @@
+"""Facades with more floors or columns than the photo: bands of the wall repeated, and the places on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.errors import LayoutError
+from facade_core.facade.variation.contents import Group
+from facade_core.facade.variation.rendering import element_boxes
+
+# Pixels over which one band of the wall fades into another.
+_FADE = 4
+# Elements that a repeated band should not carry along, as long as there are others.
+_ONCE = ("door", "shop")
+
+
+class Enlarged(NamedTuple):
+    """wall (H', W', 3) uint8; places (M,) int: the element that a place is a copy of; boxes (M, 4) int32 of the places."""
+
+    wall: np.ndarray
+    places: np.ndarray
+    boxes: np.ndarray
+
+
+def enlarge(
+    wall: np.ndarray,
+    groups: Sequence[Group],
+    cells: Sequence[np.ndarray],
+    floors: int | None,
+    columns: int | None,
+    rng: np.random.Generator,
+) -> Enlarged:
+    """Repeat inner floors and bays of the largest grid of windows up to these counts; None leaves them as they are.
+
+    An element that reaches over more than one band, as a running balcony, is stretched. Raises LayoutError as
+    `Hierarchy.sample` does.
+    """
+    boxes = element_boxes(groups)
+    labels = np.array([g.label for g in groups for _ in g.boxes])
+    grid = max((c for c in cells if labels[c.max()] == "window"), key=lambda c: (c >= 0).sum(), default=None)
+    if grid is None:
+        raise LayoutError("this facade has no window to repeat; sample it without floors and columns")
+    lines = []
+    for axis, wanted, name in ((1, floors, "floors"), (0, columns, "columns")):
+        along = grid if axis else grid.T
+        have = len(along)
+        if wanted is not None and wanted < have:
+            raise LayoutError(f"{name}={wanted}: this facade has {have}; pass at least as many")
+        rows = np.array([np.median(boxes[r[r >= 0]][:, [axis, axis + 2]], axis=0) for r in along])
+        lines.append(_repeat(rows, boxes, labels, axis, (wanted or have) - have, wall.shape[1 - axis], rng))
+    (down, tall), (across, wide) = lines
+    spliced = _splice(_splice(wall, down, 0), across, 1)
+    places, found = [], []
+    for i in range(len(boxes)):
+        for y0, y1 in tall[i]:
+            for x0, x1 in wide[i]:
+                places.append(i)
+                found.append((x0, y0, x1, y1))
+    return Enlarged(spliced, np.array(places), np.array(found, np.int32))
+
+
+def _repeat(
+    rows: np.ndarray,
+    boxes: np.ndarray,
+    labels: np.ndarray,
+    axis: int,
+    more: int,
+    length: int,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, list[list[tuple[int, int]]]]:
+    """Source positions of the enlarged axis, and per element its intervals on it.
+
+    rows (R, 2): first and last position of the grid's rows; more: bands to add.
+    """
+    spans = np.clip(boxes[:, [axis, axis + 2]], 0, length)
+    cuts = [0, *_cuts(rows, spans, length), length]
+    bands = list(range(1, len(cuts) - 2))
+    once = np.isin(labels, _ONCE)
+    middles = spans.mean(axis=1)
+    plain = [b for b in bands if not ((middles >= cuts[b]) & (middles < cuts[b + 1]) & once).any()]
+    # A facade of one row has no inner band: the band of that row is repeated, with what lies between it and the edge.
+    own = np.unique(np.searchsorted(cuts, rows.mean(axis=1), "right") - 1).tolist()
+    extra = _choice(plain or bands or own, more, rng)
+    order = np.sort(np.concatenate([np.arange(len(cuts) - 1), extra])).astype(int)
+    starts = np.cumsum([0, *(cuts[b + 1] - cuts[b] for b in order)])
+    source = np.concatenate([np.arange(cuts[b], cuts[b + 1]) for b in order])
+    intervals = []
+    for (first, last), middle in zip(boxes[:, [axis, axis + 2]].tolist(), middles, strict=True):
+        low, high = (int(np.searchsorted(cuts, v, "right")) - 1 for v in (first + 0.25 * (middle - first), middle))
+        top = int(np.searchsorted(cuts, last - 0.25 * (last - middle), "right")) - 1
+        low, top = max(low, 0), min(top, len(cuts) - 2)
+        if low == top:
+            copies = np.flatnonzero(order == high)
+            intervals.append(
+                [(int(first + starts[c] - cuts[high]), int(last + starts[c] - cuts[high])) for c in copies]
+            )
+        else:
+            begin = first + starts[np.flatnonzero(order == low)[0]] - cuts[low]
+            end = last + starts[np.flatnonzero(order == top)[-1]] - cuts[top]
+            intervals.append([(int(begin), int(end))])
+    return source, intervals
+
+
+def _cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
+    """Positions between neighbouring rows that the fewest elements cross, and one pitch before and behind them."""
+    found = []
+    for (_, end), (start, _) in zip(rows[:-1], rows[1:], strict=True):
+        low, high = sorted((round(end), round(start)))
+        at = np.arange(low, max(high, low + 1) + 1)
+        crossed = ((spans[:, :1] < at) & (at < spans[:, 1:])).sum(axis=0)
+        found.append(int(at[np.lexsort((np.abs(at - at.mean()), crossed))[0]]))
+    size = np.median(rows[:, 1] - rows[:, 0])
+    pitch = np.median(np.diff(rows.mean(axis=1))) if len(rows) > 1 else 1.8 * size
+    if not found:
+        found = [round(rows[0].mean() + pitch / 2)]
+    before, behind = found[0] - round(pitch), found[-1] + round(pitch)
+    if before >= 0 and before <= rows[0, 0]:
+        found.insert(0, before)
+    if behind <= length and behind >= rows[-1, 1] and len(rows) > 1:
+        found.append(behind)
+    return sorted({min(max(c, 1), length - 1) for c in found})
+
+
+def _choice(bands: Sequence[int], number: int, rng: np.random.Generator) -> np.ndarray:
+    """`number` of the bands, each about equally often."""
+    if number == 0:
+        return np.zeros(0, int)
+    return np.concatenate([rng.permutation(bands) for _ in range(-(-number // len(bands)))])[:number]
+
+
+def _splice(wall: np.ndarray, source: np.ndarray, axis: int) -> np.ndarray:
+    """The wall's lines `source` along an axis, fading where they do not follow each other."""
+    if axis:
+        return np.ascontiguousarray(_splice(wall.swapaxes(0, 1), source, 0).swapaxes(0, 1))
+    result = wall[source]
+    for at in np.flatnonzero(np.diff(source) != 1) + 1:
+        step = np.arange(-_FADE, _FADE)
+        step = step[(at + step >= 0) & (at + step < len(source))]
+        share = ((step + _FADE + 0.5) / (2 * _FADE))[:, None, None]
+        before = wall[np.clip(source[at - 1] + 1 + step, 0, len(wall) - 1)]
+        behind = wall[np.clip(source[at] + step, 0, len(wall) - 1)]
+        result[at + step] = ((1 - share) * before + share * behind).round().astype(np.uint8)
+    return result

@@ -1,0 +1,47 @@
+"""A level drawn as in Fig. 1 of the paper: the facade, and below it the types of elements that it is made of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.facade.variation.hierarchy import Hierarchy
+from facade_core.facade.variation.rendering import element_boxes
+
+# Height of a type's picture as a share of the facade's, and the pixels between pictures.
+_SHARE = 0.045
+_GAP = 4
+_PAPER = 255
+
+
+def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
+    """(H', W, 3) uint8: the facade at a level above its types, the most frequent first, each in its representative.
+
+    Below every type a bar, as long as its share of the elements. Raises InputError for a level that there is not.
+    """
+    import cv2
+
+    facade = hierarchy.reconstruct(level)
+    types, counts = np.unique(hierarchy.types_at(level), return_counts=True)
+    if not len(types):
+        return facade
+    height, width = facade.shape[:2]
+    tall = max(12, round(_SHARE * height))
+    # Representatives are shown as level 0 has them.
+    first = hierarchy.reconstruct(0)
+    boxes = element_boxes(hierarchy.groups)[hierarchy.representatives]
+    rows = [np.full((tall + 2 * _GAP, width, 3), _PAPER, np.uint8)]
+    at = _GAP
+    for t in types[np.lexsort((types, -counts))]:
+        x0, y0, x1, y1 = np.clip(boxes[t], 0, (width, height, width, height)).tolist()
+        across = min(max(6, round((x1 - x0) * tall / max(1, y1 - y0))), width - 2 * _GAP, 2 * tall)
+        if min(x1 - x0, y1 - y0, across) < 1:
+            continue
+        if at + across > width - _GAP:
+            rows.append(np.full_like(rows[0], _PAPER))
+            at = _GAP
+        inset = rows[-1][_GAP : _GAP + tall, at : at + across]
+        inset[:] = cv2.resize(first[y0:y1, x0:x1], (across, tall), interpolation=cv2.INTER_AREA)
+        share = counts[types == t][0] / counts.sum()
+        rows[-1][_GAP + tall : _GAP + tall + 2, at : at + max(1, round(share * across))] = (180, 85, 45)
+        at += across + _GAP
+    return np.concatenate([facade, *rows])

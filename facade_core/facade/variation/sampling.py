@@ -1,0 +1,70 @@
+"""Sampling variations: which element is shown where, among those that share a type at a level."""
+
+from __future__ import annotations
+
+from math import factorial, gcd
+
+import numpy as np
+
+from facade_core.core.errors import InputError
+
+# Fewer variations than this are numbered, so that seeds cannot meet by chance.
+_FEW = 10**12
+
+
+def generator(seed: int) -> np.random.Generator:
+    """What draws a sample; InputError for a seed that is no whole number from 0 on."""
+    if seed < 0 or seed != int(seed):
+        raise InputError(f"seed {seed}: samples are numbered from 0; pass a whole number that is not negative")
+    return np.random.default_rng(int(seed))
+
+
+def exchange(types: np.ndarray, seed: int) -> np.ndarray:
+    """(N,) int: for every place the element shown there, a permutation within each of the (N,) types.
+
+    Where there are few permutations, consecutive seeds give different ones until all have been given. Raises InputError as
+    `generator` does.
+    """
+    rng = generator(seed)
+    members = [np.flatnonzero(types == t) for t in np.unique(types)]
+    shown = np.arange(len(types))
+    total = 1
+    for of_type in members:
+        total = min(total * factorial(len(of_type)), _FEW)
+    if total >= _FEW:
+        for of_type in members:
+            shown[of_type] = rng.permutation(of_type)
+        return shown
+    step = next(s for s in range(int(0.618 * total) + 1, 2 * total + 2) if gcd(s, total) == 1)
+    number = (1 + seed) * step % total
+    for of_type in members:
+        left = of_type.tolist()
+        for place in of_type:
+            number, k = divmod(number, len(left))
+            shown[place] = left.pop(k)
+    return shown
+
+
+def deal(types: np.ndarray, places: np.ndarray, boxes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(M,) int: the element shown at each place of an enlarged facade, of the type of the element places[m].
+
+    types (N,): of the elements; places (M,): the element that each place is a copy of; boxes (M, 4): where it is. Every
+    element of a type is shown about equally often, and where one is shown again, that is far from the last time.
+    """
+    centre = (boxes[:, :2] + boxes[:, 2:]) / 2
+    shown = np.full(len(places), -1)
+    for t in np.unique(types[places]):
+        members = np.flatnonzero(types == t)
+        used = np.zeros(len(members), int)
+        # Distance from each place of this type to the nearest one where each member is shown already.
+        here = np.flatnonzero(types[places] == t)
+        free = np.full((len(here), len(members)), np.inf)
+        for k, place in enumerate(here):
+            offered = np.flatnonzero(used <= used.min() + 1)
+            nearest = free[k, offered]
+            best = offered[nearest == nearest.max()]
+            pick = int(rng.choice(best))
+            shown[place] = members[pick]
+            used[pick] += 1
+            free[:, pick] = np.minimum(free[:, pick], np.hypot(*(centre[here] - centre[place]).T))
+    return shown

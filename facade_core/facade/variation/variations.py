@@ -1,0 +1,133 @@
+"""The variations of a facade's elements, before they are a file: groups, types, and the levels of their matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from facade_core.core.errors import LayoutError
+from facade_core.core.types import Element
+from facade_core.facade.layout.grids import boxes, check, grids, size_groups
+from facade_core.facade.variation.appearance import projected, relabelling_cost
+from facade_core.facade.variation.contents import Group
+from facade_core.facade.variation.element_types import cluster, descriptors, filled
+from facade_core.facade.variation.patches import align, cut, light, mask_of, patch_size, wall_sums
+from facade_core.facade.variation.rendering import depth_of
+from facade_core.facade.variation.structure import relax
+
+# The smallest side of an element in pixels; smaller ones stay part of the wall.
+_SMALLEST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Variations:
+    """groups, cells and representatives as in `Contents`; costs: of relabelling each group's types (T, T), with the number of
+    the group's first type."""
+
+    groups: tuple[Group, ...]
+    cells: tuple[np.ndarray, ...]
+    representatives: np.ndarray
+    costs: tuple[tuple[int, np.ndarray], ...]
+
+    @cached_property
+    def types(self) -> np.ndarray:
+        """(N,) int32 types of all elements in the photo."""
+        return np.concatenate([g.types for g in self.groups]) if self.groups else np.zeros(0, np.int32)
+
+    @cached_property
+    def levels(self) -> tuple[tuple[np.ndarray, ...], ...]:
+        """The structure matrices per level: all grids relaxed with the same weights, states that only rename left out."""
+        start = [np.where(c >= 0, self.types[c], -1).astype(np.int32) for c in self.cells]
+        steps: list[list[np.ndarray]] = []
+        for matrix in start:
+            # A grid lies within one group, whose types are consecutive.
+            first, cost = next((f, c) for f, c in self.costs if f <= matrix.max() < f + len(c))
+            relaxed = relax(np.where(matrix >= 0, matrix - first, -1), cost)
+            steps.append([matrix] + [np.where(matrix >= 0, r.labels + first, -1).astype(np.int32) for r in relaxed])
+        levels: list[tuple[np.ndarray, ...]] = [tuple(start)]
+        for k in range(1, max((len(s) for s in steps), default=1)):
+            state = tuple(s[min(k, len(s) - 1)] for s in steps)
+            if any(not np.array_equal(_canonical(a), _canonical(b)) for a, b in zip(state, levels[-1], strict=True)):
+                levels.append(state)
+        return tuple(levels)
+
+    def types_at(self, level: int) -> np.ndarray:
+        """(N,) int32 types of all elements at a level."""
+        found = self.types.copy()
+        for matrix, cells in zip(self.levels[level], self.cells, strict=True):
+            found[cells[cells >= 0]] = matrix[cells >= 0]
+        return found
+
+    def exchanged(self, shown: np.ndarray) -> Variations:
+        """After every place shows another element of its group, shown (N,) int: a permutation."""
+        types, back, groups = self.types[shown], np.argsort(shown), []
+        first = 0
+        for group in self.groups:
+            groups.append(replace(group, types=types[first : first + len(group.boxes)]))
+            first += len(group.boxes)
+        return Variations(tuple(groups), self.cells, back[self.representatives].astype(np.int32), self.costs)
+
+
+def variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
+    """Of the elements of an image (H, W, 3) uint8, clipped to it; those under 3 px are left out, exact duplicates count once.
+
+    Elements are grouped by class and comparable size, their patches aligned and clustered into types by mean shift; costs of
+    relabelling are of patches projected on up to 7 principal components. Raises LayoutError for elements without area, of an
+    unknown label or outside the image.
+    """
+    from threadpoolctl import threadpool_limits
+
+    kept = _on_image(elements, image.shape[:2])
+    # Sums in BLAS depend on the number of threads in their last bits; one thread keeps files identical.
+    with threadpool_limits(1, user_api="blas"):
+        return _variations(image, kept)
+
+
+def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Element]:
+    check(elements)
+    height, width = shape
+    kept: dict[Element, None] = {}
+    for i, e in enumerate(elements):
+        if e.x1 <= 0 or e.y1 <= 0 or e.x0 >= width or e.y0 >= height:
+            raise LayoutError(f"element {i} ({e.label}): outside the {width} x {height} px image; drop or move it")
+        x0, x1 = np.clip(np.round([e.x0, e.x1]), 0, width).tolist()
+        y0, y1 = np.clip(np.round([e.y0, e.y1]), 0, height).tolist()
+        if min(x1 - x0, y1 - y0) >= _SMALLEST:
+            kept[Element(e.label, x0, y0, x1, y1)] = None
+    return list(kept)
+
+
+def _variations(image: np.ndarray, elements: list[Element]) -> Variations:
+    all_boxes = boxes(elements).astype(np.int32)
+    sums = wall_sums(image, mask_of(all_boxes, image.shape[:2]))
+    depth = np.array([depth_of(e.label) for e in elements], int)
+    groups, costs, representatives = [], [], []
+    number = np.zeros(len(elements), np.int32)
+    elements_before = types_before = 0
+    for members in size_groups(elements):
+        size = patch_size(all_boxes[members])
+        box = align(image, all_boxes[members], size)
+        shade = light(sums, all_boxes[members])
+        patches = cut(image, box, size) / shade[:, None, None, None].astype(np.float32)
+        in_front = mask_of(all_boxes[depth > depth[members[0]]], image.shape[:2])
+        seen = cut(in_front.astype(np.float32), box, size) < 0.5
+        patches = filled(patches, seen)
+        types, chosen = cluster(descriptors(patches, seen))
+        costs.append((types_before, relabelling_cost(projected(patches)[chosen])))
+        representatives.append(chosen + elements_before)
+        groups.append(Group(elements[members[0]].label, box, shade, types + types_before))
+        number[members] = elements_before + np.arange(len(members))
+        elements_before += len(members)
+        types_before += len(chosen)
+    cells = tuple(np.where(g.cells >= 0, number[g.cells], -1).astype(np.int32) for g in grids(elements))
+    chosen = np.concatenate(representatives) if groups else np.zeros(0, np.int32)
+    return Variations(tuple(groups), cells, chosen, tuple(costs))
+
+
+def _canonical(matrix: np.ndarray) -> np.ndarray:
+    """The matrix with its labels renumbered in the order in which they appear."""
+    _, first, index = np.unique(matrix, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[index].reshape(matrix.shape)

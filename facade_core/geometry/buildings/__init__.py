@@ -1,0 +1,1 @@
+"""Closed shells of buildings: extrusion, roof shapes and roof details."""

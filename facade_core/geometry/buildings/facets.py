@@ -1,0 +1,282 @@
+"""The triangles of a building's shell grouped into planar facets that face outward."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+
+from facade_core.core.errors import GeometryError
+from facade_core.core.numba_cache import njit
+from facade_core.core.types import SEMANTICS, Shell
+from facade_core.geometry.charts import CEILING, DOOR, ROOF, WALL, WINDOW
+from facade_core.geometry.surface_crossings import Crossings
+
+WELD_M = 1e-3
+# Triangles of a facet lie this near to its plane, and their normals within this angle of its.
+OFF_PLANE_M = 0.1
+ANGLE = np.cos(np.radians(3.0))
+# Vertices of a source are right to about this: a thin triangle's normal says no more than that.
+VERTEX_M = 0.01
+SMALLEST_M2 = 0.01
+# |nz| below which a surface is upright; one that its source calls a wall, window or door may lean more.
+UPRIGHT, LEANING = 0.2, 0.7
+# A point this far off a wall says whether that side is inside the footprint.
+ASIDE_M = 0.05
+# What faces down this near to the lowest point of a building is its underside.
+UNDERSIDE_M = 0.5
+
+_KIND = {"wall": WALL, "roof": ROOF, "window": WINDOW, "door": DOOR, "ceiling": CEILING}
+_GROUND, _ROOF, _CEILING, _UNKNOWN, _WALL = (
+    SEMANTICS.index(s) for s in ("ground", "roof", "ceiling", "unknown", "wall")
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facets:
+    """Planar facets of a shell as columns, without its underside.
+
+    vertices (v, 3) float64: welded;
+    triangles (t, 3) int64: counter-clockwise seen from outside, facet by facet;
+    facet (t,);
+    texture (t,) int32 and uv (t, 3, 2) float32: as in Shell;
+    kind (f,) uint8: an index into KINDS;
+    normal (f, 3): outward unit vectors.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    facet: np.ndarray
+    texture: np.ndarray
+    uv: np.ndarray
+    kind: np.ndarray
+    normal: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+
+def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
+    """Group the triangles of `shell` into facets: connected, of one semantic and texture, in one plane.
+
+    Winding is not relied on: an upright facet is turned so that the footprint lies behind it; one inside the footprint, or
+    level, by counting the surfaces on both sides, and only where that does not tell, by its winding. Facets of less than 1 dm2
+    are left out. Raises GeometryError for coordinates that are not numbers, or indices without a vertex.
+    """
+    if not np.isfinite(shell.vertices).all():
+        raise GeometryError("its model has coordinates that are not numbers; repair or drop it")
+    if shell.triangles.size and not 0 <= shell.triangles.min() <= shell.triangles.max() < len(shell.vertices):
+        raise GeometryError("its model has triangles without a vertex; repair or drop it")
+    vertices, triangles, area, kept = _weld(shell)
+    semantic, texture, uv = shell.semantic[kept].astype(np.int64), shell.texture[kept], shell.uv[kept]
+    length = np.linalg.norm(area, axis=1)
+    label = semantic + len(SEMANTICS) * (texture.astype(np.int64) + 1)
+    order = np.lexsort((np.arange(len(triangles)), -length))
+    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)]), axis=0)
+    key = (ends[0] * len(vertices) + ends[1]).ravel()
+    by_edge = np.argsort(key, kind="stable")
+    facet, seed, closed = _grow(vertices, triangles, label, area / length[:, None], length, order, key, by_edge)
+
+    count = len(seed)
+    turned = np.einsum("ij,ij->i", area, area[seed][facet]) < 0
+    aligned = np.where(turned[:, None], -area, area)
+    normal = np.stack([np.bincount(facet, aligned[:, k], count) for k in range(3)], axis=1)
+    size = np.linalg.norm(normal, axis=1)
+    normal = normal / np.maximum(size, 1e-12)[:, None]
+    # the winding that most of a facet's area has
+    normal[np.bincount(facet, np.where(turned, -length, length), count) < 0] *= -1
+    what = semantic[seed]
+    corners = vertices[triangles]
+    # towards the top: the foot of a wall may stand in another part of the building
+    top = np.arange(3) == np.argmax(corners[seed][..., 2], axis=1)[:, None]
+    middle = np.einsum("fc,fcj->fj", np.where(top, 0.6, 0.2), corners[seed])
+    crossings = Crossings(corners, facet)
+    odd = np.stack([crossings.odd(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
+    leaning = (what != _ROOF) & (what != _CEILING) & (what != _UNKNOWN) & (what != _GROUND)
+    upright = np.abs(normal[:, 2]) < np.where(leaning, LEANING, UPRIGHT)
+    low = np.full(count, np.inf)
+    np.minimum.at(low, facet, corners[..., 2].min(axis=1))
+    low -= vertices[:, 2].min() if len(vertices) else 0.0
+
+    outward = _outward(normal, middle, odd, upright, what, low, size, footprint, closed, crossings)
+    kind = _kinds(what, outward, upright, low)
+    keep = (kind >= 0) & (size / 2 >= SMALLEST_M2)
+    number = np.cumsum(keep) - 1
+    mine = np.flatnonzero(keep[facet])
+    mine = mine[np.argsort(facet[mine], kind="stable")]
+    flip = np.einsum("ij,ij->i", area[mine], outward[facet[mine]]) < 0
+    corner = np.where(flip[:, None], [0, 2, 1], [0, 1, 2])
+    return Facets(
+        vertices=vertices,
+        triangles=np.take_along_axis(triangles[mine], corner, axis=1),
+        facet=number[facet[mine]],
+        texture=texture[mine],
+        uv=np.take_along_axis(uv[mine], corner[..., None], axis=1),
+        kind=kind[keep].astype(np.uint8),
+        normal=outward[keep],
+    )
+
+
+def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices without repeats; triangles with an area, each once (textured ones first); their area vectors, doubled; where
+    they are in the shell."""
+    cell = np.round(np.asarray(shell.vertices) / WELD_M).astype(np.int64)
+    order = np.lexsort(cell.T)
+    new = np.concatenate([[True], (np.diff(cell[order], axis=0) != 0).any(axis=1)]) if len(cell) else np.empty(0, bool)
+    weld = np.empty(len(cell), np.int64)
+    weld[order] = np.cumsum(new) - 1
+    vertices = shell.vertices[order[new]].astype(np.float64)
+    triangles = weld[shell.triangles]
+    corner = np.sort(triangles, axis=1)
+    first = np.lexsort((shell.texture < 0, *corner.T))
+    repeat = np.zeros(len(corner), bool)
+    repeat[first[1:]] = (np.diff(corner[first], axis=0) == 0).all(axis=1)
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a)
+    kept = np.flatnonzero(~repeat & (np.linalg.norm(area, axis=1) > 1e-9))
+    return vertices, triangles[kept], area[kept], kept
+
+
+def walled(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
+    """The share of a line along which walls stand that reach down to `foot` metres above the lowest point; 1 of no line."""
+    length = line.length
+    corners = facets.vertices[facets.triangles]
+    upright = np.abs(facets.normal[facets.facet, 2]) < 0.5
+    standing = corners[upright & (corners[..., 2].min(axis=1) < facets.vertices[:, 2].min() + foot)]
+    if length < 1.0 or len(standing) == 0:
+        return float(length < 1.0)
+    walls = shapely.STRtree(shapely.linestrings(standing[..., :2]))
+    parts = shapely.get_parts(line)
+    steps = [np.arange(0.25, part.length, 0.5) for part in parts]
+    points = shapely.line_interpolate_point(np.repeat(parts, list(map(len, steps))), np.concatenate(steps))
+    return len(np.unique(walls.query(points, predicate="dwithin", distance=near)[0])) / max(1, len(points))
+
+
+def _outward(
+    normal: np.ndarray,
+    middle: np.ndarray,
+    odd: np.ndarray,
+    upright: np.ndarray,
+    what: np.ndarray,
+    low: np.ndarray,
+    size: np.ndarray,
+    footprint: Polygon | MultiPolygon,
+    closed: bool,
+    crossings: Crossings,
+) -> np.ndarray:
+    """Normals turned outward. odd (f, 2): whether an odd number of surfaces lies ahead of the facet and behind it."""
+    ahead, behind = odd.T
+    # upright: the footprint, then the number of surfaces on either side
+    flat = normal[:, :2] / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]
+    aside = ASIDE_M * np.column_stack([flat, np.zeros(len(flat))])
+    shapely.prepare(footprint)
+    inside = [shapely.contains_xy(footprint, (middle + s * aside)[:, :2]) for s in (1, -1)]
+    on_outline = upright & (inside[0] != inside[1])
+    # a wall that stands above the roof behind it is the neighbour's: it faces this building's side of the outline
+    within = middle + np.where(inside[0], 1, -1)[:, None] * aside
+    nothing = np.full(len(normal), -1)
+    roofed = crossings.odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
+    if (on_outline & roofed).any():
+        told = np.where(on_outline, roofed, upright & (ahead != behind))
+    else:
+        told = on_outline | (upright & (ahead != behind))
+    flip = np.where(on_outline, inside[0], ahead) & told
+    # a source that winds most of its walls the wrong way round does so where nothing else tells too
+    reverse = size[flip].sum() > size[told & ~flip].sum()
+    # level: up, unless there is more to say for down
+    winds_down = (normal[:, 2] < 0) != reverse
+    above = np.where(normal[:, 2] > 0, ahead, behind)
+    below = np.where(normal[:, 2] > 0, behind, ahead)
+    down = np.where(closed, above & ~below, winds_down & (above | (low < UNDERSIDE_M)))
+    down = np.where(above & below, winds_down, down)
+    down = np.where(what == _CEILING, True, np.where((what == _ROOF) & ~closed, False, down))
+    flip = np.where(upright, np.where(told, flip, reverse), (normal[:, 2] < 0) != down)
+    return np.where(flip[:, None], -normal, normal)
+
+
+def _kinds(what: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Kinds (f,) int64 of facets: what the source says; else by slope and place; -1 for the underside of a building."""
+    level = np.where(outward[:, 2] > 0, ROOF, np.where(low < UNDERSIDE_M, -1, CEILING))
+    told = np.array([_KIND.get(name, -1) for name in SEMANTICS])[what]
+    kind = np.where((what == _UNKNOWN) | (what == _WALL), np.where(upright, WALL, level), told)
+    return np.where((what == _ROOF) & ~upright & (outward[:, 2] < 0), CEILING, kind)
+
+
+@njit(cache=True)
+def _grow(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    label: np.ndarray,
+    normal: np.ndarray,
+    area: np.ndarray,
+    order: np.ndarray,
+    key: np.ndarray,
+    by_edge: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Facet of each triangle (t,), the seed of each facet, and whether every edge has an even number of triangles.
+
+    Seeds are taken in `order`; area (t,) is twice the triangles' area; key (3 t,) numbers the edge from each corner, whichever
+    way it goes, and by_edge (3 t,) puts corners of one edge behind each other.
+    """
+    t = len(triangles)
+    edge = np.empty(3 * t, np.int64)
+    start = np.empty(3 * t + 1, np.int64)
+    edges = 0
+    closed = True
+    for j in range(3 * t):
+        if j == 0 or key[by_edge[j]] != key[by_edge[j - 1]]:
+            if j > 0 and (j - start[edges - 1]) % 2 == 1:
+                closed = False
+            start[edges] = j
+            edges += 1
+        edge[by_edge[j]] = edges - 1
+    start[edges] = 3 * t
+    if t > 0 and (3 * t - start[edges - 1]) % 2 == 1:
+        closed = False
+
+    facet = np.full(t, -1, np.int64)
+    seeds = np.empty(t, np.int64)
+    stack = np.empty(t, np.int64)
+    count = 0
+    for seed in order:
+        if facet[seed] >= 0:
+            continue
+        n0 = normal[seed]
+        p0 = (vertices[triangles[seed, 0]] + vertices[triangles[seed, 1]] + vertices[triangles[seed, 2]]) / 3
+        seeds[count] = seed
+        facet[seed] = count
+        stack[0] = seed
+        depth = 1
+        while depth > 0:
+            depth -= 1
+            i = stack[depth]
+            for k in range(3):
+                e = edge[3 * i + k]
+                for j in range(start[e], start[e + 1]):
+                    s = by_edge[j] // 3
+                    if facet[s] >= 0 or label[s] != label[seed]:
+                        continue
+                    longest = 0.0
+                    off = 0.0
+                    cosine = 0.0
+                    for c in range(3):
+                        p, q = triangles[s, c], triangles[s, (c + 1) % 3]
+                        edge_length = 0.0
+                        height = 0.0
+                        for m in range(3):
+                            edge_length += (vertices[p, m] - vertices[q, m]) ** 2
+                            height += (vertices[p, m] - p0[m]) * n0[m]
+                        longest = max(longest, edge_length)
+                        off = max(off, abs(height))
+                        cosine += normal[s, c] * n0[c]
+                    longest = np.sqrt(longest)
+                    cosine = abs(cosine)
+                    doubt = VERTEX_M * longest / area[s]
+                    if off <= OFF_PLANE_M and (cosine >= ANGLE or 1 - cosine * cosine <= doubt * doubt):
+                        facet[s] = count
+                        stack[depth] = s
+                        depth += 1
+        count += 1
+    return facet, seeds[:count], closed

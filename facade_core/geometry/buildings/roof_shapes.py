@@ -1,0 +1,303 @@
+"""Roof shapes over a footprint, as closed shells: the lowest of a few planes that rise from the sides of its rectangle, or from
+all edges of one of another form, as its straight skeleton has it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import shapely
+from scipy.spatial import KDTree
+from shapely import LineString, MultiPolygon, Polygon
+
+from facade_core.core.errors import GeometryError
+from facade_core.core.types import SEMANTICS, Building, Roof, Shell
+from facade_core.geometry.buildings import straight_skeleton
+
+# Outlines and ridges meet on this grid, so that the regions of the roof share their corners exactly.
+GRID_M = 1e-3
+# Gambrel and mansard roofs: share of the way to the ridge that is steep, and of the height that is reached there.
+STEEP_RUN, STEEP_RISE = 0.25, 0.6
+# A half-hipped roof is a gable up to this share of its height.
+HALF_HIP = 0.5
+# Above the steep part of a mansard roof whose pitch is known, degrees.
+SHALLOW = 18.0
+# These rise from all edges of a footprint that fills less than this share of its rectangle, or has neighbours.
+RISING = ("gabled", "hipped", "mansard", "gambrel")
+RECTANGULAR = 0.95
+# A roof passes over jogs of the outline of up to this, and over gaps of twice this between neighbours.
+JOG_M = 0.6
+# Lines that meet at a corner of the outline pass it by up to this once they are on the grid: there they are one point.
+WELD_M = 5e-3
+GAP_M = 0.15
+# Neighbours share so much of the outline, at least; without a pitch their roofs are followed so far.
+SHARED_M = 2.0
+FOLLOWED_M = 25.0
+# A side that ends a wing: up to this long, with corners that turn by 90 degrees, give or take (cosine).
+GABLE_M = 18.0
+SQUARE = 0.35
+# It is drawn out by this share of its length: over half of it, and no hip reaches back.
+BEYOND = 0.7
+
+# What a gable is called, so that it is no part of the wall that it stands on: its slope tells that it is one.
+GABLE = "unknown"
+
+Rise = Callable[[np.ndarray], np.ndarray]
+
+
+def roof_shell(building: Building, base: float, beside: Sequence[Polygon | MultiPolygon] = ()) -> Shell | None:
+    """A closed shell of a building with its roof, standing on `base`; None where the roof is flat or of another shape.
+
+    Shapes as in OpenStreetMap: gabled, hipped, half-hipped, pyramidal, skillion (shed), gambrel, mansard. Planes rise from the
+    sides of the footprint's smallest rectangle (a skillion's from its lowest corner), the roof is the lowest of them, and
+    walls reach up to it. The footprint may have holes and need not be a rectangle: over another form RISING ones rise from all
+    edges but those that end a wing under a gable, and go on over the neighbours' footprints `beside` it: at a party wall the
+    ridge runs through. One whose skeleton cannot be had takes the rectangle's planes, or with a pitch none.
+    """
+    roof = building.roof
+    if roof is None or not roof.height > 0:
+        return None
+    footprint = shapely.set_precision(building.footprint, GRID_M)
+    if footprint.geom_type != "Polygon" or footprint.is_empty:
+        return None
+    eaves = base + building.height
+    rectangular = footprint.area >= RECTANGULAR * shapely.minimum_rotated_rectangle(footprint).area
+    if roof.shape in RISING and not roof.across and (roof.pitch or beside or not rectangular):
+        try:
+            return _shell(*_over_edges(roof, footprint, beside), footprint, base, eaves)
+        except (GeometryError, shapely.errors.GEOSException):
+            if roof.pitch:
+                return None
+    centre = np.asarray(footprint.centroid.coords[0])
+    planes = _planes(roof, shapely.get_coordinates(footprint) - centre, footprint, centre)
+    if planes is None:
+        return None
+
+    def rise(xy: np.ndarray) -> np.ndarray:
+        return np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
+
+    return _shell(_regions(footprint, planes, centre), rise, footprint, base, eaves)
+
+
+def _over_edges(roof: Roof, footprint: Polygon, beside: Sequence[Polygon | MultiPolygon]) -> tuple[np.ndarray, Rise]:
+    """The regions of a roof that rises from the edges of a footprint and of those beside it, and its rise over the eaves."""
+    runs, rises = _profile(roof)
+    reach = runs[-1] if runs is not None else FOLLOWED_M
+    outline = _roofed(footprint, beside, 1.5 * reach)
+    if roof.shape in ("gabled", "gambrel"):
+        outline = _with_gables(outline, footprint)
+    slabs = straight_skeleton.slabs_of(outline)
+    if runs is None:
+        runs = np.array([0.0, 1.0]) if roof.shape in ("gabled", "hipped") else np.array([0.0, STEEP_RUN, 1.0])
+        faces = slabs.faces(4 * reach)
+        corners = shapely.get_coordinates(shapely.intersection(faces, footprint))
+        runs = runs * slabs.depth(corners).max(initial=0.0)
+    else:
+        faces = slabs.faces(float(runs[-1]) + 1.0)
+    if not runs[-1] > 0:
+        raise GeometryError("a roof has no slope")
+    contours = np.concatenate([slabs.contour(faces, run) for run in runs[1:]])
+    lines = shapely.union_all([*shapely.boundary(faces), *contours], grid_size=straight_skeleton.GRID_M)
+    lines = shapely.intersection(lines, footprint.buffer(1.0))
+    noded = shapely.union_all([footprint.boundary, lines], grid_size=GRID_M)
+    regions = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
+    regions = regions[shapely.contains(footprint, shapely.point_on_surface(regions))]
+    if abs(shapely.area(regions).sum() - footprint.area) > 1e-3 * footprint.area:
+        raise GeometryError("a roof leaves a part of its footprint open")
+
+    def rise(xy: np.ndarray) -> np.ndarray:
+        points = shapely.points(xy)
+        # eaves are level: a wall within a jog of the outline's edge ends with it
+        level = shapely.distance(points, outline.boundary) <= JOG_M
+        level[level] = shapely.distance(points[level], footprint.boundary) < GRID_M
+        return np.where(level, 0.0, np.interp(slabs.depth(xy), runs, rises))
+
+    return regions, rise
+
+
+def _profile(roof: Roof) -> tuple[np.ndarray | None, np.ndarray]:
+    """How high a roof is (k,) metres over the eaves at depths (k,) inside of its edges; without a pitch the deepest place is to
+    be found first."""
+    broken = roof.shape in ("mansard", "gambrel")
+    rises = roof.height * (np.array([0.0, STEEP_RISE, 1.0]) if broken else np.array([0.0, 1.0]))
+    if roof.pitch is None:
+        return None, rises
+    slopes = np.tan(np.radians([roof.pitch, SHALLOW] if broken else [roof.pitch]))
+    return np.cumsum([0.0, *(np.diff(rises) / slopes)]), rises
+
+
+def _roofed(footprint: Polygon, beside: Sequence[Polygon | MultiPolygon], reach: float) -> Polygon:
+    """The outline of what one roof covers: a footprint and what of its neighbours lies within reach, without small jogs."""
+    near = footprint.buffer(reach, quad_segs=2)
+    party = [other for other in beside if _shared(footprint, other) >= SHARED_M]
+    covered = shapely.union_all([footprint, *(shapely.intersection(other, near) for other in party)])
+    closed = covered.buffer(GAP_M, join_style="mitre").buffer(-GAP_M, join_style="mitre") if party else covered
+    smooth = closed.simplify(JOG_M)
+    found = [part for part in shapely.get_parts(smooth) if part.intersects(footprint.representative_point())]
+    if len(found) != 1 or found[0].geom_type != "Polygon" or not found[0].is_valid:
+        raise GeometryError("a footprint falls apart")
+    rings = [ring for ring in found[0].interiors if Polygon(ring).area > (2 * JOG_M) ** 2]
+    return Polygon(found[0].exterior, rings)
+
+
+def _shared(one: Polygon, other: Polygon | MultiPolygon) -> float:
+    """Metres of outline that two footprints share."""
+    return float(one.boundary.intersection(other.buffer(GAP_M)).length)
+
+
+def _with_gables(outline: Polygon, footprint: Polygon) -> Polygon:
+    """An outline drawn out beyond the free sides of a footprint that end a wing, so that the ridge runs up to them."""
+    ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)[:-1]
+    ahead = np.roll(ring, -1, axis=0) - ring
+    length = np.hypot(*ahead.T)
+    along = ahead / length[:, None]
+    # counter-clockwise: a left turn is convex
+    turn = np.einsum("ij,ij->i", np.roll(along, 1, axis=0), along)
+    convex = np.roll(along, 1, axis=0)[:, 0] * along[:, 1] - np.roll(along, 1, axis=0)[:, 1] * along[:, 0] > 0
+    square = convex & (np.abs(turn) < SQUARE)
+    shorter = np.minimum(np.roll(length, 1), np.roll(length, -1))
+    ends = np.flatnonzero(square & np.roll(square, -1) & (length < GABLE_M) & (length < shorter))
+    drawn_out = outline
+    for edge in ends:
+        a, b = ring[edge], ring[(edge + 1) % len(ring)]
+        if footprint.boundary.distance(shapely.Point((a + b) / 2)) > JOG_M:
+            continue
+        out = BEYOND * length[edge] * np.array([along[edge, 1], -along[edge, 0]])
+        # the sides run on as they are, so that their slopes do
+        left, right = (way * (out @ out) / (way @ out) for way in (along[edge - 1], along[(edge + 1) % len(ring)]))
+        added = Polygon([a, b, b + right, a + left])
+        if added.is_valid and outline.intersection(added).area < 1e-3:
+            grown = shapely.union_all([drawn_out, added], grid_size=GRID_M)
+            drawn_out = grown if grown.geom_type == "Polygon" else drawn_out
+    return drawn_out
+
+
+def _planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centre: np.ndarray) -> np.ndarray | None:
+    """Planes (k, 3): height over the eaves = a x + b y + c, x and y from the centre; None for another shape."""
+    height = roof.height
+    along, across, half_along, half_across, middle = _rectangle(footprint, centre, roof.across)
+    if roof.shape in ("skillion", "shed"):
+        fall = (
+            across
+            if roof.direction is None
+            else np.array([np.sin(np.radians(roof.direction)), np.cos(np.radians(roof.direction))])
+        )
+        reach = corners @ fall
+        return np.array([[*(-fall), reach.max()]]) * height / np.ptp(reach)
+
+    def side(normal: np.ndarray, half: float, rise: float, run: float, start: float = 0.0) -> np.ndarray:
+        """The plane over the side towards `normal`: `start` at the side, `rise` more after `run` metres inwards."""
+        slope = rise / run
+        return np.array([*(-slope * normal), start + slope * (half + middle @ normal)])
+
+    eaves = [(across, half_across, half_across), (-across, half_across, half_across)]
+    # hips are as steep as the sides, but never eat up the whole ridge of a roof across
+    run = half_across if half_across <= half_along else half_along / 2
+    hips = [(along, half_along, run), (-along, half_along, run)]
+    match roof.shape:
+        case "gabled":
+            planes = [side(n, half, height, r) for n, half, r in eaves]
+        case "hipped":
+            planes = [side(n, half, height, r) for n, half, r in eaves + hips]
+        case "half-hipped":
+            planes = [side(n, half, height, r) for n, half, r in eaves]
+            planes += [side(n, half, height, r, HALF_HIP * height) for n, half, r in hips]
+        case "pyramidal":
+            planes = [side(n, half, height, half) for n, half, _ in eaves + hips]
+        case "gambrel" | "mansard":
+            sides = eaves if roof.shape == "gambrel" else eaves + hips
+            steep, left = STEEP_RISE * height, (1 - STEEP_RISE) * height
+            planes = [side(n, half, steep, STEEP_RUN * r) for n, half, r in sides]
+            planes += [side(n, half - STEEP_RUN * r, left, (1 - STEEP_RUN) * r, steep) for n, half, r in sides]
+        case _:
+            return None
+    return np.array(planes)
+
+
+def _rectangle(
+    footprint: Polygon, centre: np.ndarray, turned: bool
+) -> tuple[np.ndarray, np.ndarray, float, float, np.ndarray]:
+    """Unit vectors along and across the ridge, half the rectangle's size that way, and its middle from the centre."""
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4] - centre
+    sides = corners[1:3] - corners[:2]
+    length = np.hypot(*sides.T)
+    # equal sides: the first is the ridge's, whatever the last digit says
+    first = 0 if length[0] >= length[1] - GRID_M else 1
+    along, across = (sides / length[:, None])[[first, 1 - first]]
+    half_along, half_across = length[[first, 1 - first]] / 2
+    if turned:
+        along, across, half_along, half_across = across, along, half_across, half_along
+    return along, across, float(half_along), float(half_across), corners.mean(axis=0)
+
+
+def _shell(regions: np.ndarray, rise: Rise, footprint: Polygon, base: float, eaves: float) -> Shell:
+    """The closed shell between the base and a roof, given by the regions of its planes and its height over the eaves."""
+    cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
+    corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
+    welded = _welded(corners.reshape(-1, 2), shapely.get_coordinates(footprint))
+    points, index = np.unique(welded, axis=0, return_inverse=True)
+    top = index.reshape(-1, 3)
+    top = top[(top != np.roll(top, 1, axis=1)).all(axis=1)]
+    count = len(points)
+    edges = np.concatenate([top[:, [0, 1]], top[:, [1, 2]], top[:, [2, 0]]])
+    key, reverse = edges @ [count, 1], edges @ [1, count]
+    a, b = edges[~np.isin(key, reverse)].T  # the outline: edges that no other triangle runs back along
+    risen = rise(points)
+    risen[risen < GRID_M] = 0.0
+    # walls end at the eaves; what stands on them under the roof is a gable
+    raised = risen > 0
+    low_a, low_b = a + 2 * count * raised[a], b + 2 * count * raised[b]
+    walls = np.concatenate(
+        [np.stack([a + count, b + count, low_b], axis=1), np.stack([a + count, low_b, low_a], axis=1)]
+    )
+    one, other = raised[b], raised[a]
+    gables = np.concatenate([np.stack([low_a, low_b, b], axis=1)[one], np.stack([low_a, b, a], axis=1)[other]])
+    triangles = np.concatenate([top, top[:, ::-1] + count, walls, gables])
+    parts = (("roof", top), ("ground", top), ("wall", walls), (GABLE, gables))
+    semantic = np.repeat([SEMANTICS.index(name) for name, _ in parts], [len(part) for _, part in parts])
+    heights = np.concatenate([eaves + risen, np.full(count, base), np.full(count, eaves)])
+    return Shell(
+        vertices=np.column_stack([np.tile(points, (3, 1)), heights]),
+        triangles=triangles.astype(np.int32),
+        semantic=semantic.astype(np.uint8),
+        texture=np.full(len(triangles), -1, np.int32),
+        uv=np.zeros((len(triangles), 3, 2), np.float32),
+    )
+
+
+def _welded(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Points (n, 2), on the corner (k, 2) of the outline that lies within WELD_M of them where one does."""
+    distance, nearest = KDTree(corners).query(points, distance_upper_bound=WELD_M)
+    near = np.isfinite(distance)
+    welded = points.copy()
+    welded[near] = corners[nearest[near]]
+    return welded
+
+
+def _regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """The footprint cut into the regions where one plane is the lowest, with shared corners."""
+    reach = 2 * footprint.length
+    ridges = [_ridge(planes, i, j, reach) for i in range(len(planes)) for j in range(i)]
+    lines = [footprint.boundary, *(LineString(ridge + centre) for ridge in ridges if ridge is not None)]
+    noded = shapely.union_all(lines, grid_size=GRID_M)
+    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
+    return faces[shapely.contains(footprint, shapely.point_on_surface(faces))]
+
+
+def _ridge(planes: np.ndarray, i: int, j: int, reach: float) -> np.ndarray | None:
+    """The segment (2, 2) on which planes i and j meet and none is lower, up to `reach` from the centre; None without."""
+    difference = planes[i] - planes[j]
+    size = np.hypot(*difference[:2])
+    if size < 1e-9:
+        return None
+    normal = difference[:2] / size
+    foot, ahead = -normal * difference[2] / size, np.array([-normal[1], normal[0]])
+    # every other plane is above at foot + t ahead where start + t slope >= 0
+    others = np.delete(planes, [i, j], axis=0) - planes[i]
+    start, slope = others[:, :2] @ foot + others[:, 2], others[:, :2] @ ahead
+    if (start[np.abs(slope) < 1e-9] < -1e-9).any():
+        return None
+    grows, falls = slope >= 1e-9, slope <= -1e-9
+    low = np.max(-start[grows] / slope[grows], initial=-reach)
+    high = np.min(-start[falls] / slope[falls], initial=reach)
+    return np.array([foot + low * ahead, foot + high * ahead]) if high - low > GRID_M else None

@@ -1,0 +1,217 @@
+"""Charts into atlas pages: every chart starts on a chunk boundary, so that a chunk has one owner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.errors import GeometryError
+from facade_core.core.numba_cache import njit
+from facade_core.geometry.charts import raster_sizes
+
+# Pages still open for first fit: more would fill pages better, but scatter a building over the atlas.
+OPEN_PAGES = 4
+# Charts that are wider than half a chunk share a row of chunks up to this part of one high.
+THIN = 4
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where each chart's texels lie: page, x, y (n,) int32 of the first texel inside the gutter; width, height (n,) int32; how
+    many texels a metre of it has, (n,) float64.
+
+    pages is how many pages there are. Rows (y, y + height) and columns (x, x + width) are half-open.
+    """
+
+    page: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    texels_per_metre: np.ndarray
+    pages: int
+
+    def chunks(self, chart: int, chunk: int, gutter: int) -> np.ndarray:
+        """The chunks that hold chart's texels and gutters: (k, 3) int32 of page, chunk row, chunk column."""
+        rows = np.arange(
+            (self.y[chart] - gutter) // chunk, (self.y[chart] + self.height[chart] + gutter - 1) // chunk + 1
+        )
+        columns = np.arange(
+            (self.x[chart] - gutter) // chunk, (self.x[chart] + self.width[chart] + gutter - 1) // chunk + 1
+        )
+        grid = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.column_stack([np.full(len(grid), self.page[chart]), grid]).astype(np.int32)
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the charts of an earlier ingest lie: ids (n,) uint64, as of `facade_core.plan.identity`, and their placement."""
+
+    ids: np.ndarray
+    placement: Placement
+
+
+def pack(
+    size: np.ndarray,
+    texels_per_metre: float | np.ndarray,
+    owner: np.ndarray,
+    *,
+    page: int,
+    chunk: int,
+    gutter: int,
+    ids: np.ndarray | None = None,
+    last: Places | None = None,
+) -> Placement:
+    """Pack charts of `size` (n, 2), width and height in metres, at one density or each at its own (n,), into square pages of
+    `page` texels.
+
+    Charts up to half a chunk share chunks, but only with charts of the same `owner` (n,), the building, and so do long ones up
+    to a THINth of a chunk high; charts without one (-1) never share. Charts keep their order, first fit over the last few
+    pages, so that neighbours stay together. With the places of an earlier ingest, charts (of `ids` (n,) uint64) that it had
+    stay, and the others take the first free places.
+    Raises GeometryError for a chart larger than a page less its gutters.
+    """
+    texels = raster_sizes(size, texels_per_metre)
+    outer = texels + 2 * gutter
+    if len(outer) and outer.max() > page:
+        largest = int(np.argmax(outer.max(axis=1)))
+        raise GeometryError(
+            f"chart {largest} needs {outer[largest].max()} texels and a page has {page}; cut it or lower texels_per_metre"
+        )
+    block, inner_x, inner_y, blocks = _share_chunks(outer, np.asarray(owner, np.int64), chunk)
+    cells = np.ones((blocks, 2), np.int64)
+    large = (outer > chunk // 2).any(axis=1)
+    np.maximum.at(cells, block[large], -(-outer[large] // chunk))
+    place = np.full((blocks, 3), -1, np.int64)
+    if last is not None and ids is not None:
+        corner = np.column_stack([inner_x, inner_y]) + gutter
+        place = _stayed(place, block, corner, texels, ids, last, chunk)
+    _first_fit(
+        place, cells, page // chunk, OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1
+    )
+    return Placement(
+        page=place[block, 0].astype(np.int32),
+        x=(place[block, 1] * chunk + inner_x + gutter).astype(np.int32),
+        y=(place[block, 2] * chunk + inner_y + gutter).astype(np.int32),
+        width=texels[:, 0].astype(np.int32),
+        height=texels[:, 1].astype(np.int32),
+        texels_per_metre=np.broadcast_to(np.asarray(texels_per_metre, np.float64), len(texels)).copy(),
+        pages=int(place[:, 0].max(initial=-1)) + 1,
+    )
+
+
+def _stayed(
+    place: np.ndarray,
+    block: np.ndarray,
+    corner: np.ndarray,
+    texels: np.ndarray,
+    ids: np.ndarray,
+    last: Places,
+    chunk: int,
+) -> np.ndarray:
+    """`place` (blocks, 3) with page, column and row of each block whose charts were all there, at the same places in it."""
+    if len(last.ids) == 0:
+        return place
+    order = np.argsort(last.ids)
+    at = order[np.searchsorted(last.ids, ids, sorter=order).clip(max=len(order) - 1)]
+    held = last.placement
+    column, row = held.x[at] - corner[:, 0], held.y[at] - corner[:, 1]
+    fits = (last.ids[at] == ids) & (held.width[at] == texels[:, 0]) & (held.height[at] == texels[:, 1])
+    fits &= (column % chunk == 0) & (row % chunk == 0)
+    found = np.column_stack([held.page[at], column // chunk, row // chunk]).astype(np.int64)
+    first = np.unique(block, return_index=True)[1]
+    fits &= (found == found[first][block]).all(axis=1)
+    whole = np.ones(len(place), bool)
+    np.logical_and.at(whole, block, fits)
+    return np.where(whole[:, None], found[first], place)
+
+
+@njit(cache=True)
+def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Each chart's block of whole chunks and its place in it; small charts of one owner go on shelves of one chunk, thin ones
+    on shelves as long as the first of them."""
+    n = len(outer)
+    block = np.empty(n, np.int64)
+    inner_x = np.zeros(n, np.int64)
+    inner_y = np.zeros(n, np.int64)
+    blocks = 0
+    shelf_owner, shelf_block, x, y, shelf_height = -1, -1, 0, 0, 0
+    thin_owner, thin_block, thin_x, thin_y, thin_height, thin_length = -1, -1, 0, 0, 0, 0
+    for i in range(n):
+        width, height = outer[i, 0], outer[i, 1]
+        if width > chunk // 2 and height <= chunk // THIN and owner[i] >= 0:
+            if owner[i] == thin_owner and thin_x + width > thin_length:
+                thin_x, thin_y, thin_height = 0, thin_y + thin_height, 0
+            if owner[i] != thin_owner or thin_y + height > chunk or width > thin_length:
+                thin_owner, thin_block, thin_x, thin_y, thin_height = owner[i], blocks, 0, 0, 0
+                thin_length = -(-width // chunk) * chunk
+                blocks += 1
+            block[i], inner_x[i], inner_y[i] = thin_block, thin_x, thin_y
+            thin_x += width
+            thin_height = max(thin_height, height)
+            continue
+        if width > chunk // 2 or height > chunk // 2 or owner[i] < 0:
+            block[i] = blocks
+            blocks += 1
+            continue
+        if owner[i] == shelf_owner and x + width > chunk:
+            x, y, shelf_height = 0, y + shelf_height, 0
+        if owner[i] != shelf_owner or y + height > chunk:
+            shelf_owner, shelf_block, x, y, shelf_height = owner[i], blocks, 0, 0, 0
+            blocks += 1
+        block[i], inner_x[i], inner_y[i] = shelf_block, x, y
+        x += width
+        shelf_height = max(shelf_height, height)
+    return block, inner_x, inner_y, blocks
+
+
+@njit(cache=True)
+def _take(taken: np.ndarray, row: int, column: int, height: int, width: int) -> None:
+    for y in range(row, row + height):
+        for x in range(column, column + width):
+            taken[y, x] = True
+
+
+@njit(cache=True)
+def _is_free(taken: np.ndarray, row: int, column: int, height: int, width: int) -> bool:
+    for y in range(row, row + height):
+        for x in range(column, column + width):
+            if taken[y, x]:
+                return False
+    return True
+
+
+@njit(cache=True)
+def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) -> None:
+    """Blocks of chunks on pages of side x side chunks, in place: those without a page take the first free place on the last
+    open_pages pages."""
+    pages = 0
+    for i in range(len(place)):
+        pages = max(pages, place[i, 0] + 1)
+    taken = np.zeros((pages + max(1, len(place)), side, side), np.bool_)
+    free = np.full(len(taken), side * side, np.int64)
+    for i in range(len(place)):
+        page, column, row = place[i]
+        if page >= 0:
+            _take(taken[page], row, column, size[i, 1], size[i, 0])
+            free[page] -= size[i, 0] * size[i, 1]
+    for i in range(len(place)):
+        if place[i, 0] >= 0:
+            continue
+        width, height = size[i, 0], size[i, 1]
+        for p in range(max(0, pages - open_pages), pages + 1):
+            if free[p] < width * height:
+                continue
+            for row in range(side - height + 1):
+                for column in range(side - width + 1):
+                    if _is_free(taken[p], row, column, height, width):
+                        _take(taken[p], row, column, height, width)
+                        free[p] -= width * height
+                        place[i, 0], place[i, 1], place[i, 2] = p, column, row
+                        break
+                if place[i, 0] >= 0:
+                    break
+            if place[i, 0] >= 0:
+                pages = max(pages, p + 1)
+                break

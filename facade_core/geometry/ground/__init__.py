@@ -1,0 +1,1 @@
+"""Terrain, street surfaces and ground shapes."""

@@ -1,0 +1,127 @@
+"""Which tiles of the charts a panorama's pixels can fall on: all others need no look."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+# Texels along a tile's side.
+TILE = 16
+# Texels that a pixel's edges may bulge between its corners.
+MARGIN = 1.0
+
+
+class Facing(NamedTuple):
+    """Charts as a viewpoint has them before it, k of them.
+
+    origin (k, 3): from the camera;
+    axis_u, axis_v, normal (k, 3);
+    farthest (k,): metres at which a texel counts;
+    step (k,): metres from texel to texel;
+    width, height (k,): texels;
+    surface (k,): what each is a piece of;
+    offset (k,): where its texels begin in the window.
+    """
+
+    origin: np.ndarray
+    axis_u: np.ndarray
+    axis_v: np.ndarray
+    normal: np.ndarray
+    farthest: np.ndarray
+    step: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    surface: np.ndarray
+    offset: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def mark_tiles(
+    seen: np.ndarray, surface: np.ndarray, place: np.ndarray, camera: np.ndarray, charts: Facing
+) -> np.ndarray:
+    """Tiles that lie under a pixel that shows their chart, or that is beside one that does and shows the same surface.
+
+    seen, surface (h, w): chart and surface of each pixel;
+    place (charts,): position of a chart among `charts`, which are Facing, -1 where it is not;
+    camera (3, 3): rotation.
+
+    Returns one flag per tile, charts one after another, row-major.
+    """
+    rows, columns = seen.shape
+    origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
+    farthest = charts.farthest
+    tiles_wide, tiles_high = (charts.width + (TILE - 1)) // TILE, (charts.height + (TILE - 1)) // TILE
+    first = np.zeros(len(origin) + 1, np.int64)
+    for k in range(len(origin)):
+        first[k + 1] = first[k] + tiles_wide[k] * tiles_high[k]
+    marked = np.zeros(first[-1], np.bool_)
+    sine, cosine, rise, level = (np.empty(columns + 1), np.empty(columns + 1), np.empty(rows + 1), np.empty(rows + 1))
+    for c in range(columns + 1):
+        longitude = (c / columns - 0.5) * 2 * np.pi
+        sine[c], cosine[c] = np.sin(longitude), np.cos(longitude)
+    for r in range(rows + 1):
+        latitude = (0.5 - r / rows) * np.pi
+        rise[r], level[r] = np.sin(latitude), np.cos(latitude)
+    facing = np.zeros(len(origin))
+    for k in range(len(origin)):
+        for axis in range(3):
+            facing[k] -= normal[k, axis] * origin[k, axis]
+    near = np.empty(9, np.int64)
+    for r in range(rows):
+        for c in range(columns):
+            if seen[r, c] < 0:
+                continue
+            count = 0
+            for dr in range(-1, 2):
+                row = min(max(r + dr, 0), rows - 1)
+                for dc in range(-1, 2):
+                    column = c + dc
+                    if column < 0:
+                        column += columns
+                    elif column >= columns:
+                        column -= columns
+                    if seen[row, column] < 0 or surface[row, column] != surface[r, c]:
+                        continue
+                    k = place[seen[row, column]]
+                    fresh = k >= 0
+                    for i in range(count):
+                        if near[i] == k:
+                            fresh = False
+                    if fresh:
+                        near[count] = k
+                        count += 1
+            for i in range(count):
+                k = near[i]
+                if facing[k] <= 0:
+                    continue
+                low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+                for corner in range(4):
+                    across, down = c + corner % 2, r + corner // 2
+                    right, ahead = level[down] * sine[across], level[down] * cosine[across]
+                    x, y, fall = 0.0, 0.0, 0.0
+                    for axis in range(3):
+                        ray = camera[0, axis] * right - camera[1, axis] * rise[down] + camera[2, axis] * ahead
+                        x += ray * axis_u[k, axis]
+                        y += ray * axis_v[k, axis]
+                        fall -= ray * normal[k, axis]
+                    t = facing[k] / fall if fall * farthest[k] > facing[k] else farthest[k]
+                    x, y = t * x, t * y
+                    low_x, high_x = min(low_x, x), max(high_x, x)
+                    low_y, high_y = min(low_y, y), max(high_y, y)
+                left, top = 0.0, 0.0
+                for axis in range(3):
+                    left += origin[k, axis] * axis_u[k, axis]
+                    top += origin[k, axis] * axis_v[k, axis]
+                step = charts.step[k]
+                x0 = max(0, int(np.floor(((low_x - left) / step - MARGIN) / TILE)))
+                y0 = max(0, int(np.floor(((low_y - top) / step - MARGIN) / TILE)))
+                x1 = min(tiles_wide[k] - 1, int(np.floor(((high_x - left) / step + MARGIN) / TILE)))
+                y1 = min(tiles_high[k] - 1, int(np.floor(((high_y - top) / step + MARGIN) / TILE)))
+                for tile_row in range(y0, y1 + 1):
+                    start = first[k] + tile_row * tiles_wide[k]
+                    for tile in range(start + x0, start + x1 + 1):
+                        marked[tile] = True
+    return marked

@@ -1,0 +1,1 @@
+"""Rectification, camera poses, camera views, detection and privacy of street imagery."""

@@ -1,0 +1,1 @@
+"""Refinement and checks of panorama poses, alone and jointly."""

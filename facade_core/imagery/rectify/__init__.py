@@ -1,0 +1,1 @@
+"""Facade rasters from photos, posed panoramas and model textures."""

@@ -1,0 +1,115 @@
+"""A chart's raster from the textures that its model brings along."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.rectify.area_means import area_mean, pyramid
+
+# Texels beside a triangle's edge still belong to it by rounding.
+EDGE = 1e-6
+# Pixels by which coordinates of 0 or 1 may miss the picture's border.
+ROUNDING = 0.01
+# Pixels kept around the part of a picture that a chart uses.
+MARGIN = 4
+
+
+def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """A chart in its model's own texture: rgb (h, w, 3) uint8 at the size of its place in the atlas, and covered (h, w) bool.
+
+    images: texture index -> RGB (H, W, 3) uint8; u is right, v up, and textures repeat beyond 0 to 1. Triangles without
+    texture, or whose picture is not given, are left black. Colour goes on for one texel beyond the textured triangles, which
+    counts as covered too.
+    """
+    mesh, charts = scene.mesh, scene.charts
+    shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    rgb, covered = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.bool_)
+    triangles = mesh.triangles_of(chart)
+    corners = mesh.vertices[mesh.triangles[triangles]] - charts.origin[chart]
+    flat = (
+        corners
+        @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
+        * scene.placement.texels_per_metre[chart]
+    )
+    texture = np.where(np.isfinite(mesh.uv[triangles]).all(axis=(1, 2)), mesh.texture[triangles], -1)
+    for index in np.unique(texture[texture >= 0]).tolist():
+        if index not in images:
+            continue
+        used = texture == index
+        part, pixels, repeat = _part(images[index], mesh.uv[triangles[used]].astype(np.float64))
+        levels = pyramid(part)
+        _paint(levels.pixels, levels.levels, flat[used], pixels, repeat, rgb, covered)
+    return _dilate(rgb, covered)
+
+
+def _part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The part of a picture that coordinates (t, 3, 2) use, their pixels in it (t, 3, 2), and whether it repeats.
+
+    A chart mostly uses little of a picture that many charts share. What stays inside the picture does not take in colour
+    from its opposite border.
+    """
+    height, width = image.shape[:2]
+    pixels = uv * (width, -height) + (0.0, height)
+    low, high = pixels.min(axis=(0, 1)), pixels.max(axis=(0, 1))
+    if (low < -ROUNDING).any() or (high > np.array([width, height]) + ROUNDING).any():
+        return image, pixels, True
+    left, top = np.clip(np.floor(low) - MARGIN, 0, None).astype(int)
+    right, bottom = np.ceil(high).astype(int) + MARGIN
+    return image[top:bottom, left:right], pixels - (left, top), False
+
+
+@njit(cache=True, nogil=True)
+def _paint(
+    pixels: np.ndarray,
+    levels: np.ndarray,
+    corners: np.ndarray,
+    source: np.ndarray,
+    repeat: bool,
+    rgb: np.ndarray,
+    covered: np.ndarray,
+) -> None:
+    """Fill the texels whose centres lie in triangles; corners, source (t, 3, 2): in texels and in the texture's pixels."""
+    rows, columns = covered.shape
+    for t in range(len(corners)):
+        x0, y0 = corners[t, 0]
+        ex, ey = corners[t, 1] - corners[t, 0]
+        fx, fy = corners[t, 2] - corners[t, 0]
+        area = ex * fy - ey * fx
+        if abs(area) < 1e-12:
+            continue
+        # barycentric coordinates of the second and third corner, per texel right and down
+        sx, sy, tx, ty = fy / area, -fx / area, -ey / area, ex / area
+        px, py = source[t, 0]
+        du = source[t, 1] - source[t, 0]
+        dv = source[t, 2] - source[t, 0]
+        ax, ay = sx * du[0] + tx * dv[0], sx * du[1] + tx * dv[1]
+        bx, by = sy * du[0] + ty * dv[0], sy * du[1] + ty * dv[1]
+        first_row = max(0, int(np.floor(corners[t, :, 1].min() - 0.5)))
+        last_row = min(rows - 1, int(np.ceil(corners[t, :, 1].max() - 0.5)))
+        first_column = max(0, int(np.floor(corners[t, :, 0].min() - 0.5)))
+        last_column = min(columns - 1, int(np.ceil(corners[t, :, 0].max() - 0.5)))
+        for r in range(first_row, last_row + 1):
+            for c in range(first_column, last_column + 1):
+                dx, dy = c + 0.5 - x0, r + 0.5 - y0
+                s, w = sx * dx + sy * dy, tx * dx + ty * dy
+                if s < -EDGE or w < -EDGE or s + w > 1 + EDGE:
+                    continue
+                x = px + s * du[0] + w * dv[0]
+                y = py + s * du[1] + w * dv[1]
+                area_mean(pixels, levels, x, y, ax, ay, bx, by, repeat, rgb[r, c])
+                covered[r, c] = True
+
+
+def _dilate(rgb: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Spread colour by one texel: the mean of the covered texels around."""
+    import cv2
+
+    around = cv2.boxFilter(covered.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    colour = cv2.boxFilter(rgb.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    rim = ~covered & (around > 0.5)
+    rgb[rim] = np.round(colour[rim] / around[rim][:, None])
+    return rgb, covered | rim

@@ -1,0 +1,180 @@
+"""Texels of a chart in a panorama: where they fall, and the mean of the pixels that each covers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.imagery.rectify.area_means import area_mean, pyramid
+
+# Colour distance to the bottom row within which pixels above it belong to the same flat mask.
+FLAT = 12
+# Rows above the mask that compression has mixed with it.
+MASK_RIM = 4
+# Share of the full panorama's height above which a flat bottom is ground, not a mask.
+MASK_HIGHEST = 2 / 3
+
+
+class Raster(NamedTuple):
+    """A chart's texels from the camera: corner (3,) the upper left one's, right and down (3,) from one to the next, normal."""
+
+    corner: np.ndarray
+    right: np.ndarray
+    down: np.ndarray
+    normal: np.ndarray
+
+
+class Lens(NamedTuple):
+    """How a picture shows the world.
+
+    camera (3, 3): rotation;
+    turn, half: pixels per turn and per half turn;
+    left, top: pixels of the full panorama left of and above the picture;
+    height, width: of the picture.
+    """
+
+    camera: np.ndarray
+    turn: float
+    half: float
+    left: float
+    top: float
+    height: int
+    width: int
+
+
+def resample(
+    image: np.ndarray, view: tuple[float, float, float, float], footprints: np.ndarray, seen: np.ndarray
+) -> np.ndarray:
+    """Colours (h, w, 3) uint8 of the seen texels, black elsewhere; clears in `seen` (h, w) those that a mask hides.
+
+    image (H, W, 3) uint8 is the part `view` of the full panorama; footprints (h, w, 6) as of footprints_of.
+    """
+    rgb = np.zeros((*seen.shape, 3), np.uint8)
+    if not seen.any():
+        return rgb
+    used = footprints[seen]
+    turn = image.shape[1] / view[2]
+    margin = float(np.abs(used[:, 2:]).max()) + 3.0  # pixels around texel centres that are read
+    first, columns = _columns(used[:, 0], margin, image.shape[1], turn)
+    upper = max(0, int(used[:, 1].min() - margin))
+    lower = min(len(image), int(used[:, 1].max() + margin) + 1)
+    mask = _mask_top(image, columns, round((MASK_HIGHEST - view[1]) / view[3] * len(image)), lower)
+    runs = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1)  # slices are copied much faster than columns
+    part = pyramid(np.concatenate([image[upper:lower, run[0] : run[-1] + 1] for run in runs], axis=1))
+    _resample(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
+    return rgb
+
+
+def _columns(x: np.ndarray, margin: float, width: int, turn: float) -> tuple[int, np.ndarray]:
+    """The first column and all columns of the picture that texels at x need; a full panorama goes on across its border."""
+    if turn > width:
+        first = max(0, int(x.min() - margin))
+        return first, np.arange(first, min(width, int(x.max() + margin) + 1))
+    angle = x * (2 * np.pi / turn)
+    middle = np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()) * turn / (2 * np.pi)
+    offset = (x - middle + turn / 2) % turn - turn / 2
+    first = int(np.floor(middle + max(offset.min() - margin, -turn / 2)))
+    last = int(np.ceil(middle + min(offset.max() + margin, turn / 2)))
+    return first, np.arange(first, last + 1) % width
+
+
+def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) -> np.ndarray:
+    """First row of the flat mask at the bottom of each column: black, or whatever one colour the whole bottom row has.
+
+    Rows above `highest` are never masked; rows from `lower` on are of no interest.
+    """
+    none = np.full(len(columns), len(image))
+    highest = max(highest, 0)
+    if lower <= highest:
+        return none
+    bottom = image[-1].astype(np.int16)
+    colour = np.median(bottom, axis=0)
+    if (np.abs(bottom - colour).max(axis=1) > FLAT).mean() > 0.05:
+        return none
+    low, high = np.clip(colour - FLAT, 0, 255).astype(np.uint8), np.clip(colour + FLAT, 0, 255).astype(np.uint8)
+    part = image[highest:][::-1][:, columns]
+    flat = ((part >= low) & (part <= high)).all(axis=2)
+    run = np.where(flat.all(axis=0), len(flat), flat.argmin(axis=0))
+    return np.where(run > 0, np.maximum(len(image) - run - MASK_RIM, highest), none)
+
+
+@njit(cache=True, nogil=True)
+def footprints_of(
+    raster: Raster, lens: Lens, grazing: float, footprints: np.ndarray, seen: np.ndarray, quality: np.ndarray
+) -> None:
+    """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen, and
+    the picture's pixels per texel along a side, at most 1, times the sine of the angle of sight."""
+    rows, columns = seen.shape
+    corner, right, down, normal = raster
+    camera, turn, half, left, top = lens.camera, lens.turn, lens.half, lens.left, lens.top
+    # corners of the row of texels at hand: above and below
+    x = np.empty((2, columns + 1))
+    y = np.empty((2, columns + 1))
+    for r in range(rows + 1):
+        for c in range(columns + 1):
+            px = corner[0] + c * right[0] + r * down[0]
+            py = corner[1] + c * right[1] + r * down[1]
+            pz = corner[2] + c * right[2] + r * down[2]
+            cx = camera[0, 0] * px + camera[0, 1] * py + camera[0, 2] * pz
+            cy = camera[1, 0] * px + camera[1, 1] * py + camera[1, 2] * pz
+            cz = camera[2, 0] * px + camera[2, 1] * py + camera[2, 2] * pz
+            x[r % 2, c] = (np.arctan2(cx, cz) / (2 * np.pi) + 0.5) * turn - left
+            y[r % 2, c] = (0.5 + np.arctan2(cy, np.hypot(cx, cz)) / np.pi) * half - top
+        if r == 0:
+            continue
+        above, below = (r - 1) % 2, r % 2
+        for c in range(columns):
+            x0 = x[above, c]
+            x1 = x0 + _across(x[above, c + 1] - x0, turn)
+            x2 = x0 + _across(x[below, c] - x0, turn)
+            x3 = x0 + _across(x[below, c + 1] - x0, turn)
+            y0, y1, y2, y3 = y[above, c], y[above, c + 1], y[below, c], y[below, c + 1]
+            mx, my = (x0 + x1 + x2 + x3) / 4, (y0 + y1 + y2 + y3) / 4
+            mx %= turn
+            footprints[r - 1, c, 0], footprints[r - 1, c, 1] = mx, my
+            footprints[r - 1, c, 2], footprints[r - 1, c, 3] = (x1 - x0 + x3 - x2) / 2, (y1 - y0 + y3 - y2) / 2
+            footprints[r - 1, c, 4], footprints[r - 1, c, 5] = (x2 - x0 + x3 - x1) / 2, (y2 - y0 + y3 - y1) / 2
+            facing, square = 0.0, 0.0
+            for i in range(3):
+                ray = corner[i] + (c + 0.5) * right[i] + (r - 0.5) * down[i]
+                facing -= ray * normal[i]
+                square += ray * ray
+            sine = facing / np.sqrt(square)
+            area = footprints[r - 1, c, 2] * footprints[r - 1, c, 5] - footprints[r - 1, c, 3] * footprints[r - 1, c, 4]
+            quality[r - 1, c] = min(1.0, np.sqrt(abs(area))) * max(sine, 0.0)
+            inside = mx < lens.width and my >= 0 and my < lens.height
+            seen[r - 1, c] = inside and sine >= grazing
+
+
+@njit(cache=True, nogil=True)
+def _across(difference: float, turn: float) -> float:
+    """A difference of columns the short way round."""
+    return difference - turn * np.round(difference / turn)
+
+
+@njit(cache=True, nogil=True)
+def _resample(
+    pixels: np.ndarray,
+    levels: np.ndarray,
+    footprints: np.ndarray,
+    first: float,
+    turn: float,
+    upper: float,
+    mask: np.ndarray,
+    rgb: np.ndarray,
+    seen: np.ndarray,
+) -> None:
+    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; unsee the masked."""
+    rows, columns = seen.shape
+    for r in range(rows):
+        for c in range(columns):
+            if not seen[r, c]:
+                continue
+            x, y, ax, ay, bx, by = footprints[r, c]
+            x = (x - first) % turn
+            if y + (abs(ay) + abs(by)) / 2 >= mask[min(int(x), len(mask) - 1)]:
+                seen[r, c] = False
+                continue
+            area_mean(pixels, levels, x, y - upper, ax, ay, bx, by, False, rgb[r, c])

@@ -1,0 +1,96 @@
+"""Small examples of what numba compiles: each calls a part of the algorithms once, so that its kernels are in numba's cache.
+
+A machine compiles for a minute when it first runs them. Workers that go through these before their first units share that work;
+else each of them would compile all of it, at the same time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from shapely.geometry import LineString, box
+
+from facade_core.core.labels import WALL as PLAIN
+from facade_core.core.types import Building, Element, Street, Sun
+from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.picture import perspective
+from facade_core.facade.layout.completion import complete
+from facade_core.facade.pipeline import from_exemplar
+from facade_core.facade.texture.building_walls import Wall
+from facade_core.facade.texture.inpainting import inpaint
+from facade_core.facade.texture.retargeting import style_of
+from facade_core.geometry.charts import WALL
+from facade_core.plan.ingest import ingest
+from facade_core.street.lighting.facade_light import in_its_light
+from facade_core.street.propagation.propagate import see
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.surfaces import Known, paint, surface
+from facade_core.street.translator.translate import Swatches
+from facade_core.synth.facade import facade
+from facade_core.synth.styles import STYLES
+
+DENSITY = 10.0
+SIZE_M = (7.0, 9.0)
+
+
+def layouts() -> None:
+    """Complete a layout of which the lower half is hidden."""
+    seen = [Element("window", x, 1.0, x + 1.0, 2.5) for x in (1.0, 3.0, 5.0)]
+    complete(seen, (0.0, 0.0, 7.0, 8.0), [(0.0, 0.0, 7.0, 4.0)])
+
+
+def textures() -> None:
+    """Retarget an exemplar, and inpaint it."""
+    painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
+    height, width = painted.labels.shape
+    wall = Wall.alone(SIZE_M[0], SIZE_M[1] + 3, floors=2)
+    raster = (height, round(wall.width * DENSITY))
+    from_exemplar(style_of(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
+    hidden = np.zeros((height, width), bool)
+    hidden[height // 2 :, : width // 3] = True
+    inpaint(painted.image, hidden, labels=painted.labels, elements=painted.elements, method="floors")
+
+
+def streets() -> None:
+    """Texture the street before a house from one viewpoint, by swatches, finish all surfaces, and take a picture of them."""
+    plan = ingest(
+        [Building("a", box(0, 0, 12, 10), 9.0, "height")],
+        [Street("s", "s", LineString([(0, -6), (12, -6)]))],
+        texels_per_metre=DENSITY,
+        spacing=6.0,
+        height=2.5,
+        visibility_range=20.0,
+        panorama_width=64,
+        storey=3.0,
+        walls="translate",
+        page=512,
+    )
+    scene, placement = plan.scene, plan.scene.placement
+    charts = plan.charts_of_street(0)
+    rasters, writable = Window.layout(placement, charts, charts)
+    nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    window = Window.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
+    swatches = Swatches(scene, plan.streets, seed=0, ground=plan.ground)
+    panorama = render(scene, window, plan.viewpoints[0], (32, 64))
+    swatches.translate(panorama)
+    see(scene, window, plan.viewpoints[0], panorama.chart)
+    paint(window, placement, swatches.materials)
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        size = (int(placement.height[chart]), int(placement.width[chart]))
+        return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
+
+    for chart in range(len(scene.charts)):
+        surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
+    chart, sun = int(np.flatnonzero(scene.charts.kind == WALL)[0]), Sun(180.0, 45.0)
+    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, PLAIN, np.uint8)
+    in_its_light(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
+    camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
+    perspective(scene, camera, swatches.materials.raster)
+
+
+# The longest first.
+PARTS: tuple[Callable[[], None], ...] = (streets, layouts, textures)

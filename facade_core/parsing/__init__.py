@@ -1,0 +1,1 @@
+"""Parsing of rectified facades: class maps, elements, lattice, confidence and occluders."""

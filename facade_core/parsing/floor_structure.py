@@ -1,0 +1,205 @@
+"""Floors and bays of a labelled facade, and cuts between them that miss every element."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from facade_core.core.labels import BALCONY, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.types import Lattice
+
+Span = tuple[int, int]
+# What is left under the lowest row of windows is a storey from this share of the others' height on; a base is lower. Under
+# a single row it is one from this share of the facade and so many heights of a window on.
+_STOREY, _OF_TWO, _OF_WINDOW = 0.5, 0.35, 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """Bands and bays, in pixels of the label map.
+
+    floors: the window span (top, bottom) of every floor, top first; kinds: "roof", "middle" or "ground" of each.
+    bays: the window span (left, right) of every bay. floor_cuts and bay_cuts: one more border than floors and bays.
+    ground_top: where the ground floor starts; it has no floor of its own where no windows were found in it.
+    """
+
+    floors: tuple[Span, ...]
+    kinds: tuple[str, ...]
+    bays: tuple[Span, ...]
+    floor_cuts: tuple[int, ...]
+    bay_cuts: tuple[int, ...]
+    top: int
+    ground_top: int
+    bottom: int
+
+    @property
+    def ground_band(self) -> bool:
+        """Whether the ground floor shows no row of windows of its own, but doors and shops, or nothing: what is left under the
+        lowest floor is tall enough for a storey."""
+        if self.kinds[-1] == "ground":
+            return False
+        if len(self.floors) == 1:
+            ((top, below),) = self.floors
+            least = max(_OF_TWO * (self.bottom - self.top), _OF_WINDOW * (below - top))
+            return self.bottom - self.floor_cuts[-1] >= least
+        pitches = np.diff(self.floor_cuts)
+        middle = np.median([pitch for pitch, kind in zip(pitches, self.kinds, strict=True) if kind == "middle"])
+        return bool(self.bottom - self.floor_cuts[-1] >= _STOREY * middle)
+
+    @property
+    def storeys(self) -> int:
+        """Rows of windows, those of the roof included, and the ground floor."""
+        return len(self.floors) + self.ground_band
+
+
+def storeys(labels: np.ndarray) -> int:
+    """The storeys that a label map (H, W) shows, the ground floor included and a row of windows in the roof too; 0 without
+    windows."""
+    found = structure(labels)
+    return found.storeys if found else 0
+
+
+def runs(profile: np.ndarray, threshold: float) -> list[Span]:
+    """Half-open spans over which a profile is above a threshold."""
+    inside = np.concatenate([[False], profile > threshold, [False]])
+    edges = np.flatnonzero(inside[1:] != inside[:-1])
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def window_spans(window: np.ndarray) -> list[Span]:
+    """Rows (axis 0 of a bool map) over which windows stretch: one span per floor, top first.
+
+    Spans are where the window profile is above a quarter of its typical peak; slivers below a third of the median
+    height are dropped and spans closer than a fifth of it are joined.
+    """
+    profile = gaussian_filter1d(window.mean(1), 1.0)
+    if profile.max() <= 0.0:
+        return []
+    found = runs(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
+    height = np.median([b - a for a, b in found])
+    joined: list[Span] = []
+    for a, b in found:
+        if joined and a - joined[-1][1] < 0.2 * height:
+            joined[-1] = (joined[-1][0], b)
+        elif b - a >= height / 3:
+            joined.append((a, b))
+    return joined
+
+
+def structure(labels: np.ndarray) -> Structure | None:
+    """The floors and bays of a label map (H, W), or None where it shows no windows.
+
+    The sky above the roof is left out: `top` is the first row with less than a tenth of sky.
+    """
+    height, width = labels.shape
+    sky = (labels == SKY).mean(1)
+    clear = np.flatnonzero(sky < 0.1)
+    top = int(clear[0]) if len(clear) and clear[0] < 0.6 * height else 0
+    window = labels == WINDOW
+    top = _clear_of_windows(window, top)
+    window[:top] = False
+    floors = window_spans(window)
+    if not floors:
+        return None
+    kinds = _kinds(labels, floors, top)
+    if kinds[-1] == "ground" and len(floors) > 1:
+        shares = [float(window[a:b].any(0).mean()) for a, b in floors]
+        if shares[-1] < 0.6 * np.median(shares[:-1]):  # a few windows between shops are no floor
+            floors, kinds = floors[:-1], kinds[:-1]
+    middle = [span for span, kind in zip(floors, kinds, strict=True) if kind == "middle"] or floors
+    rows = np.concatenate([np.arange(a, b) for a, b in middle])
+    bays = window_spans(window[rows].T)
+    ground_top = _ground_top(labels, floors, kinds)
+    element = 4.0 * np.isin(labels, (WINDOW, DOOR)) + 1.0 * (labels == BALCONY) + 0.5 * (labels == SHOP)
+    floor_cuts = [top]
+    for upper, lower in zip(floors, floors[1:], strict=False):
+        if lower[0] >= ground_top > upper[0]:
+            floor_cuts.append(max(ground_top, floor_cuts[-1] + 1))
+        else:
+            floor_cuts.append(_cut(element.mean(1), upper[1], lower[0], 0.65))
+    if kinds[-1] != "ground":
+        floor_cuts.append(max(ground_top, floors[-1][1]))
+    bottom = height
+    if kinds[-1] == "ground":
+        floor_cuts.append(bottom)
+    across = element[floors[0][0] : ground_top].mean(0)
+    bay_cuts = [0, *(_cut(across, a[1], b[0], 0.5) for a, b in zip(bays, bays[1:], strict=False)), width]
+    return Structure(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
+
+
+def _clear_of_windows(window: np.ndarray, top: int) -> int:
+    """A top that cuts no window: below windows that mostly lie above it, else above them."""
+    for a, b in runs(window.mean(1), 0.0):
+        if a < top < b:
+            return a if top - a <= b - top else b
+    return top
+
+
+def _kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:
+    """roof: what surrounds the windows is mostly roof; ground: the lowest floor, beside doors or shops."""
+    kinds = []
+    for k, (a, b) in enumerate(floors):
+        band = labels[a:b]
+        roof, wall = (band == ROOF).mean(), np.isin(band, (WALL, BALCONY, SHOP, DOOR)).mean()
+        street = np.isin(band, (DOOR, SHOP)).mean()
+        if roof > wall and k < len(floors) - 1:
+            kinds.append("roof")
+        elif k == len(floors) - 1 and (street > 0.05 or labels.shape[0] - b < 0.7 * (b - a)):
+            kinds.append("ground")
+        else:
+            kinds.append("middle")
+    if "middle" not in kinds:
+        last = len(kinds) - 1
+        kinds = ["middle" if k == max(0, last - 1) else kind for k, kind in enumerate(kinds)]
+    return tuple(kinds)
+
+
+def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) -> int:
+    """Top of the band of doors and shops, below the last floor above the ground; the bottom where there is none."""
+    above = [span for span, kind in zip(floors, kinds, strict=True) if kind != "ground"]
+    height = labels.shape[0]
+    lowest = above[-1][1] if above else 0
+    street = np.asarray(np.isin(labels, (DOOR, SHOP)).any(1))
+    street[:lowest] = False
+    tops = np.flatnonzero(street)
+    ground = floors[-1][0] if kinds[-1] == "ground" else height
+    first = min(int(tops[0]) if len(tops) else ground, ground)
+    if first >= height:  # a plain base: everything under the lowest floor's sill and balcony
+        balcony = np.flatnonzero((labels[lowest:] == BALCONY).mean(1) > 0.02)
+        first = lowest + (int(balcony[-1]) + 1 if len(balcony) else 0)
+        return min(height, first + max(2, (height - first) // 4))
+    return _cut(np.isin(labels, (WINDOW, BALCONY, DOOR, SHOP)).mean(1), lowest, first, 0.8)
+
+
+def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
+    """The cheapest position in the gap between two elements, near a preferred fraction of it."""
+    if stop - start < 2:
+        return max(start, 1)
+    at = np.arange(start, stop + 1)
+    fraction = (at - start) / (stop - start)
+    between = np.maximum(cost[np.minimum(at, len(cost) - 1)], cost[np.maximum(at - 1, 0)])
+    return int(at[np.argmin(between + 0.1 * np.abs(fraction - preferred))])
+
+
+def structural_lattice(structure: Structure) -> Lattice:
+    """Three rows per floor and three columns per bay: before, across and after its windows; roof and ground in one."""
+    rows = [structure.top]
+    for (a, b), low in zip(structure.floors, structure.floor_cuts[1:], strict=True):
+        rows += [_between(a, rows[-1], low, 2), _between(b, a, low, 1), low]
+    if rows[-1] < structure.bottom:
+        rows.append(structure.bottom)
+    columns = [0]
+    for (a, b), right in zip(structure.bays, structure.bay_cuts[1:], strict=True):
+        columns += [_between(a, columns[-1], right, 2), _between(b, a, right, 1), right]
+    return Lattice(tuple(rows), tuple(columns))
+
+
+def _between(position: int, low: int, high: int, room: int) -> int:
+    return min(max(position, low + 1), high - room)
+
+
+def trimmed_labels(labels: np.ndarray) -> np.ndarray:
+    """Labels with chimneys' and roof lines' left-over sky turned to roof and unknown pixels to wall."""
+    return np.where(labels == SKY, ROOF, np.where(labels == UNKNOWN, WALL, labels)).astype(np.uint8)

@@ -1,0 +1,119 @@
+"""The network segmenter: an encoder-decoder in onnxruntime, averaged over a mirrored view and several scales."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from facade_core.core.errors import ModelError
+from facade_core.core.labels import CLASSES, DOOR
+from facade_core.core.model_file import open_session, read_record, stamp
+from facade_core.parsing.segmentation import Segmented
+
+SHIPPED = Path(__file__).parent / "models" / "network.onnx"
+
+# Raised whenever the meaning of the inputs or outputs changes.
+NETWORK_VERSION = 2
+
+# The logits after those of the classes: something stands in front of the facade; sky, street or neighbours beside it are seen.
+IN_FRONT, OUTSIDE = len(CLASSES), len(CLASSES) + 1
+
+# Image sides are multiples of COARSEST; position is given, and logits are returned, at these strides.
+COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
+
+# Constant, so that results do not depend on the machine's number of cores.
+_INTRA_OP_THREADS = 2
+# Views that are averaged: the share of the working size that their sides have, and whether they are mirrored.
+VIEWS = tuple((scale, mirrored) for scale in (0.85, 1.2) for mirrored in (False, True))
+# Doors are one pixel in seventy, and the class that every network is worst at: training weighs them so much more. Where the
+# network is asked that is taken back, or it would call doors more often than there are any.
+DOOR_WEIGHT = 3.0
+_LOG_WEIGHTS = np.array(
+    [math.log(DOOR_WEIGHT) if number == DOOR else 0.0 for number in range(len(CLASSES))], np.float32
+)
+_WHOLE = np.array([-1.0, -1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """A trained network in one inference session, and the views of an image that it averages."""
+
+    session: Any
+    views: tuple[tuple[float, bool], ...] = VIEWS
+    working_area = (150_000, 250_000)
+
+    def segment(self, image: np.ndarray) -> Segmented:
+        """Of an image (H, W, 3) uint8, means over mirrored and scaled views."""
+        height, width = image.shape[:2]
+        classes = np.zeros((len(CLASSES), height, width), np.float32)
+        hidden, outside = np.zeros((2, height, width), np.float32)
+        for scale, mirrored in self.views:
+            logits = self._view(image, scale, mirrored)
+            classes += _softmax(logits[: len(CLASSES)] - _LOG_WEIGHTS[:, None, None])
+            hidden += special.expit(logits[IN_FRONT])
+            outside += special.expit(logits[OUTSIDE])
+        views = len(self.views)
+        return Segmented(_by_pixel(classes / classes.sum(0)), hidden / views, outside / views)
+
+    def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> np.ndarray:
+        """Logits of an image as a view of it shows them, (classes + 2, H, W) float32: planes are gone through much sooner than
+        the few numbers of each pixel."""
+        import cv2
+
+        height, width = image.shape[:2]
+        size = tuple(COARSEST * max(1, round(side * scale / COARSEST)) for side in (width, height))
+        mode = cv2.INTER_AREA if size[0] * size[1] < width * height else cv2.INTER_LINEAR
+        view = cv2.resize(image[:, ::-1].copy() if mirrored else image, size, interpolation=mode)
+        feed = {
+            "image": np.ascontiguousarray(view.transpose(2, 0, 1)[None], np.float32),
+            "place": place_planes(size[1], size[0], _WHOLE)[None],
+        }
+        logits = self.session.run(None, feed)[0][0].transpose(1, 2, 0)
+        if mirrored:
+            logits = logits[:, ::-1]
+        full = cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
+        return np.ascontiguousarray(np.moveaxis(full, 2, 0))
+
+
+def _softmax(logits: np.ndarray) -> np.ndarray:
+    """Of planes (classes, H, W), over the classes."""
+    shares = np.exp(logits - logits.max(0))
+    return shares / shares.sum(0)
+
+
+def _by_pixel(planes: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.moveaxis(planes, 0, 2))
+
+
+def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:
+    """Position of the cells of an image that spans corners (left, top, right, bottom): (2, H / 8, W / 8) float32."""
+    left, top, right, bottom = corners
+    across = left + (np.arange(width // PLACE_STRIDE) + 0.5) * PLACE_STRIDE * (right - left) / width
+    down = top + (np.arange(height // PLACE_STRIDE) + 0.5) * PLACE_STRIDE * (bottom - top) / height
+    return np.stack(np.broadcast_arrays(across[None, :], down[:, None])).astype(np.float32)
+
+
+def load(path: str | Path) -> Network:
+    """Load a network from an .onnx file with its .json beside it.
+
+    Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
+    """
+    return _load(Path(path).resolve(), stamp(Path(path)))
+
+
+@functools.lru_cache(maxsize=2)
+def _load(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Network:
+    record = read_record(path)
+    if record.get("network_version") != NETWORK_VERSION:
+        raise ModelError(f"{path}: made for another version of the network; train it anew with this version")
+    session = open_session(path, record, threads=_INTRA_OP_THREADS)
+    names = [node.name for node in (*session.get_inputs(), *session.get_outputs())]
+    if names != ["image", "place", "logits"]:
+        raise ModelError(f"{path}: has {names}, not this version's inputs and outputs; train it anew")
+    return Network(session)

@@ -1,0 +1,259 @@
+"""Which walls of a block are facades: those that a street sees, and the others that stand free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+import shapely
+
+from facade_core.core.grouping import Grouped, grouped
+from facade_core.core.name_hash import number_of
+from facade_core.core.types import Building, Street
+from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.geometry.walls import BACK, LEVEL_M, NARROW_M, SIDE, STOREY_M, STREET, bends
+
+# A wall is on a street when it is at least this large and this share of it is seen from there.
+FACADE_WIDTH_M = 3.0
+FACADE_HEIGHT_M = 2.5
+FACADE_SEEN = 0.25
+# Nor is one that has fewer texels a side: there is nothing to parse in it.
+FACADE_TEXELS = 16
+# The others are facades where they are no ledges, and as large a share of them stands free of neighbours.
+FREE = 0.25
+# Points of a wall that are looked at, per axis.
+SAMPLES = (5, 4)
+# What lies below a wall's foot is looked at from this far before it, at these shares of its width, from this far above: on a
+# roof, or without ground so little below where the wall begins high, there are neither doors nor shops.
+BEFORE_M, ALONG, ABOVE_M, BELOW_M = 0.5, (0.1, 0.3, 0.5, 0.7, 0.9), 1.0, 2.0
+# A storey is at least and at most this high: tagged levels can contradict the height. Else STOREY_M.
+TAGGED_STOREY_M = (2.2, 6.0)
+
+
+@dataclass(frozen=True)
+class Facades:
+    """Facades as columns.
+
+    id: a name that stays the same as long as the building's footprint does;
+    chart, street, building (n,) int32 indices; the street is the nearest where none sees the wall;
+    role (n,) uint8, an index into `facade_core.geometry.walls.ROLES`;
+    width, height (n,) metres;
+    floors (n,) int32, by the map, the ground floor included;
+    seen (n,) the share of the wall that its street sees;
+    run (n,) int32: the first of the facades that are laid out as one with this, from left to right, itself for most; along (n,)
+    metres from where that begins;
+    foot (n,) metres over the foot of most of its building's walls;
+    eaves (n,) metres from there to where most of them end, and storeys (n,) int32, how many these are;
+    raised (n,) bool, whether the building begins above the ground, or the wall on a roof; house (n,) int64, a number of 32 bits
+    for the building, or for that of which it is a part: all its parts are of one style.
+    """
+
+    id: tuple[str, ...]
+    chart: np.ndarray
+    street: np.ndarray
+    building: np.ndarray
+    role: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    floors: np.ndarray
+    seen: np.ndarray
+    run: np.ndarray
+    along: np.ndarray
+    foot: np.ndarray
+    eaves: np.ndarray
+    storeys: np.ndarray
+    raised: np.ndarray
+    house: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def laid_out_with(self, facade: int) -> np.ndarray:
+        """The facades (k,) that are laid out as one with a facade, it among them, from left to right."""
+        own = self._by_run.of(int(self.run[facade]))
+        return own[np.argsort(self.along[own], kind="stable")]
+
+    def of_building(self, facade: int) -> np.ndarray:
+        """The facades (k,) of a facade's building, ascending."""
+        return self._by_building.of(int(self.building[facade]))
+
+    @cached_property
+    def _by_building(self) -> Grouped:
+        return Grouped(self.building)
+
+    @cached_property
+    def _by_run(self) -> Grouped:
+        return Grouped(self.run)
+
+
+def find_facades(
+    scene: Scene,
+    buildings: Sequence[Building],
+    cameras: Sequence[Viewpoint],
+    seen: Sequence[np.ndarray],
+    storey: float,
+    free_share: np.ndarray,
+    streets: Sequence[Street] = (),
+) -> Facades:
+    """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
+    too, by the share (charts,) of each that stands against no neighbour."""
+    charts = scene.charts
+    upright = ~_gables(scene, buildings)
+    large = _large_walls(scene) & upright
+    free = _tall_walls(charts) & (free_share >= FREE) & upright if streets else np.zeros(len(charts), bool)
+    runs = bends(charts, np.flatnonzero(large | free))
+    run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
+    for one in runs:
+        ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
+        run[one], wide[one], along[one] = one[0], ends[-1], ends[:-1]
+    best, street = _best_seen(scene, large | free, cameras, seen)
+    shown = best >= FACADE_SEEN
+    for one in runs:  # what is round is on a street with all its facets, or with none
+        shown[one] = shown[one].any() if streets else shown[one]
+    role = np.where(shown, np.where(wide >= FACADE_WIDTH_M, STREET, SIDE), BACK).astype(np.uint8)
+    chart = np.flatnonzero((large & (role == STREET)) | free)
+    if streets:
+        street[chart] = _nearest(charts, chart, street[chart], best[chart], streets)
+    building = charts.building[chart]
+    wall = _wall_numbers(charts)[chart]
+    width, height = charts.size[chart].T
+    foot, eaves = _levels(charts, chart)
+    levels = [buildings[b].levels for b in building]
+    storeys = floors_of(levels, eaves, storey)
+    _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
+    return Facades(
+        id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
+        chart=chart.astype(np.int32),
+        street=street[chart],
+        building=building.astype(np.int32),
+        role=role[chart],
+        width=width,
+        height=height,
+        floors=np.where(
+            np.abs(height - eaves) < LEVEL_M, storeys, np.maximum(1, np.round(height * storeys / eaves))
+        ).astype(np.int32),
+        seen=best[chart],
+        run=first[of].astype(np.int32),
+        along=along[chart],
+        foot=foot,
+        eaves=eaves,
+        storeys=storeys,
+        raised=np.array([buildings[b].raised > 0 for b in building], bool) | _above_ground(scene, chart, foot),
+        house=np.array([number_of(buildings[b].house) for b in building], np.int64),
+    )
+
+
+def _large_walls(scene: Scene) -> np.ndarray:
+    """The walls that are large enough to be parsed, (charts,) bool."""
+    charts = scene.charts
+    large = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
+
+
+def _tall_walls(charts: Charts) -> np.ndarray:
+    """The walls, narrow ones too, that are as high as a storey, (charts,) bool."""
+    return (charts.kind == WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+
+
+def _nearest(
+    charts: Charts, chart: np.ndarray, street: np.ndarray, seen: np.ndarray, streets: Sequence[Street]
+) -> np.ndarray:
+    """The streets (k,) of some charts: the nearest of those that no street sees."""
+    middle = shapely.points(charts.at_shares(chart, np.array([[0.5, 0.5]]))[:, 0, :2])
+    nearest = shapely.STRtree([one.line for one in streets]).nearest(middle)
+    return np.where(seen > 0, street, nearest).astype(np.int32)
+
+
+def _levels(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of walls (k,), how high each stands over the foot of most of its building's, and how high from there these end, both (k,)
+    metres; by the walls' width."""
+    foot = charts.at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
+    top, width = charts.origin[chart, 2], charts.size[chart, 0]
+    over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
+    for own in grouped(charts.building[chart]).values():
+        base, end = (_most(level[own], width[own]) for level in (foot, top))
+        if end - base >= FACADE_HEIGHT_M:
+            over[own], eaves[own] = foot[own] - base, end - base
+    return np.where(np.abs(over) < LEVEL_M, 0.0, over), eaves
+
+
+def _above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarray:
+    """Which walls (k,) begin on a roof, their own building's or a neighbour's, or a storey over most of their building's, by
+    their `foot` (k,), and with no ground below: (k,) bool."""
+    charts = scene.charts
+    feet = charts.at_shares(chart, np.array([[share, 1.0] for share in ALONG]))
+    above = feet + BEFORE_M * charts.normal()[chart][:, None] + [0.0, 0.0, ABOVE_M]
+    distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
+    kind = np.where((met != MISS) & (distance < ABOVE_M + BELOW_M), charts.kind[met], MISS)
+    roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ROOF, GROUND))
+    return roofs | ((foot > FACADE_HEIGHT_M) & ~grounds)
+
+
+def _most(level: np.ndarray, width: np.ndarray) -> float:
+    """The level at which most of some walls' width is, of levels within LEVEL_M of it."""
+    near = np.abs(level[:, None] - level) < LEVEL_M
+    return float(level[np.argmax(near @ width)])
+
+
+def _gables(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
+    """What stands on the walls of buildings without a model, under their roofs, (charts,) bool: those walls are rectangles."""
+    charts, mesh = scene.charts, scene.mesh
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    area = np.bincount(mesh.chart, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1), len(charts))
+    built = np.array([building.shell is None for building in buildings], bool)[charts.building] & (charts.building >= 0)
+    return built & (area < 0.99 * charts.size.prod(axis=1))
+
+
+def _best_seen(
+    scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The largest share of every chart that is seen from one street, (charts,), and the first such street, (charts,) int32, 0
+    where none sees it: by looking from every viewpoint at a grid of points on each candidate in its panorama."""
+    charts = scene.charts
+    across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES)
+    grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    best, best_street = np.zeros(len(charts)), np.zeros(len(charts), np.int32)
+    in_order = sorted(zip(cameras, seen, strict=True), key=lambda one: one[0].street)
+    for street, looks in groupby(in_order, key=lambda one: one[0].street):
+        visible: dict[int, np.ndarray] = {}
+        for camera, row in looks:
+            walls = row[candidate[row]]
+            if len(walls) == 0:
+                continue
+            ray = charts.at_shares(walls, grid) - camera.position
+            distance, chart = scene.caster.cast(camera.position, ray)
+            reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
+            reached &= np.linalg.norm(ray, axis=-1) <= scene.visibility_range
+            for wall, points in zip(walls.tolist(), reached, strict=True):
+                visible[wall] = visible[wall] | points if wall in visible else points
+        if not visible:
+            continue
+        shown, share = np.array(list(visible)), np.array(list(visible.values())).mean(axis=1)
+        better = share > best[shown]
+        best[shown[better]], best_street[shown[better]] = share[better], street
+    return best, best_street
+
+
+def _wall_numbers(charts: Charts) -> np.ndarray:
+    """The number of each wall among those of its building, (charts,) int64."""
+    number = np.zeros(len(charts), np.int64)
+    walls = np.flatnonzero(charts.kind == WALL)
+    walls = walls[np.argsort(charts.building[walls], kind="stable")]
+    owners = charts.building[walls]
+    number[walls] = np.arange(len(walls)) - np.searchsorted(owners, owners)
+    return number
+
+
+def floors_of(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
+    """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
+    tagged = np.array([count or 0 for count in levels], np.int64)
+    floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)
+    low, high = (np.where(tagged > 0, *limits) for limits in zip(TAGGED_STOREY_M, STOREY_M, strict=True))
+    most = np.maximum(1, np.floor(height / low))
+    return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

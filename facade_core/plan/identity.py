@@ -1,0 +1,179 @@
+"""What charts, buildings and views are, as digests: they stay as long as what they stand for does, whatever comes and goes
+elsewhere in the block. Keys of units and places in the atlas are carried over from one ingest to the next by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from hashlib import blake2b
+from typing import Protocol, TypeVar
+
+import numpy as np
+import shapely
+
+from facade_core.core.types import PLAIN, Finish, Ground
+from facade_core.geometry.charts import GROUND, Charts, Mesh
+from facade_core.geometry.ground.shapes import Squares
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Each(Protocol):
+    """Calls a function with runs of items that together are all of them, wherever that is done: what it returns, joined."""
+
+    def __call__(self, function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]: ...
+
+
+def here(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+    """All items at once, in this process."""
+    return function(items)
+
+
+# Of a view's pixels that show no chart within the range: the sky, and what lies beyond.
+SKY, BEYOND = 0, 1
+
+
+@dataclass(frozen=True)
+class Things:
+    """What stands in a block, as columns: the buildings in their rows, then each ground chart.
+
+    digest (k,) uint64 of a thing's whole surface; low, high (k, 3) the corners of its box, metres, inf and -inf where it has no
+    surface; of_chart (charts,) the thing that each chart is of.
+    """
+
+    digest: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    of_chart: np.ndarray
+
+    def within(self, low: np.ndarray, high: np.ndarray) -> list[str]:
+        """The things whose boxes meet the box from low to high (3,), as sorted hexadecimal digests."""
+        near = self._with_surface[self._boxes.query(shapely.box(*low[:2], *high[:2]))]
+        meet = (self.low[near] <= high).all(axis=1) & (self.high[near] >= low).all(axis=1)
+        return [f"{digest:016x}" for digest in np.sort(self.digest[near[meet]]).tolist()]
+
+    @cached_property
+    def _with_surface(self) -> np.ndarray:
+        return np.flatnonzero(np.isfinite(self.low).all(axis=1))
+
+    @cached_property
+    def _boxes(self) -> shapely.STRtree:
+        """The boxes of what has a surface, from above."""
+        low, high = self.low[self._with_surface], self.high[self._with_surface]
+        return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+
+
+def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
+    """A number for each chart, (n,) uint64, of its kind, its place, the share (n,) of the atlas' density that it has, where
+    that is not all of it, the id of its building, by row in `names`, and of what is stated of that one's colours and materials.
+
+    Charts that are alike in all of that are told apart by their order.
+    """
+    frames = np.column_stack([charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size]) + 0.0  # no -0
+    count: dict[bytes, int] = {}
+    found = np.empty(len(charts), np.uint64)
+    for chart, (row, building) in enumerate(zip(frames, charts.building.tolist(), strict=True)):
+        name = names[building] if building >= 0 else ""
+        if building >= 0 and finishes and finishes[building] != PLAIN:
+            name += repr(finishes[building])
+        if share[chart] < 1:
+            name += repr(float(share[chart]))
+        digest = blake2b(row.tobytes() + name.encode(), digest_size=8)
+        twin = count[digest.digest()] = count.get(digest.digest(), -1) + 1
+        if twin:
+            digest.update(twin.to_bytes(4))
+        found[chart] = int.from_bytes(digest.digest())
+    return found
+
+
+def things_of(charts: Charts, mesh: Mesh, names: Sequence[str]) -> Things:
+    """The things of a block; names are the ids of the buildings, by row."""
+    ground = np.flatnonzero(charts.building < 0)
+    of_chart = charts.building.astype(np.int64)
+    of_chart[ground] = len(names) + np.arange(len(ground))
+    count = len(names) + len(ground)
+    owner = of_chart[mesh.chart]
+    order = np.argsort(owner, kind="stable")
+    corners = mesh.vertices[mesh.triangles[order]] + 0.0
+    surface, first_chart = charts.surface[mesh.chart[order]], mesh.chart[order]
+    digest = np.zeros(count, np.uint64)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    ends = np.searchsorted(owner[order], np.arange(count + 1))
+    for thing in np.flatnonzero(np.diff(ends)).tolist():
+        part = slice(ends[thing], ends[thing + 1])
+        low[thing], high[thing] = corners[part].min(axis=(0, 1)), corners[part].max(axis=(0, 1))
+        found = blake2b(names[thing].encode() if thing < len(names) else b"", digest_size=8)
+        found.update(corners[part].tobytes())
+        for number in (surface[part], first_chart[part]):
+            found.update((number - number.min()).astype(np.int64).tobytes())
+        digest[thing] = int.from_bytes(found.digest())
+    return Things(digest, low, high, of_chart)
+
+
+def look_around(
+    scene: Scene,
+    things: Things,
+    ids: np.ndarray,
+    cameras: Sequence[Viewpoint],
+    ground: Ground,
+    width: int,
+    each: Each = here,
+) -> tuple[list[np.ndarray], tuple[str, ...]]:
+    """What the panorama of each viewpoint, `width` pixels wide, shows: sorted charts, and the digest of all geometry that the
+    panorama is made of.
+
+    That is every pixel's chart (of `ids`) and depth, the things that the charts are of, which charts are one surface, the light
+    on them, and what the ground is drawn of. Whatever else changes in the block, what the viewpoint makes stays. `each` says
+    where rays are cast.
+    """
+    looks = each(partial(_looks, scene, ids, width), cameras)
+    seen = [charts for charts, _ in looks]
+    lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
+    light = np.zeros(len(scene.charts), np.uint64)
+    light[lit] = each(partial(_light, scene), lit.tolist())
+    squares = Squares(ground, scene.charts)
+    digests = []
+    for charts, pixels in looks:
+        digest = blake2b(pixels, digest_size=16)
+        ordered = charts[np.argsort(ids[charts])]
+        surface = scene.charts.surface[ordered]
+        _, first, of = np.unique(surface, return_index=True, return_inverse=True)
+        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered]):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        for chart in ordered[scene.charts.kind[ordered] == GROUND].tolist():
+            digest.update(squares.digest(chart))
+        digests.append(digest.hexdigest())
+    return seen, tuple(digests)
+
+
+def _looks(scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoint]) -> list[tuple[np.ndarray, bytes]]:
+    """The charts that each viewpoint shows, sorted, and a digest of its pixels."""
+    found = []
+    for camera in cameras:
+        _, depth, chart = scene.look(camera, width)
+        shown = chart != MISS
+        pixels = np.where(shown, ids[chart], np.where(np.isfinite(depth), BEYOND, SKY).astype(np.uint64))
+        digest = blake2b(np.concatenate([camera.position, camera.forward]).tobytes(), digest_size=16)
+        digest.update(pixels.tobytes())
+        digest.update(np.where(shown, depth, 0).astype(np.float32).tobytes())
+        seen = np.zeros(len(scene.charts), bool)
+        seen[chart[shown]] = True
+        found.append((np.flatnonzero(seen).astype(np.int32), digest.digest()))
+    return found
+
+
+def _light(scene: Scene, charts: Sequence[int]) -> list[int]:
+    """A digest of the daylight on each of some charts, 64 bits."""
+    daylight = scene.daylight
+    daylight.reach(charts)
+    found = []
+    for chart in charts:
+        start = int(daylight.place[chart])
+        cells = daylight.light[start : start + int(daylight.rows[chart] * daylight.columns[chart])]
+        found.append(int.from_bytes(blake2b(cells.tobytes(), digest_size=8).digest()))
+    return found

@@ -1,0 +1,209 @@
+"""Ingest: buildings and streets into everything the later stages need to know about a block's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Building, Elevation, Ground, Pose, Street
+from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.chart_packing import Places, pack
+from facade_core.geometry.ground.carriageways import fitted
+from facade_core.geometry.ground.street_gaps import streets_between
+from facade_core.geometry.ground.terrain import Terrain, terrain_of
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
+from facade_core.geometry.texel_density import coarsest, texel_density
+from facade_core.geometry.walls import STREET, free_share
+from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
+from facade_core.imagery.rectify.panorama import REACH_M, panoramas_near, sightings
+from facade_core.plan.core_region import Own, own_facades, own_streets, owned_charts, watching
+from facade_core.plan.facades import Facades, find_facades
+from facade_core.plan.identity import Each, chart_ids, here, look_around, things_of
+from facade_core.plan.plan import Plan, Sightings
+
+# A facade off the streets is taken from panoramas as near as those of other walls, that show at least this share of it: less
+# would not be enough to texture it.
+OFF_STREET_SEEN = 0.3
+
+
+def ingest(
+    buildings: Sequence[Building],
+    streets: Sequence[Street],
+    *,
+    ground: Ground | None = None,
+    elevation: Elevation | None = None,
+    poses: Sequence[Pose] = (),
+    panorama_sizes: Sequence[tuple[int, int]] = (),
+    texels_per_metre: float,
+    spacing: float,
+    height: float,
+    visibility_range: float,
+    panorama_width: int,
+    storey: float,
+    walls: str,
+    page: int = 2048,
+    last: Places | None = None,
+    each: Each = here,
+    own: Own | None = None,
+) -> Plan:
+    """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
+
+    ground: what a map says of it; of streets only the lines are known without. Without streets they are derived from the gaps
+    between the buildings. Without an elevation the ground follows the buildings' bases. poses and panorama_sizes (rows,
+    columns) are those of the panoramas. texels_per_metre is the density near streets. Lengths in metres; walls is "exemplar"
+    (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart). With the
+    places of an earlier ingest, charts stay where they are in the atlas. `each` says where rays are cast, most of the work.
+    own: what is textured, where the block is a part of a city; the rest is only seen, at the lowest density.
+    Raises GeometryError for a block without geometry.
+    """
+    footprints = [building.footprint for building in buildings]
+    streets = tuple(streets) or streets_between(footprints)
+    ground = fitted(ground or Ground(), streets, footprints)
+    terrain = terrain_of(buildings, elevation)
+    one_page = AtlasSpec(1, texels_per_metre, page=page)
+    charts, mesh, refused = block_surfaces(
+        buildings,
+        streets,
+        terrain=terrain,
+        ground_margin=visibility_range,
+        largest=one_page.largest,
+        within=ground.outline,
+    )
+    names = tuple(building.id for building in buildings)
+    finishes = tuple(building.finish for building in buildings)
+    cameras = _cameras(streets, footprints, terrain, spacing=spacing, height=height)
+    owned = np.ones(len(charts), bool)
+    if own is not None:
+        owned = owned_charts(charts, buildings, streets, own)
+        cameras = watching(cameras, streets, buildings, own, visibility_range)
+    places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
+    free = free_share(charts, mesh)
+    density = texel_density(charts, free, places, texels_per_metre)
+    density[~owned] = coarsest(texels_per_metre)
+    ids = chart_ids(charts, density / texels_per_metre, names, finishes)
+    placement = pack(
+        charts.size,
+        density,
+        charts.building,
+        page=page,
+        chunk=one_page.chunk,
+        gutter=one_page.gutter,
+        ids=ids,
+        last=last,
+    )
+    spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
+    scene = Scene(
+        mesh,
+        charts,
+        placement,
+        spec,
+        spacing=spacing,
+        visibility_range=visibility_range,
+        names=names,
+        finishes=finishes,
+    )
+
+    seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each)
+    around = streets if walls == "exemplar" else ()
+    facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
+    if own is not None:
+        facades = own_facades(facades, buildings, own)
+        streets, rows, cameras, facades = own_streets(streets, cameras, facades, own)
+        seen, looks = [seen[row] for row in rows], tuple(looks[row] for row in rows)
+    views = np.array(
+        [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
+    ).reshape(-1, 2)
+    textured = np.zeros(len(charts), bool)
+    textured[mesh.chart[mesh.texture >= 0]] = True
+    textured &= owned
+    writable = owned.copy()
+    if walls == "exemplar":
+        writable[facades.chart] = False
+        writable[textured] = False
+    plan = Plan(
+        scene=scene,
+        streets=streets,
+        ground=ground,
+        facades=facades,
+        poses=(),
+        refused=refused,
+        sightings=_sightings(scene, facades, (), ()),
+        textured=textured,
+        viewpoints=tuple(cameras),
+        views=views,
+        writable=writable,
+        wave=_waves(scene, cameras, seen, writable, len(streets)),
+        ids=ids,
+        looks=looks,
+        own=owned,
+    )
+    return with_panoramas(plan, on_ground(poses, terrain, height), panorama_sizes)
+
+
+def _cameras(
+    streets: Sequence[Street], footprints: Sequence[shapely.Polygon], terrain: Terrain, *, spacing: float, height: float
+) -> list[Viewpoint]:
+    """The viewpoints along all streets."""
+    obstacles = shapely.STRtree(footprints)
+    cameras: list[Viewpoint] = []
+    for index, street in enumerate(streets):
+        positions, forward = viewpoints(
+            street.line, spacing=spacing, height=height, obstacles=obstacles, ground=terrain.height
+        )
+        for position, ahead in zip(positions, forward, strict=True):
+            cameras.append(Viewpoint(len(cameras), index, position, ahead))
+    return cameras
+
+
+def on_ground(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
+    """Poses, those without a height of their own `height` metres above the terrain."""
+    return tuple(
+        replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
+        for pose in poses
+    )
+
+
+def with_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Plan:
+    """The plan of the same geometry with panoramas of these poses, on the ground, and sizes (rows, columns)."""
+    return replace(plan, poses=tuple(poses), sightings=_sightings(plan.scene, plan.facades, poses, sizes))
+
+
+def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:
+    found = []
+    for index, near in enumerate(panoramas_near(scene, facades.chart, poses)):
+        chart, of = int(facades.chart[index]), near.tolist()
+        on_street = facades.role[index] == STREET
+        reach, least = (REACH_M, 0.0) if on_street else (WALL_REACH_M, OFF_STREET_SEEN)
+        for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], reach=reach):
+            if sighting.seen >= least:
+                found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
+    columns = list(zip(*found, strict=True)) or [(), (), (), ()]
+    return Sightings(
+        np.array(columns[0], np.int32),
+        np.array(columns[1], np.int32),
+        np.array(columns[2], np.float64),
+        np.array(columns[3], np.float64),
+    )
+
+
+def _waves(
+    scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], writable: np.ndarray, streets: int
+) -> np.ndarray:
+    """The conflict graph of streets by shared chunks, coloured into waves."""
+    chunks: dict[int, frozenset] = {}
+    reads: list[set] = [set() for _ in range(streets)]
+    writes: list[set] = [set() for _ in range(streets)]
+    for camera, row in zip(cameras, seen, strict=True):
+        for chart in row.tolist():
+            if chart not in chunks:
+                cells = scene.placement.chunks(chart, scene.spec.chunk, scene.spec.gutter)
+                chunks[chart] = frozenset(map(tuple, cells.tolist()))
+            reads[camera.street] |= chunks[chart]
+            if writable[chart]:
+                writes[camera.street] |= chunks[chart]
+    return colour_waves(reads, writes)

@@ -1,0 +1,265 @@
+"""A block's plan: made by ingest, kept in the store as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeVar
+
+import icechunk
+import numpy as np
+import shapely
+
+from facade_core.atlas.store import open_root, open_table, write_table
+from facade_core.atlas.table_schema import TABLES
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.types import Area, Building, Finish, Ground, Pose, Street, Way
+from facade_core.geometry.chart_packing import Placement
+from facade_core.geometry.charts import Charts, Mesh
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.plan.facades import Facades
+from facade_core.plan.plan import Plan, Sightings
+
+# A table's columns and attributes, by name.
+Values = Mapping[str, Any]
+T = TypeVar("T", Charts, Facades, Placement, Sightings)
+
+
+def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
+    """Write the plan's tables. Every group opens in xarray with named dimensions, units and the CRS."""
+    for name, values in _values(plan, buildings).items():
+        table = TABLES[name]
+        attributes = {key: values.pop(key) for key in table.attributes}
+        write_table(session, name, table.dataset(values, attributes, crs))
+
+
+def read_plan(session: icechunk.Session) -> Plan:
+    """The plan as `write_plan` wrote it, with the density of the atlas."""
+    density = float(open_root(session)["atlas"].attrs["texels_per_metre"])
+    return _plan({name: read_table(session, name) for name in TABLES}, density)
+
+
+def read_facades(session: icechunk.Session) -> Facades:
+    return _facades(read_table(session, "facades"))
+
+
+def read_table(session: icechunk.Session, name: str) -> Values:
+    """The columns (rows, ...) and attributes of one of TABLES by name; strings as str."""
+    return TABLES[name].read(open_table(session, name).load())
+
+
+def placement_of(charts: Values, texels_per_metre: float) -> Placement:
+    """Where charts lie, by their table; those of an older store are all of the atlas' density."""
+    density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
+    return _of(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
+
+
+def _facades(values: Values) -> Facades:
+    """Facades; those of an older store are of whole buildings on the ground."""
+    return _of(
+        Facades,
+        {"raised": np.zeros(len(values["id"]), bool), "house": values["building"].astype(np.int64)} | dict(values),
+    )
+
+
+def _of(kind: type[T], values: Values, **others: Any) -> T:
+    """A value whose fields are columns of their names; others are those that are not."""
+    return kind(**{field.name: values[field.name] for field in fields(kind) if field.name not in others}, **others)
+
+
+def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
+    """The plan as tables."""
+    scene, streets, refused = plan.scene, plan.streets, dict(plan.refused)
+    ways, areas = plan.ground.ways, plan.ground.areas
+    placement = _columns(scene.placement)
+    del placement["pages"]
+    return {
+        "charts": {
+            **_columns(scene.charts),
+            **placement,
+            "writable": plan.writable,
+            "textured": plan.textured,
+            "own": plan.own,
+            "id": plan.ids,
+            "page_size": scene.spec.page,
+            "chunk": scene.spec.chunk,
+            "gutter": scene.spec.gutter,
+        },
+        "mesh": {
+            "vertices": scene.mesh.vertices,
+            "triangles": scene.mesh.triangles,
+            "triangle_chart": scene.mesh.chart,
+            "vertex_chart": scene.mesh.vertex_chart,
+            **_own_textures(scene.mesh),
+        },
+        "sightings": _columns(plan.sightings),
+        "poses": {
+            "position": np.array([[p.x, p.y, p.z] for p in plan.poses]).reshape(-1, 3),
+            "angles": np.array([[p.heading, p.pitch, p.roll] for p in plan.poses]).reshape(-1, 3),
+            "view": np.array([p.view for p in plan.poses]).reshape(-1, 4),
+        },
+        "facades": _columns(plan.facades),
+        "viewpoints": {
+            "street": [v.street for v in plan.viewpoints],
+            "position": np.array([v.position for v in plan.viewpoints]).reshape(-1, 3),
+            "forward": np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2),
+            "look": plan.looks,
+            "view_viewpoint": plan.views[:, 0],
+            "view_chart": plan.views[:, 1],
+            "spacing": scene.spacing,
+            "visibility_range": scene.visibility_range,
+        },
+        "streets": {
+            "id": [s.id for s in streets],
+            "name": [s.name or "" for s in streets],
+            "wave": plan.wave,
+            "point": np.concatenate([_points(s) for s in streets] or [np.empty((0, 2))]),
+            "point_street": np.repeat(np.arange(len(streets)), [len(_points(s)) for s in streets]),
+        },
+        "ways": {
+            "id": [w.id for w in ways],
+            "kind": [w.kind for w in ways],
+            "line": [shapely.to_wkb(w.line, hex=True) for w in ways],
+            "width": [w.width for w in ways],
+            "assumed": [w.assumed for w in ways],
+            "surface": [w.surface for w in ways],
+            "lanes": [w.lanes for w in ways],
+            "oneway": [w.oneway for w in ways],
+            "pavement": np.array([w.pavement for w in ways]).reshape(-1, 2),
+            "parking": np.array([w.parking for w in ways]).reshape(-1, 2),
+            "rank": [w.rank for w in ways],
+        },
+        "areas": {
+            "id": [a.id for a in areas],
+            "outline": [shapely.to_wkb(a.outline, hex=True) for a in areas],
+            "surface": [a.surface for a in areas],
+            "block": shapely.to_wkb(plan.ground.outline, hex=True) if plan.ground.outline is not None else "",
+        },
+        "buildings": {
+            "id": [b.id for b in buildings],
+            "name": [b.name or "" for b in buildings],
+            "height": [b.height for b in buildings],
+            "height_source": [b.height_source for b in buildings],
+            "levels": [b.levels or 0 for b in buildings],
+            "raised": [b.raised for b in buildings],
+            "part_of": [b.part_of or "" for b in buildings],
+            "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
+            "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
+            "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
+            "wall_colour": [_hexadecimal(b.finish.wall_colour) for b in buildings],
+            "roof_colour": [_hexadecimal(b.finish.roof_colour) for b in buildings],
+            "wall_material": [b.finish.wall_material or "" for b in buildings],
+            "roof_material": [b.finish.roof_material or "" for b in buildings],
+            "refused": [refused.get(b.id, "") for b in buildings],
+        },
+    }
+
+
+def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
+    """The plan of some tables."""
+    charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
+    streets, buildings = tables["streets"], tables["buildings"]
+    placement = placement_of(charts, texels_per_metre)
+    spec = AtlasSpec(placement.pages, texels_per_metre, charts["page_size"], charts["chunk"], charts["gutter"])
+    scene = Scene(
+        _mesh(mesh),
+        _of(Charts, charts),
+        placement,
+        spec,
+        spacing=cameras["spacing"],
+        visibility_range=cameras["visibility_range"],
+        names=buildings["id"],
+        finishes=_finishes(buildings),
+    )
+    lines = [streets["point"][streets["point_street"] == i] for i in range(len(streets["id"]))]
+    return Plan(
+        scene=scene,
+        streets=tuple(
+            Street(id_, name or None, shapely.LineString(line))
+            for id_, name, line in zip(streets["id"], streets["name"], lines, strict=True)
+        ),
+        ground=_ground(tables["ways"], tables["areas"]),
+        facades=_facades(tables["facades"]),
+        poses=tuple(
+            Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
+            for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
+                *(poses[n].tolist() for n in ("position", "angles", "view")), strict=True
+            )
+        ),
+        refused=tuple((id_, why) for id_, why in zip(buildings["id"], buildings["refused"], strict=True) if why),
+        sightings=_of(Sightings, tables["sightings"]),
+        textured=charts["textured"],
+        viewpoints=tuple(
+            Viewpoint(i, int(street), position, forward)
+            for i, (street, position, forward) in enumerate(
+                zip(cameras["street"], cameras["position"], cameras["forward"], strict=True)
+            )
+        ),
+        views=np.column_stack([cameras["view_viewpoint"], cameras["view_chart"]]),
+        writable=charts["writable"],
+        wave=streets["wave"],
+        ids=charts["id"],
+        looks=cameras["look"],
+        own=charts.get("own", np.ones(len(charts["id"]), bool)),
+    )
+
+
+def _finishes(buildings: Values) -> tuple[Finish, ...]:
+    """What buildings are stated to be of; of an older store nothing."""
+    if "wall_colour" not in buildings:
+        return ()
+    columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
+    return tuple(
+        Finish(_colour(wall), _colour(roof), of or None, over or None)
+        for wall, roof, of, over in zip(*columns, strict=True)
+    )
+
+
+def _hexadecimal(colour: tuple[int, int, int] | None) -> str:
+    return "" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _colour(text: str) -> tuple[int, int, int] | None:
+    return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)) if text else None
+
+
+def _ground(ways: Values, areas: Values) -> Ground:
+    names = ("id", "kind", "width", "surface", "assumed", "lanes", "oneway", "rank")
+    columns = [ways[name] if isinstance(ways[name], tuple) else ways[name].tolist() for name in names]
+    lines = [shapely.from_wkb(line) for line in ways["line"]]
+    sides = [[tuple(pair) for pair in ways[name].tolist()] for name in ("pavement", "parking")]
+    return Ground(
+        tuple(
+            Way(line=line, pavement=pavement, parking=parking, **dict(zip(names, values, strict=True)))
+            for line, pavement, parking, *values in zip(lines, *sides, *columns, strict=True)
+        ),
+        tuple(
+            Area(id, shapely.from_wkb(outline), surface)
+            for id, outline, surface in zip(areas["id"], areas["outline"], areas["surface"], strict=True)
+        ),
+        shapely.from_wkb(areas["block"]) if areas["block"] else None,
+    )
+
+
+def _own_textures(mesh: Mesh) -> dict[str, Any]:
+    """The columns of a mesh with textures of the source's own; a mesh without needs no room for them."""
+    return {"texture": mesh.texture, "uv": mesh.uv} if (mesh.texture >= 0).any() else {}
+
+
+def _mesh(values: Values) -> Mesh:
+    return Mesh(
+        vertices=values["vertices"],
+        triangles=values["triangles"],
+        chart=values["triangle_chart"],
+        vertex_chart=values["vertex_chart"],
+        **{name: values[name] for name in ("texture", "uv") if name in values},
+    )
+
+
+def _points(street: Street) -> np.ndarray:
+    return shapely.get_coordinates(street.line)

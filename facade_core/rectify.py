@@ -1,0 +1,5 @@
+"""Public import path of rectification."""
+
+from facade_core.imagery.rectify.photo import Rectified, rectify
+
+__all__ = ["Rectified", "rectify"]

@@ -1,0 +1,1 @@
+"""Sun, sky, ambient and contact light on charts."""

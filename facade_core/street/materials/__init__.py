@@ -1,0 +1,1 @@
+"""Procedural and example-based materials of ground, walls and roofs."""

@@ -1,0 +1,277 @@
+"""What charts are made of where no picture shows it, as a field: a function of chart and world point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+
+import numpy as np
+
+from facade_core.core.types import Finish, Ground, Street
+from facade_core.facade.wall_material import WallMaterial
+from facade_core.geometry.charts import DOOR, ROOF, WALL, WINDOW
+from facade_core.geometry.ground.carriageways import ways_of
+from facade_core.geometry.ground.kinds import kinds_of
+from facade_core.geometry.ground.shapes import Squares
+from facade_core.geometry.scene import Scene
+from facade_core.street.materials import field_kernels as kernels
+from facade_core.street.materials import grain
+from facade_core.street.materials.field_kernels import (
+    BALLAST,
+    BOARDS,
+    BRICK,
+    FELT,
+    FITTING,
+    LAID,
+    NONE,
+    PANE,
+    PLASTER,
+    SHEET,
+    SLATE,
+    SOIL,
+    TILE,
+    UNDERSIDE,
+    Field,
+    Own,
+    Surfaces,
+)
+from facade_core.street.materials.grain import Grains
+from facade_core.street.materials.grain_file import shipped
+from facade_core.street.materials.procedural import BRICKS, FITTINGS, PLASTERS, SOFFIT, WOODS
+from facade_core.street.materials.roofs import BALLASTS, FELTS, ROOFS, SLATES, TILES
+from facade_core.street.materials.tiled import Material
+from facade_core.street.propagation.render import shade
+from facade_core.street.propagation.sampling import Lights
+
+# A roof whose normal leans more than this from the vertical (cosine), by 15 degrees, carries tiles: on flatter ones they leak.
+TILED = 0.966
+# One that leans less, by 3 degrees, is seldom of sheet metal: these shares of such roofs are of felt and under gravel.
+LEVEL, FELTED, BALLASTED = 0.9986, 0.6, 0.3
+# One that leans so much is a wall, by 6 degrees, whatever its source calls it.
+STEEP = 0.1
+# What roofs are of by OpenStreetMap's roof:material; others are as where nothing is stated.
+ROOFING = {
+    SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
+    TILE: ("roof_tiles", "tile", "tiles", "clay", "eternit", "concrete_tiles"),
+    SLATE: ("slate", "stone"),
+    FELT: (
+        "tar_paper",
+        "bitumen",
+        "asphalt",
+        "asphalt_shingle",
+        "concrete",
+        "roofing_felt",
+        "plastic",
+        "rubber",
+    ),
+    BALLAST: ("gravel", "grit", "pebbles"),
+}
+# A roof in which green or blue is so much over red is of no tiles.
+UNLIKE_TILES = 12
+# A roof whose normal has this much of north in it is under moss, at its worst place.
+NORTHERN, MOSSY = 0.25, 0.55
+# The grain of a material; every third building is of rough plaster.
+GRAIN = {
+    SHEET: grain.METAL,
+    TILE: grain.ROOF_TILES,
+    SLATE: grain.SLATE,
+    FELT: grain.ASPHALT,
+    BALLAST: grain.GRAVEL,
+    PLASTER: grain.PLASTER_FINE,
+    BRICK: grain.BRICKS,
+    BOARDS: grain.BOARDS,
+    UNDERSIDE: grain.PLASTER_FINE,
+    FITTING: grain.METAL,
+}
+ROUGH = 1 / 3
+# Texels of a chart that are painted in one call.
+AT_ONCE = 1 << 16
+# What faces down counts as if it saw this much of the sky in the open.
+LEAST_OPEN = 0.25
+
+
+class Materials:
+    """What charts are made of: a function of the world point, the same wherever it is seen from.
+
+    Ground is what `ground` says, or carriageways along the streets; walls take their building's plaster, tilted roofs
+    tiles along the slope; with a material for roofs, all of these take that but upright ones. grains: of what has grain, that
+    which is shipped without. A footprint is the side of the square, in metres, over which a colour is meant; a texel's is one
+    texel.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        streets: Sequence[Street],
+        *,
+        seed: int,
+        roof_material: Material | None = None,
+        ground: Ground | None = None,
+        grains: Grains | None = None,
+    ) -> None:
+        self._scene = scene
+        self._ground = Squares(ground or Ground(ways_of(streets)), scene.charts)
+        self._step = 1 / scene.placement.texels_per_metre
+        grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
+        self.field = Field(
+            _surfaces(scene, seed, laid=roof_material is not None),
+            NONE,
+            self._ground.of([]),
+            (roof_material or grey).mips,
+            grains or shipped(),
+            seed,
+        )
+
+    def with_wall(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[Materials, np.ndarray]:
+        """The same with the plaster walls among a building's charts of what its facade shows on its chart, unless a source
+        states what they are of; and which charts these are."""
+        surfaces = self.field.charts
+        own = np.array(charts)
+        own = own[surfaces.made[own] == PLASTER]
+        if self._scene.finishes:
+            finish = [self._scene.finishes[row] for row in self._scene.charts.building[own].tolist()]
+            own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
+        if not len(own):
+            return self, own
+        made, example = PLASTER, int(surfaces.grain[own[0]])
+        if wall.brick:
+            made, example = BRICK, GRAIN[BRICK]
+        found = copy(self)
+        colour = wall.colour / surfaces.grey[facade]
+        found.field = self.field._replace(own=Own(np.sort(own).astype(np.int64), made, example, colour))
+        return found, own
+
+    def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+        """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
+        out = np.empty((len(chart), 3), np.uint8)
+        order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
+        kernels.colour(order, own, points, footprint, *self._near(np.unique(chart)), out)
+        return out
+
+    def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Texels (k,) of a chart at their middles: (k, 3) uint8."""
+        out = np.empty((len(rows), 3), np.uint8)
+        for start in range(0, len(rows), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            self._paint(chart, rows[some], columns[some], out[some])
+        return out
+
+    def detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+        """What texels (k,) of a chart show beyond their means over footprints (k,), metres: (k, 3) int16, around 0.
+
+        Added to the tone of a picture whose pixels cover so much there, it gives back what they cannot show.
+        """
+        step = self._step[chart]
+        points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, step))
+        return self.texels(chart, rows, columns).astype(np.int16) - mean
+
+    def raster(self, chart: int) -> np.ndarray:
+        """A whole chart: (h, w, 3) uint8."""
+        placement = self._scene.placement
+        out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
+        flat = out.reshape(-1, 3)
+        for start in range(0, len(flat), AT_ONCE):
+            part = flat[start : start + AT_ONCE]
+            rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
+            self._paint(chart, rows, columns, part)
+        return out
+
+    def kinds(self, chart: int, margin: int) -> np.ndarray:
+        """Kinds of ground, as of `kinds_of`, on a chart and `margin` texels around it: (h + 2 m, w + 2 m) uint8."""
+        placement = self._scene.placement
+        size = (int(placement.height[chart]), int(placement.width[chart]))
+        density = float(placement.texels_per_metre[chart])
+        return kinds_of(self._scene.charts, chart, self._ground.around(chart), density, size, margin)
+
+    def _paint(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+        """Texels (k,) of a chart, by the kernel that places are coloured by: one more that calls it would be compiled with all
+        that it calls."""
+        step, count = float(self._step[chart]), len(rows)
+        points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        every = np.arange(count), np.full(count, chart), points, np.full(count, step)
+        kernels.colour(*every, *self._near([chart]), out)
+
+    def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[Field, Lights]:
+        """The field and the light on some charts."""
+        daylight = self._scene.daylight
+        daylight.reach(charts)
+        lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
+        return self.field._replace(ground=self._ground.of(charts)), lights
+
+
+def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
+    charts, mesh = scene.charts, scene.mesh
+    own = mesh.vertex_chart
+    wall = charts.kind[own] == WALL
+    # where each building's walls begin
+    foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
+    np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
+    normal = charts.normal()
+    made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
+    roof = charts.kind == ROOF
+    # models that were measured from above have steps of roofs as steep roofs; no tile lies on one
+    steep = roof & (np.abs(normal[:, 2]) < STEEP)
+    made[steep] = PLASTER
+    roof &= ~steep
+    number = scene.building_numbers[charts.building]
+    made[roof & (normal[:, 2] > TILED)] = SHEET
+    level, lot = roof & (normal[:, 2] > LEVEL), kernels.drawn(number, seed + 83)
+    made[level & (lot < FELTED + BALLASTED)] = BALLAST
+    made[level & (lot < FELTED)] = FELT
+    if laid:
+        made[roof] = LAID
+    if scene.finishes:
+        bricks = np.array([one.wall_material == "brick" for one in scene.finishes])
+        made[(made == PLASTER) & bricks[charts.building]] = BRICK
+        of = np.array([_roofing(one) for one in scene.finishes])[charts.building]
+        known = roof & (made != LAID) & (charts.building >= 0) & (of >= 0)
+        made[known] = of[known]
+    grey = shade(normal)
+    tint = np.ones((len(charts), 3))
+    palettes = (
+        (SHEET, ROOFS, 5),
+        (TILE, TILES, 19),
+        (SLATE, SLATES, 19),
+        (FELT, FELTS, 5),
+        (BALLAST, BALLASTS, 5),
+        (PLASTER, PLASTERS, 9),
+        (BRICK, BRICKS, 9),
+        (BOARDS, WOODS, 37),
+        (FITTING, FITTINGS, 113),
+    )
+    for material, palette, turn in palettes:
+        chosen = made == material
+        tint[chosen] = kernels.picked(palette, number[chosen], seed + turn)
+    tint[made == UNDERSIDE] = SOFFIT
+    if scene.finishes:
+        unknown = (np.nan, np.nan, np.nan)
+        stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
+        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE, SLATE, FELT, BALLAST))):
+            colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
+            known = np.isin(made, materials) & np.isfinite(colour[:, 0])
+            tint[known] = colour[known]
+    start = np.column_stack([np.einsum("ij,ij->i", charts.origin, axis) for axis in (charts.axis_u, charts.axis_v)])
+    start[np.isin(charts.kind, (WINDOW, DOOR))] = 0.0
+    frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
+    # a surface sees the sky above the horizon
+    sky = np.maximum(0.5 + 0.5 * normal[:, 2], LEAST_OPEN)
+    examples = np.zeros(len(charts), np.int64)
+    for material, example in GRAIN.items():
+        examples[made == material] = example
+    rendered = (made == PLASTER) & (kernels.drawn(number, seed + 73) < ROUGH)
+    examples[rendered] = grain.PLASTER_ROUGH
+    mossy = np.where(normal[:, 1] > NORTHERN, MOSSY * kernels.drawn(number, seed + 79), 0.0)
+    return Surfaces(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy)
+
+
+def _roofing(finish: Finish) -> int:
+    """What a roof is of by what is stated of it, -1 where that says nothing; in a colour that no tile has it is sheet metal."""
+    for made, names in ROOFING.items():
+        if finish.roof_material in names:
+            return made
+    if finish.roof_material is None and finish.roof_colour is not None:
+        red, green, blue = finish.roof_colour
+        if green > red + UNLIKE_TILES or blue > red + UNLIKE_TILES:
+            return SHEET
+    return -1

@@ -1,0 +1,208 @@
+"""Ground that no camera shows, filled with what pictures show of the ground around it.
+
+Like the completion by floors (floors paper, section 3.2), without floors: of the translations under which the pictured ground
+looks like itself each hidden cell takes one, chosen all at once by a graph cut whose seams run where they show least; parts
+are then copied texel by texel, and their colours blended into what is around them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.facade.texture.label_expansion import choose
+from facade_core.facade.texture.mosaic import paint
+from facade_core.facade.texture.source_costs import UNUSABLE, Offers
+from facade_core.facade.texture.translations import correlation
+
+# So far from what pictures show ground is filled, metres.
+FILLED_M = 3.5
+# Side of the cells for which sources are chosen, metres: a joint between slabs is still seen.
+CELL_M = 0.2
+# A source lies at least so far away, metres; nearer ones copy a thing beside itself.
+LEAST_STEP_M = 0.8
+# What is larger than this is shade and not texture where sources are looked for, metres.
+SHADE_M = 2.0
+# Metres around a hidden cell over which the pictured ground must look like itself under a translation.
+AROUND_M = 1.0
+# Translations that are looked at, and the share of the pictured cells that must be seen twice under one.
+TRANSLATIONS, SEEN_TWICE = 40, 0.05
+# Power of that share which the likeness is multiplied by.
+TRUST = 0.25
+# Prices, in the mean squared difference of two pictured cells: of a source of another kind of ground, of one for which nothing
+# around speaks, and of each metre to it.
+WRONG_KIND, UNTOLD, A_METRE = 2.0, 1.0, 0.01
+# Which share of what is around a cell the last but one counts as.
+FEW = 0.05
+# Price of a seam for each colour difference (0-1, three channels).
+SEAM = 0.02
+# What lies beyond the reach of all translations is filled from what was filled, in so many rounds at most.
+ROUNDS = 6
+# What is narrower and was not reached is closed, metres.
+CRACK_M = 0.4
+# Less pictured ground than this is no example, square metres.
+LEAST_M2 = 6.0
+
+
+def by_example(
+    image: np.ndarray,
+    known: np.ndarray,
+    there: np.ndarray,
+    kind: np.ndarray,
+    density: float,
+    reach: float = FILLED_M,
+) -> tuple[np.ndarray, np.ndarray]:
+    """image (h, w, 3) uint8 with what is not `known` (h, w) bool filled as far as `reach` metres from that, and what was.
+
+    there (h, w) bool: where it may be filled; kind (h, w) uint8: of ground, as of a map; density in texels per metre.
+    """
+    import cv2
+
+    nothing = np.zeros(known.shape, bool)
+    if known.sum() < LEAST_M2 * density**2 or known.all():
+        return image, nothing
+    away = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+    wanted = ~known & there & (away <= reach * density)
+    factor = max(1, round(CELL_M * density))
+    out, done = image, known
+    for _ in range(ROUNDS):
+        before = done
+        out, done = _copied(out, done, wanted & ~done, kind, factor, factor / density)
+        if (done | ~wanted).all() or (done == before).all():
+            break
+    filled = done & wanted
+    if not filled.any():
+        return image, nothing
+    # a few texels to which parts' sources do not reach, as they are fitted to a texel
+    side = max(3, round(CRACK_M * density))
+    opened = cv2.morphologyEx((wanted & ~done).astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0
+    cracks = wanted & ~done & ~opened
+    if cracks.any():
+        filled |= cracks
+        whole = np.where((done | cracks)[..., None], out, 0).astype(np.uint8)
+        out = np.asarray(cv2.inpaint(whole, cracks.astype(np.uint8), 3, cv2.INPAINT_TELEA))
+    return np.where(filled[..., None], out, image), filled
+
+
+def _copied(
+    image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int, step: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The image with what could be copied, and what of it is known now (h, w) bool; step: metres of `factor` texels."""
+    small, clear, hidden, kinds = _reduced(image, known, wanted, kind, factor)
+    rows, columns = np.nonzero(hidden)
+    moves = _translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
+    if not len(moves):
+        return image, known
+    offer = _offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
+    served = (offer.price < UNUSABLE).any(axis=0)
+    if not served.any():
+        return image, known
+    offer = Offers(offer.price[:, served], offer.colour[:, served])
+    at = np.column_stack([rows, columns])[served]
+    number = np.full(hidden.shape, -1)
+    number[at[:, 0], at[:, 1]] = np.arange(len(at))
+    edges = np.concatenate(
+        [
+            np.stack([a[(a >= 0) & (b >= 0)], b[(a >= 0) & (b >= 0)]], axis=1)
+            for a, b in ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
+        ]
+    )
+    chosen = np.full(hidden.shape, -1)
+    chosen[at[:, 0], at[:, 1]] = choose(offer, edges, _rim(small, clear, at, moves), SEAM)
+    maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
+    return paint(image, known, chosen, maps, factor, AROUND_M / step)
+
+
+def _reduced(
+    image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Cells of factor texels a side: colours 0-1 float32, where all of a cell is known, where something of it is wanted and not
+    all known, and kinds."""
+    import cv2
+
+    height, width = known.shape
+    pad = (0, -height % factor), (0, -width % factor)
+    whole = np.pad(image, (*pad, (0, 0)), mode="edge")
+    tall, wide = whole.shape[0] // factor, whole.shape[1] // factor
+    small = cv2.resize(whole, (wide, tall), interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
+    blocks = [np.pad(one, pad).reshape(tall, factor, wide, factor) for one in (known, wanted)]
+    clear = np.asarray(blocks[0].all(axis=(1, 3)))
+    hidden = np.asarray(blocks[1].any(axis=(1, 3))) & ~clear
+    return small, clear, hidden, np.pad(kind, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
+
+
+def _translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarray:
+    """Steps (k, 2) in cells, down and right, under which what is clear looks most like itself, with what is seen of most; the
+    normalised correlation of detail, for all steps at once."""
+    import cv2
+
+    height, width = clear.shape
+    weight = clear.astype(np.float32)
+    sigma = SHADE_M / step
+    local = cv2.GaussianBlur(small * weight[..., None], (0, 0), sigma)
+    local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
+    # colour and its detail: kerbs and the edge of a carriageway are both
+    detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
+    score, seen = correlation(detail, clear, detail, clear)
+    down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
+    usable = (np.hypot(down, right) * step >= LEAST_STEP_M) & (seen >= SEEN_TWICE * clear.sum())
+    # what is seen of a long translation is little, and more likely to fit by chance
+    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** TRUST, -1.0).astype(np.float32)
+    top = (score == cv2.dilate(score, np.ones((5, 5), np.uint8))) & usable
+    best = np.argsort(-score[top], kind="stable")[:TRANSLATIONS]
+    return np.stack([down[top][best], right[top][best]], axis=1).astype(np.int64)
+
+
+def _offers(
+    small: np.ndarray, clear: np.ndarray, kinds: np.ndarray, at: np.ndarray, moves: np.ndarray, step: float
+) -> Offers:
+    """What cells (n, 2) could show under steps (k, 2), and how unlike what is around them their sources' surroundings are."""
+    import cv2
+
+    usual = 2 * float(small[clear].var(axis=0).mean())
+    side = 2 * round(AROUND_M / step) + 1
+    price = np.full((len(moves), len(at)), UNUSABLE, np.float32)
+    colour = np.zeros((len(moves), len(at), 3), np.float32)
+    for k, move in enumerate(moves):
+        from_, inside = _moved(at, move, clear.shape)
+        inside[inside] = clear[from_[inside, 0], from_[inside, 1]]
+        error, told = _errors(small, clear, move)
+        total, count = (cv2.blur(one, (side, side), borderType=cv2.BORDER_CONSTANT) for one in (error, told))
+        near = (total + FEW * UNTOLD * usual) / (count + FEW)
+        here, there = at[inside], from_[inside]
+        wrong = kinds[here[:, 0], here[:, 1]] != kinds[there[:, 0], there[:, 1]]
+        far = A_METRE * step * float(np.hypot(*move))
+        price[k, inside] = near[here[:, 0], here[:, 1]] + usual * (WRONG_KIND * wrong + far)
+        colour[k, inside] = small[there[:, 0], there[:, 1]]
+    return Offers(price, colour)
+
+
+def _moved(at: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Cells (n, 2) a step away, and which of them the raster has (n,) bool."""
+    there = at + move
+    return there, ((there >= 0) & (there < shape)).all(axis=1)
+
+
+def _errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean squared colour difference (r, c) float32 of clear cells and those a step away, and where both are clear."""
+    error, told = np.zeros(clear.shape, np.float32), np.zeros(clear.shape, np.float32)
+    here = tuple(slice(max(0, -m), n - max(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
+    there = tuple(slice(max(0, m), n + min(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
+    both = clear[here] & clear[there]
+    told[here] = both
+    error[here] = np.square(small[here] - small[there]).mean(axis=2) * both
+    return error, told
+
+
+def _rim(small: np.ndarray, clear: np.ndarray, at: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """What the seam to clear neighbours costs under every step: (k, n) float32."""
+    cost = np.zeros((len(moves), len(at)), np.float32)
+    for beside in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
+        mine, rim = _moved(at, beside, clear.shape)
+        rim[rim] = clear[mine[rim, 0], mine[rim, 1]]
+        for k, move in enumerate(moves):
+            theirs, inside = _moved(mine, move, clear.shape)
+            both = rim & inside
+            both[both] = clear[theirs[both, 0], theirs[both, 1]]
+            a, b = mine[both], theirs[both]
+            cost[k, both] += 2 * SEAM * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
+    return cost

@@ -1,0 +1,105 @@
+"""What materials are drawn with: joints, noise and tones of pieces, each meant over its footprint, so that nothing aliases.
+
+Joints, seams and edges count by the share of the footprint that they cover, the integral of their box over it. Lattice noise
+and the tones of slabs, tiles and boards are integrated over it too, and fade where it covers several of them. Arrays are (n,),
+in loops without a branch, so that several places are worked out at once; lengths are metres; a footprint is the side of a
+square, longer than 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.hash_uniform import ACROSS, DOWN, SEED, mixed, row_of
+from facade_core.core.numba_cache import njit
+
+
+@njit(cache=True, inline="always")
+def _rise(middle: float, length: float) -> float:
+    """The integral of 3 t^2 - 2 t^3 over a piece of 0..1, of which it is exact in middle and length."""
+    return length * (middle * middle * (3 - 2 * middle) + 0.25 * length * length * (1 - 2 * middle))
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> float:
+    """Lattice noise around 0, -0.5..0.5, smooth from corner to corner of its cells: its mean over a box about x, y.
+
+    All in cells. A box of more than one cell is taken as one, and fades until two.
+    """
+    fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
+    wide, high = min(wide, 1.0), min(high, 1.0)
+    x0, y0 = np.floor(x - 0.5 * wide), np.floor(y - 0.5 * high)
+    # of the box, what lies in the cell where it begins, and in the next
+    right, below = max(x + 0.5 * wide - x0 - 1, 0.0), max(y + 0.5 * high - y0 - 1, 0.0)
+    left, above = wide - right, high - below
+    rise, fall = _rise(x - 0.5 * wide - x0 + 0.5 * left, left), _rise(0.5 * right, right)
+    u0, u1, u2 = left - rise, rise + right - fall, fall
+    rise, fall = _rise(y - 0.5 * high - y0 + 0.5 * above, above), _rise(0.5 * below, below)
+    v0, v1, v2 = above - rise, rise + below - fall, fall
+    a0, b0 = np.uint64(np.int64(x0)) * ACROSS, row_of(y0, seed)
+    a1, b1 = a0 + ACROSS, b0 + DOWN
+    a2, b2 = a1 + ACROSS, b1 + DOWN
+    total = v0 * (u0 * mixed(a0 + b0) + u1 * mixed(a1 + b0) + u2 * mixed(a2 + b0))
+    total += v1 * (u0 * mixed(a0 + b1) + u1 * mixed(a1 + b1) + u2 * mixed(a2 + b1))
+    total += v2 * (u0 * mixed(a0 + b2) + u1 * mixed(a1 + b2) + u2 * mixed(a2 + b2))
+    return fade * (total / (wide * high) - 0.5)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def covered(at: float, wide: float, first: float, width: float) -> float:
+    """Of a piece `wide` about a place, the share on marks that begin at `first` and are `width` wide, one a unit."""
+    low, high = at - 0.5 * wide - first, at + 0.5 * wide - first
+    start, end = np.floor(low), np.floor(high)
+    return ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def bonded(column: float, row: float, wide: float, high: float, joint: float, across: float, down: float) -> float:
+    """The share of a footprint that lies on no joint of a running bond, of which odd courses begin half a stone further.
+
+    Place and footprint in stones; joint: its width, metres; across, down: stones to the metre.
+    """
+    beside, below = 0.5 * joint * across, 0.5 * joint * down
+    even = covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
+    odd = covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
+    clear = even * covered(column, wide, beside, 1 - 2 * beside)
+    return clear + odd * covered(column, wide, 0.5 + beside, 1 - 2 * beside)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_noise(
+    x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
+) -> None:
+    """Add weight times noise around 0, -1..1, with cells of a width and height."""
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED
+    for k in range(len(x)):
+        out[k] += 2 * weight * _noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_tones(
+    x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
+) -> None:
+    """Add weight times the tones of slabs, tiles or boards of a width and height, -0.5..0.5, odd rows half of one further.
+
+    A footprint of more than one of them is taken as one, and fades until two.
+    """
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED
+    for k in range(len(x)):
+        wide, high = side[k] * across, side[k] * down
+        fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
+        wide, high = min(wide, 1.0), min(high, 1.0)
+        left, top = x[k] * across - 0.5 * wide, y[k] * down - 0.5 * high
+        y0 = np.floor(top)
+        lower = max(top + high - y0 - 1, 0.0) / high
+        odd = np.float64(np.int64(y0) & 1)
+        x0, x1 = np.floor(left + 0.5 * odd), np.floor(left + 0.5 - 0.5 * odd)
+        beside = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
+        under = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
+        a, b = (
+            np.uint64(np.int64(x0)) * ACROSS + row_of(y0, own),
+            np.uint64(np.int64(x1)) * ACROSS + row_of(y0 + 1, own),
+        )
+        upper = (1 - beside) * mixed(a) + beside * mixed(a + ACROSS)
+        tone = (1 - lower) * upper + lower * ((1 - under) * mixed(b) + under * mixed(b + ACROSS))
+        out[k] += weight * fade * (tone - 0.5)

@@ -1,0 +1,266 @@
+"""Procedural materials of ground, walls and openings, a kernel each: tones of places, each meant over its footprint.
+
+All arrays are (n,), without a branch within their loops, so that several places are worked out at once; lengths are metres; a
+footprint is the side of a square, longer than 0. What they are drawn with is in `patterns`, roofs are in `roofs`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.core.types import SURFACES
+from facade_core.street.materials import grain
+from facade_core.street.materials.patterns import add_noise, add_tones, bonded, covered
+
+# Muted Nordic plasters.
+PLASTERS = np.array(
+    [
+        [214, 196, 160],
+        [206, 178, 140],
+        [196, 170, 152],
+        [188, 192, 176],
+        [204, 200, 190],
+        [182, 160, 138],
+        [216, 206, 182],
+    ],
+    np.float64,
+)
+# Zinc new and weathered, and what is painted over it.
+FITTINGS = np.array(
+    [[142, 146, 150], [122, 126, 130], [104, 108, 110], [88, 84, 80], [150, 148, 142], [84, 74, 66]], np.float64
+)
+WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
+# The colours of a tone of 1.
+SOFFIT = np.array([172.0, 170.28, 166.84])
+ASPHALT, PAVING = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
+# What ground is made of: surfaces, and leaves over them. The mean tone of each, whose grain it has, -1 for none, and the colour
+# of a tone of 1 where no picture gives it.
+GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK, LEAVES = range(8)
+assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
+MEANS = np.array([138.0, 98.0, 148.0, 140.0, 112.0, 96.0, 98.0, 96.0])
+GRAINS = np.array([grain.GRAVEL, grain.ASPHALT, grain.SLABS, grain.SETTS, grain.GRASS, -1, grain.ASPHALT, -1])
+COLOURS = np.array(
+    [
+        [1.05, 0.96, 0.82],
+        ASPHALT,
+        PAVING,
+        [1.0, 0.985, 0.97],
+        [0.8, 0.92, 0.46],
+        [0.62, 0.78, 0.86],
+        [1.3, 0.86, 0.76],
+        [1.12, 0.84, 0.5],
+    ]
+)
+# Fired clay and sand-lime of walls, and the mortar between.
+BRICKS = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]], np.float64)
+MORTAR = np.array([168.0, 162.0, 150.0])
+# A pane's colour where it shows no sky, and where it shows nothing else.
+GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
+# What is around a pane, upright and in a roof, of a tone of 1: so wide, and from the second width on a post in the middle.
+FRAME, FLASHING, FRAME_M, POST_FROM_M, POST_M = (
+    np.array([206.0, 204.0, 198.0]),
+    np.array([70.0, 72.0, 76.0]),
+    0.065,
+    0.8,
+    0.06,
+)
+# Width and length of a slab; width of a board.
+SLAB_M, BOARD_M = (0.6, 0.4), (0.12, 1e9)
+# How far streaks run down from a wall's upper edge, and how far up its foot is splashed.
+STREAKS_M, SPLASHES_M = 5.0, 1.2
+# The width of a sett across a street and its length.
+SETT_M = (0.21, 0.15)
+# A brick with its joint, a course high, and the joint.
+BRICK_M, JOINT_M = (0.25, 0.078), 0.011
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def asphalt(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Carriageway: worn asphalt, lighter in the wheel tracks; aside: from the centreline."""
+    for k in range(len(x)):
+        track = (aside[k] - 1.7) / 0.5
+        bump = max(1 - 0.125 * track * track, 0.0)  # to its eighth power: nearly exp(-track^2)
+        bump *= bump
+        bump *= bump
+        out[k] = 98 + 5 * bump * bump
+    for number, cell in enumerate((0.15, 0.6, 4.0)):
+        add_noise(x, y, side, (cell, cell), 13 / 3, seed + number, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def paving(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Pavement of slabs, 0.6 x 0.4 m in running bond, with darker joints, 4 cm wide."""
+    out[:] = 148
+    for number, cell in enumerate((0.2, 1.5, 6.0)):
+        add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
+    add_tones(x, y, side, SLAB_M, 14, seed + 11, out)
+    across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
+    for k in range(len(x)):
+        column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
+        clear = bonded(column, row, wide, high, 0.04, across, down)
+        out[k] *= 0.86 + 0.14 * clear
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_weather(
+    x: np.ndarray, y: np.ndarray, above: np.ndarray, below: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray
+) -> None:
+    """Take from a wall's tones what rain leaves: streaks below its upper edge, and splashes at its foot.
+
+    above: its building's foot; below: its upper edge, both metres.
+    """
+    near = np.zeros(len(x))
+    top, foot = np.inf, np.inf
+    for k in range(len(x)):
+        top, foot = min(top, below[k]), min(foot, above[k])
+    if top < STREAKS_M:
+        add_noise(x, y, side, (0.16, 5.0), 0.5, seed + 97, near)
+        add_noise(x, y, side, (0.5, 9.0), 0.5, seed + 98, near)
+        for k in range(len(x)):
+            run = max(1 - max(below[k], 0.0) / STREAKS_M, 0.0)
+            out[k] -= 0.3 * max(near[k] - 0.12, 0.0) * run * run * run
+    if foot < SPLASHES_M:
+        for k in range(len(x)):
+            near[k] = 0.25
+        add_noise(x, y, side, (0.45, 0.3), 0.5, seed + 99, near)
+        add_noise(x, y, side, (2.2, 4.0), 0.5, seed + 100, near)
+        for k in range(len(x)):
+            wet = max(1 - max(above[k], 0.0) / SPLASHES_M, 0.0)
+            out[k] -= 0.26 * max(near[k], 0.0) * wet * wet
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Bare rendered wall, dirtier near the ground; above: its building's foot."""
+    for k in range(len(x)):
+        dirt = max(1 - max(above[k], 0.0) / 11.2, 0.0)  # to its 16th power: nearly exp(-above / 0.7)
+        for _ in range(4):
+            dirt *= dirt
+        out[k] = 1 - 0.16 * dirt
+    for number, cell in enumerate((0.25, 1.2, 5.0)):
+        add_noise(x, y, side, (cell, cell), 0.02, seed + 13 + number, out)
+    add_noise(x, y, side, (0.3, 1.1), 0.025, seed + 17, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def brick(
+    x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, mortar: np.ndarray, out: np.ndarray
+) -> None:
+    """Wall of bricks in running bond, dirtier near the ground; mortar gets the share of the joints; above: as plaster's."""
+    plaster(x, y, above, side, seed, out)
+    add_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
+    across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
+    for k in range(len(x)):
+        column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
+        mortar[k] = 1 - bonded(column, row, wide, high, JOINT_M, across, down)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def glass(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Window pane: dark, with more sky in it towards its top; height: the pane's, y: down from its top. A share of SKY."""
+    out[:] = 0.0
+    add_noise(x, y, side, (0.7, 0.7), 0.5, seed + 31, out)
+    add_noise(x, y, side, (2.5, 2.5), 0.5, seed + 32, out)
+    for k in range(len(x)):
+        sky = min(max(1 - y[k] / max(height, 0.1), 0.0), 1.0)
+        out[k] = 0.55 * (sky * sky * (1 + 0.3 * out[k]) + 0.08 * out[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def framed(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndarray, out: np.ndarray) -> None:
+    """The share of a pane's places that is frame; wide, high: the whole pane, x and y from its upper left."""
+    post = 0.5 * POST_M if wide > POST_FROM_M else -1e9
+    for k in range(len(x)):
+        across = (min(x[k], wide - x[k]) - FRAME_M) / side[k] + 0.5
+        down = (min(y[k], high - y[k]) - FRAME_M) / side[k] + 0.5
+        beside = (abs(x[k] - 0.5 * wide) - post) / side[k] + 0.5
+        clear = min(max(across, 0.0), 1.0) * min(max(down, 0.0), 1.0) * min(max(beside, 0.0), 1.0)
+        out[k] = 1 - clear
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def wood(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Door of upright boards 0.12 m wide."""
+    for k in range(len(x)):
+        out[k] = 1 - 0.35 * covered(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
+    add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
+    add_tones(x, y, side, BOARD_M, 0.24, seed + 43, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def soffit(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Grey plaster of what is seen from below."""
+    out[:] = 1.0
+    for number, cell in enumerate((0.3, 1.5, 5.0)):
+        add_noise(x, y, side, (cell, cell), 0.05 / 3, seed + 47 + number, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fitting(
+    x: np.ndarray,
+    y: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+    wide: float,
+    high: float,
+    side: np.ndarray,
+    seed: int,
+    out: np.ndarray,
+) -> None:
+    """Gutters, pipes and vents of sheet metal, round: darker to both sides of their narrower way; right, down: on a piece so
+    wide and high."""
+    across, narrow = (right, wide) if wide < high else (down, high)
+    for k in range(len(x)):
+        turned = 2 * min(max(across[k] / narrow, 0.0), 1.0) - 1
+        out[k] = 1.04 - 0.34 * turned * turned
+    add_noise(x, y, side, (0.3, 0.3), 0.05, seed + 111, out)
+    add_noise(x, y, side, (1.8, 1.8), 0.05, seed + 112, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Granite setts in courses across the street, of which x runs along; joints darker."""
+    out[:] = 140
+    add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
+    add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
+    add_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
+    right, up = 1 / SETT_M[0], 1 / SETT_M[1]
+    for k in range(len(x)):
+        column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
+        out[k] *= 0.68 + 0.32 * bonded(column, row, wide, high, 0.024, right, up)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def ground(
+    made: int,
+    x: np.ndarray,
+    y: np.ndarray,
+    aside: np.ndarray,
+    side: np.ndarray,
+    grains: grain.Grains,
+    seed: int,
+    out: np.ndarray,
+) -> None:
+    """What a surface is like, 0..255."""
+    if made in (TAR, TRACK):
+        asphalt(x, y, aside, side, seed, out)
+    elif made == SLABS:
+        paving(x, y, side, seed, out)
+    elif made == SETTS:
+        setts(x, y, side, seed, out)
+    else:
+        out[:] = MEANS[made]
+    if made == GRAVEL:
+        for number, cell in enumerate((0.9, 5.0)):
+            add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
+    elif made == GRASS:
+        for number, cell in enumerate((1.5, 7.0)):
+            add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
+    elif made == WATER:
+        add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
+        add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
+    elif made == LEAVES:
+        add_noise(x, y, side, (0.12, 0.12), 30.0, seed + 83, out)
+    if GRAINS[made] >= 0:
+        grain.add_grain(x, y, side, grains, GRAINS[made], MEANS[made], seed + 71, out)

@@ -1,0 +1,148 @@
+"""Eq. 1 of the street paper from a small state per texel, exact in any order of the views (ADR 0010).
+
+A view has an integer distance d in millimetres. Proper views (d within the gate) are averaged with weights 1 - d / sum d,
+clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. A share d / sum d above 0.3 is possible for at most
+three views, and every other view sits at the upper clamp: so N, sum d, sum colour and the three largest (d, colour) suffice,
+all integers. Without a proper view the one of smallest (d, id) stands in.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+
+LOW, HIGH = 0.3, 0.7
+# Distances up to this many millimetres fit 16 bits.
+SHORT_MM = 65_535
+
+
+class BlendState(NamedTuple):
+    """State of `total` texels, updated in place by `add_views`: 33 bytes each.
+
+    views (t,) uint16: proper ones;
+    distance (t,) int32: their sum of d in mm;
+    colour (t, 3) int32: their sum;
+    top_distance (t, 3), top_colour (t, 3, 3) uint8: the three largest d, descending, as far as there are views.
+
+    A texel without a proper view keeps its stand-in in the same place: distance is then its id + 1, 0 where there is none
+    either, and top_distance and top_colour hold it first.
+    """
+
+    views: np.ndarray
+    distance: np.ndarray
+    colour: np.ndarray
+    top_distance: np.ndarray
+    top_colour: np.ndarray
+
+    @classmethod
+    def empty(cls, total: int, *, farthest: int = SHORT_MM) -> BlendState:
+        """`farthest` is the largest d in mm that a view may have."""
+        return cls(
+            views=np.zeros(total, np.uint16),
+            distance=np.zeros(total, np.int32),
+            colour=np.zeros((total, 3), np.int32),
+            top_distance=np.zeros((total, 3), np.uint16 if farthest <= SHORT_MM else np.int32),
+            top_colour=np.zeros((total, 3, 3), np.uint8),
+        )
+
+
+@njit(cache=True, inline="always")
+def stands_in(state: BlendState, t: int, d: int, view: int) -> bool:
+    """Whether a view beyond the gate would be what texel t shows. Called from numba kernels."""
+    if state.views[t] > 0:
+        return False
+    held, nearest = np.int64(state.distance[t]) - 1, np.int64(state.top_distance[t, 0])
+    return bool(held < 0 or d < nearest or (d == nearest and view < held))
+
+
+@njit(cache=True, inline="always")
+def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np.ndarray) -> None:
+    """Add one view of texel t: d in mm, `proper` within the gate, `view` its id, rgb (3,) its colour. Called from numba
+    kernels."""
+    n = int(state.views[t])
+    if not proper:
+        if stands_in(state, t, d, view):
+            state.distance[t] = view + 1
+            state.top_distance[t, 0] = d
+            for c in range(3):
+                state.top_colour[t, 0, c] = rgb[c]
+        return
+    if n == 0:  # a stand-in goes
+        state.distance[t] = 0
+    state.views[t] = n + 1
+    state.distance[t] += d
+    for c in range(3):
+        state.colour[t, c] += np.int64(rgb[c])
+    place = min(n, 3)
+    while place > 0 and d > np.int64(state.top_distance[t, place - 1]):
+        place -= 1
+    if place == 3:
+        return
+    for k in range(min(n, 2), place, -1):
+        state.top_distance[t, k] = state.top_distance[t, k - 1]
+        for c in range(3):
+            state.top_colour[t, k, c] = state.top_colour[t, k - 1, c]
+    state.top_distance[t, place] = d
+    for c in range(3):
+        state.top_colour[t, place, c] = rgb[c]
+
+
+@njit(cache=True)
+def add_views(
+    state: BlendState, texel: np.ndarray, d: np.ndarray, proper: np.ndarray, view: np.ndarray, rgb: np.ndarray
+) -> None:
+    """Add views one by one: texel, d (mm), proper, view (n,) and rgb (n, 3) uint8."""
+    for i in range(len(texel)):
+        add_view(state, texel[i], d[i], proper[i], view[i], rgb[i])
+
+
+def blend(state: BlendState, texels: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+    """Eq. 1 of some texels: colour (t, 3) uint8, rounded to nearest, and how many views made it (t,) uint16."""
+    chosen = BlendState(*(array[texels] for array in state))
+    out = np.zeros((len(chosen.views), 3), np.uint8)
+    views = np.zeros(len(out), np.uint16)
+    _blend(chosen, out, views)
+    return out, views
+
+
+@njit(cache=True, nogil=True)
+def _blend(state: BlendState, out: np.ndarray, views: np.ndarray) -> None:
+    for t in range(len(out)):
+        views[t] = blend_texel(state, t, out)
+
+
+@njit(cache=True, inline="always")
+def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
+    """Eq. 1 of texel t into out[t]; returns how many views made it. Called from numba kernels."""
+    n = int(state.views[t])
+    if n == 0:
+        if state.distance[t] == 0:
+            return 0
+        for c in range(3):
+            out[t, c] = state.top_colour[t, 0, c]
+        return 1
+    if n == 1:
+        for c in range(3):
+            out[t, c] = state.top_colour[t, 0, c]
+        return n
+    # every view at the upper clamp (weight 1), then the few largest corrected
+    total = float(n)
+    r, g, b = float(state.colour[t, 0]), float(state.colour[t, 1]), float(state.colour[t, 2])
+    if state.distance[t] > 0:
+        whole = 1.0 / state.distance[t]
+        for k in range(min(n, 3)):
+            # the weight of share d / sum d, 1 at the upper clamp and 0 at the lower one
+            beyond = min(max(np.int64(state.top_distance[t, k]) * whole, 1.0 - HIGH), 1.0 - LOW) - (1.0 - HIGH)
+            change = -1.0 / (HIGH - LOW) * beyond
+            total += change
+            r += change * state.top_colour[t, k, 0]
+            g += change * state.top_colour[t, k, 1]
+            b += change * state.top_colour[t, k, 2]
+    scale = 1.0 / total
+    out[t, 0] = int(min(max(r * scale, 0.0), 255.0) + 0.5)
+    out[t, 1] = int(min(max(g * scale, 0.0), 255.0) + 0.5)
+    out[t, 2] = int(min(max(b * scale, 0.0), 255.0) + 0.5)
+    return n

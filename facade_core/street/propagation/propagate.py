@@ -1,0 +1,290 @@
+"""Texture propagation: a translated panorama into the texels that see it (street paper, 3 Texture propagation)."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.errors import GeometryError
+from facade_core.core.numba_cache import njit
+from facade_core.core.provenance import TRANSLATED, UNSEEN
+from facade_core.geometry.equirectangular import basis
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.geometry.visible_tiles import TILE, Facing, mark_tiles
+from facade_core.street.propagation.blend import BlendState, add_view, blend_texel, stands_in
+from facade_core.street.propagation.texel_buffer import Window
+
+# Texels seen flatter than this hold no detail: a panorama pixel would cover metres of them.
+GRAZING = 0.02
+# A view is proper within this many viewpoint spacings along the street (ADR 0010).
+GATE_SPACINGS = 1.5
+
+
+class View(NamedTuple):
+    """A translated panorama.
+
+    id: of its viewpoint;
+    gate: mm along the street within which it is proper;
+    camera (3, 3): rotation;
+    rgb (h, w, 3) uint8;
+    surface (h, w): what each pixel shows, -1 nothing.
+    """
+
+    id: int
+    gate: int
+    camera: np.ndarray
+    rgb: np.ndarray
+    surface: np.ndarray
+
+
+def propagate(
+    scene: Scene,
+    atlas: Window,
+    viewpoint: Viewpoint,
+    rgb: np.ndarray,
+    *,
+    seen: np.ndarray | None = None,
+    threads: int = 1,
+) -> None:
+    """Blend a translated panorama `rgb` (h, w, 3) uint8 into the window's writable charts, in place.
+
+    A texel takes the view when it faces the camera within the visibility range, the pixel it falls on shows its own surface,
+    and that pixel or one beside it shows its chart: exact for planar surfaces up to one pixel, and never colour from an
+    occluder. Its colour is bilinear over the pixels of its surface. d = |forward . (p - c)| in mm. `seen` (h, w) int32 is the
+    panorama's chart image where it is at hand. The result is the same for any number of threads.
+    Raises GeometryError for a window made for a shorter visibility range.
+    """
+    if seen is None:
+        seen = scene.look(viewpoint, rgb.shape[1])[2]
+    held = np.intersect1d(seen[seen >= 0], atlas.writable)
+    if len(held) == 0:
+        return
+    if 1000 * scene.visibility_range > np.iinfo(atlas.state.top_distance.dtype).max:
+        raise GeometryError(
+            f"the window holds views to 65 m and the scene's reach {scene.visibility_range} m; "
+            "give Window.of the scene's visibility_range"
+        )
+    facing, surface, camera, marked = _before(scene, atlas, viewpoint, held, seen)
+    view = View(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
+
+    def walk(first: int) -> None:
+        _propagate(atlas.state, atlas.colour, atlas.provenance, facing, view, marked, first, threads)
+
+    if threads == 1:
+        walk(0)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(walk, range(threads)))
+
+
+def see(scene: Scene, atlas: Window, viewpoint: Viewpoint, seen: np.ndarray) -> None:
+    """Count the viewpoint as a view of the bare texels that it is the first to see, of the window's writable charts, in place.
+
+    For translators that answer with a field: what such a texel shows depends on no view, and
+    `facade_core.street.surfaces.paint` gives it. Which texels a viewpoint sees is as `propagate` has it, at any distance along
+    the street; seen (h, w) int32 is the panorama's chart image.
+    """
+    held = np.intersect1d(seen[seen >= 0], atlas.writable)
+    if len(held):
+        facing, surface, camera, marked = _before(scene, atlas, viewpoint, held, seen)
+        _see(atlas.state.views, atlas.provenance, facing, camera, surface, marked)
+
+
+def _before(
+    scene: Scene, atlas: Window, viewpoint: Viewpoint, held: np.ndarray, seen: np.ndarray
+) -> tuple[Facing, np.ndarray, np.ndarray, np.ndarray]:
+    """The charts `held` (k,) before a viewpoint; the surface of each pixel (h, w), -1 nothing; the camera's rotation; and which
+    tiles of the charts its pixels can fall on."""
+    charts, placement = scene.charts, scene.placement
+    place = np.full(len(charts), -1, np.int64)
+    place[held] = np.arange(len(held))
+    origin, normal = charts.origin[held] - viewpoint.position, charts.normal()[held]
+    # texels farther than this are out of range, or seen too flat or from behind
+    farthest = np.clip(-np.einsum("ij,ij->i", normal, origin) / GRAZING, 0, scene.visibility_range)
+    facing = Facing(
+        origin,
+        charts.axis_u[held],
+        charts.axis_v[held],
+        normal,
+        farthest,
+        1.0 / placement.texels_per_metre[held],
+        placement.width[held].astype(np.int64),
+        placement.height[held].astype(np.int64),
+        charts.surface[held],
+        atlas.rasters.offset[held],
+    )
+    surface, camera = np.where(seen >= 0, charts.surface[seen], -1), basis(viewpoint.forward)
+    return facing, surface, camera, mark_tiles(seen, surface, place, camera, facing)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _turn(right: float, ahead: float) -> float:
+    """atan2(right, ahead) to 3e-10 rad, without a branch: rows of it are worked out side by side."""
+    a, b = abs(right), abs(ahead)
+    small, large = min(a, b), max(a, b)
+    # beyond tan(pi / 8) the remainder to pi / 4 is the smaller angle
+    folded = small > 0.41421356237309503 * large
+    z = (small - large if folded else small) / max(small + large if folded else large, 1e-300)
+    s = z * z
+    # atan(z) / z as a polynomial of z^2 for |z| <= tan(pi / 8): interpolated at Chebyshev points
+    angle = -0.0602630521375
+    angle = angle * s + 0.105698287931
+    angle = angle * s - 0.142395326662
+    angle = angle * s + 0.199981830408
+    angle = angle * s - 0.33333306893
+    angle = (angle * s + 0.999999999371) * z
+    angle = angle + 0.7853981633974483 if folded else angle
+    angle = 1.5707963267948966 - angle if a > b else angle
+    angle = np.pi - angle if ahead < 0 else angle
+    return -angle if right < 0 else angle
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _aim(
+    origin: np.ndarray,
+    step: np.ndarray,
+    columns: int,
+    rows: int,
+    column_at: np.ndarray,
+    row_at: np.ndarray,
+    depth: np.ndarray,
+    level: np.ndarray,
+) -> None:
+    """Where in the panorama (columns, rows) the texels of a piece of a row lie, (n,) each, in pixels; their depth along the
+    street, metres, and squared distance from the camera's axis. origin, step (3,): the first texel, and on to the next."""
+    for i in range(len(depth)):
+        right, down, ahead = origin[0] + i * step[0], origin[1] + i * step[1], origin[2] + i * step[2]
+        flat = right * right + ahead * ahead
+        depth[i], level[i] = ahead, flat
+        column_at[i] = (_turn(right, ahead) * (0.5 / np.pi) + 0.5) * columns
+        row_at[i] = (0.5 + _turn(down, np.sqrt(flat)) * (1.0 / np.pi)) * rows
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _propagate(
+    state: BlendState,
+    resolved: np.ndarray,
+    provenance: np.ndarray,
+    charts: Facing,
+    view: View,
+    marked: np.ndarray,
+    part: int,
+    parts: int,
+) -> None:
+    """Every parts-th marked tile, from the part-th on: no texel belongs to two of them."""
+    rgb, surface, gate, camera = view.rgb, view.surface, view.gate, view.camera
+    rows, columns = surface.shape
+    origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
+    width, height, own, offset = charts.width, charts.height, charts.surface, charts.offset
+    colour = np.zeros(3, np.int64)
+    columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
+    first = np.empty(3)
+    tile, turn = -1, -1
+    for c in range(len(origin)):
+        # the chart's frame in the camera's: right, down, ahead
+        o, u, v = camera @ origin[c], camera @ axis_u[c], camera @ axis_v[c]
+        step = charts.step[c]
+        along = step * u
+        for top in range(0, height[c], TILE):
+            for left in range(0, width[c], TILE):
+                tile += 1
+                if not marked[tile]:
+                    continue
+                turn += 1
+                if turn % parts != part:
+                    continue
+                for j in range(top, min(top + TILE, height[c])):
+                    x, y = (left + 0.5) * step, (j + 0.5) * step
+                    for axis in range(3):
+                        first[axis] = o[axis] + x * u[axis] + y * v[axis]
+                    _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)
+                    for k in range(min(TILE, width[c] - left)):
+                        down = first[1] + k * along[1]
+                        squared = levels[k] + down * down
+                        if squared > farthest[c] * farthest[c]:
+                            continue
+                        d = int(abs(depths[k]) * 1000 + 0.5)
+                        t = offset[c] + j * width[c] + left + k
+                        if d > gate and not stands_in(state, t, d, view.id):
+                            continue
+                        column_at, row_at = columns_at[k], rows_at[k]
+                        # comparisons instead of remainders and floors: they are the slowest of all that is done here
+                        row, column = min(int(row_at), rows - 1), int(column_at)
+                        if column >= columns:
+                            column = 0
+                        if surface[row, column] != own[c]:
+                            continue
+                        u0, v0 = int(column_at + 0.5) - 1, int(row_at + 0.5) - 1
+                        across, below = column_at - 0.5 - u0, row_at - 0.5 - v0
+                        left_at = u0 if u0 >= 0 else columns - 1
+                        right_at = u0 + 1 if u0 + 1 < columns else 0
+                        above_at, below_at = max(v0, 0), min(v0 + 1, rows - 1)
+                        # weights of the four pixels around; those of other surfaces do not count
+                        w00 = (1 - across) * (1 - below) if surface[above_at, left_at] == own[c] else 0.0
+                        w01 = across * (1 - below) if surface[above_at, right_at] == own[c] else 0.0
+                        w10 = (1 - across) * below if surface[below_at, left_at] == own[c] else 0.0
+                        w11 = across * below if surface[below_at, right_at] == own[c] else 0.0
+                        total = w00 + w01 + w10 + w11
+                        if total <= 0:
+                            continue
+                        share = 1.0 / total
+                        for band in range(3):
+                            value = w00 * rgb[above_at, left_at, band] + w01 * rgb[above_at, right_at, band]
+                            value += w10 * rgb[below_at, left_at, band] + w11 * rgb[below_at, right_at, band]
+                            colour[band] = int(value * share + 0.5)
+                        add_view(state, t, d, d <= gate, view.id, colour)
+                        if provenance[t] <= TRANSLATED:
+                            provenance[t] = TRANSLATED
+                            blend_texel(state, t, resolved)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _see(
+    views: np.ndarray,
+    provenance: np.ndarray,
+    charts: Facing,
+    camera: np.ndarray,
+    surface: np.ndarray,
+    marked: np.ndarray,
+) -> None:
+    """One view of every bare texel in the marked tiles that has none and is in sight."""
+    rows, columns = surface.shape
+    width, height = charts.width, charts.height
+    columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
+    first = np.empty(3)
+    tile = -1
+    for c in range(len(charts.origin)):
+        o, u, v = camera @ charts.origin[c], camera @ charts.axis_u[c], camera @ charts.axis_v[c]
+        step = charts.step[c]
+        along = step * u
+        for top in range(0, height[c], TILE):
+            for left in range(0, width[c], TILE):
+                tile += 1
+                if not marked[tile]:
+                    continue
+                for j in range(top, min(top + TILE, height[c])):
+                    t = charts.offset[c] + j * width[c] + left
+                    wide = min(TILE, width[c] - left)
+                    bare = False
+                    for k in range(wide):
+                        bare |= provenance[t + k] == UNSEEN and views[t + k] == 0
+                    if not bare:
+                        continue
+                    x, y = (left + 0.5) * step, (j + 0.5) * step
+                    for axis in range(3):
+                        first[axis] = o[axis] + x * u[axis] + y * v[axis]
+                    _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)
+                    for k in range(wide):
+                        if provenance[t + k] != UNSEEN or views[t + k]:
+                            continue
+                        down = first[1] + k * along[1]
+                        if levels[k] + down * down > charts.farthest[c] * charts.farthest[c]:
+                            continue
+                        row, column = min(int(rows_at[k]), rows - 1), int(columns_at[k])
+                        if column >= columns:
+                            column = 0
+                        if surface[row, column] == charts.surface[c]:
+                            views[t + k] = 1

@@ -1,0 +1,87 @@
+"""The partially textured panorama of a viewpoint (street paper, 3 Rendering)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.errors import GeometryError
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.scene import Scene
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.propagation.propagate import GATE_SPACINGS
+from facade_core.street.propagation.sampling import Gate, Lights, Pixels, Sheets, shade_pixels
+from facade_core.street.propagation.texel_buffer import Window
+
+# Soft daylight: a hemisphere of sky plus a low sun from the south-west.
+SUN = np.array([-0.45, -0.6, 0.66])
+AMBIENT = 0.72
+# Grey of geometry beyond the visibility range: it is neither read nor written.
+BEYOND = 160
+
+
+@dataclass(frozen=True)
+class Panorama:
+    """What a viewpoint sees.
+
+    rgb (h, w, 3) uint8: textured parts in colour, the rest in grey under soft daylight, sky black;
+    textured (h, w) bool;
+    depth (h, w) float32: metres, inf for sky;
+    chart (h, w) int32: -1 for sky and beyond the visibility range;
+    points (h, w, 3) float64: world points of the pixels.
+    """
+
+    viewpoint: Viewpoint
+    rgb: np.ndarray
+    textured: np.ndarray
+    depth: np.ndarray
+    chart: np.ndarray
+    points: np.ndarray
+
+
+def shade(normals: np.ndarray) -> np.ndarray:
+    """Grey of a white surface under the soft daylight, (...,) in 0..1, for unit normals (..., 3)."""
+    sky = 0.5 + 0.5 * normals[..., 2]
+    sun = np.clip(normals @ (SUN / np.linalg.norm(SUN)), 0, 1)
+    return np.clip(AMBIENT + 0.12 * sky + 0.16 * sun, 0, 1)
+
+
+def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
+    """Render a viewpoint with the texels that the window `atlas` holds; size = (height, width) pixels, width = 2 height.
+
+    A texel of provenance 0, and every chart that the window does not hold, counts as untextured; so does what only a stand-in
+    shows (ADR 0010), where this viewpoint's view is a proper one. Raises GeometryError for
+    another shape of panorama.
+    """
+    height, width = size
+    if width != 2 * height:
+        raise GeometryError(
+            f"an equirectangular panorama is twice as wide as high, not {width} x {height}; change the size"
+        )
+    rays, depth, chart = scene.look(viewpoint, width)
+    charts, placement, rasters = scene.charts, scene.placement, atlas.rasters
+    normal = charts.normal()
+    daylight = scene.daylight
+    daylight.reach(np.unique(chart[chart != MISS]))
+    rgb = np.zeros((height, width, 3), np.uint8)
+    rgb[np.isfinite(depth) & (chart == MISS)] = BEYOND
+    textured = np.zeros((height, width), bool)
+    sheets = Sheets(
+        charts.origin,
+        charts.axis_u,
+        charts.axis_v,
+        normal,
+        placement.texels_per_metre,
+        rasters.offset,
+        placement.width,
+        placement.height,
+        255 * shade(normal),
+    )
+    lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
+    pixels = Pixels(rays, depth, chart)
+    gate = Gate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
+    texels = (atlas.colour, atlas.provenance, atlas.state.views)
+    shade_pixels(pixels, viewpoint.position, sheets, lights, *texels, gate, rgb, textured)
+    points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
+    return Panorama(viewpoint, rgb, textured, depth, chart, points)

@@ -1,0 +1,185 @@
+"""Atlas texels as a panorama's pixels see them: averaged over each pixel's footprint on its chart."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from facade_core.core.numba_cache import njit
+from facade_core.core.provenance import TRANSLATED, UNSEEN
+
+# Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
+MOST_SAMPLES = 16
+
+
+class Pixels(NamedTuple):
+    """What a panorama's pixels show.
+
+    rays (h, w, 3): unit directions;
+    depth (h, w): metres;
+    chart (h, w): negative where there is none.
+    """
+
+    rays: np.ndarray
+    depth: np.ndarray
+    chart: np.ndarray
+
+
+class Sheets(NamedTuple):
+    """All charts, n of them, and where the window has their texels.
+
+    origin, axis_u, axis_v, normal (n, 3);
+    density (n,): texels per metre;
+    offset (n,): of a chart's first texel, negative where it is not held;
+    width, height (n,): texels;
+    grey (n,): 0..255, of what has no texture.
+    """
+
+    origin: np.ndarray
+    axis_u: np.ndarray
+    axis_v: np.ndarray
+    normal: np.ndarray
+    density: np.ndarray
+    offset: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    grey: np.ndarray
+
+
+class Gate(NamedTuple):
+    """Which views of texels are proper for a viewpoint: forward (2,), its street's direction; metres along it."""
+
+    forward: np.ndarray
+    metres: float
+
+
+class Lights(NamedTuple):
+    """`Daylight` that has every chart in view: place, columns, rows (n,) and light (k,)."""
+
+    place: np.ndarray
+    columns: np.ndarray
+    rows: np.ndarray
+    light: np.ndarray
+
+
+@njit(cache=True, inline="always")
+def lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
+    """Light at the shares x, y of a chart's sides, linear between the places where it is known. Called from numba kernels."""
+    u = min(max(x, 0.0), 1.0) * (columns - 1)
+    v = min(max(y, 0.0), 1.0) * (rows - 1)
+    u0, v0 = min(int(u), columns - 2), min(int(v), rows - 2)
+    u1, v1 = u0 + 1, v0 + 1
+    top = lights[place + v0 * columns + u0] * (1 - (u - u0)) + lights[place + v0 * columns + u1] * (u - u0)
+    bottom = lights[place + v1 * columns + u0] * (1 - (u - u0)) + lights[place + v1 * columns + u1] * (u - u0)
+    return top * (1 - (v - v0)) + bottom * (v - v0)
+
+
+@njit(cache=True, inline="always")
+def _known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
+    """Whether a texel shows what it is; where the view is near, not by a stand-in."""
+    if near and provenance[texel] == TRANSLATED and texel < len(views) and views[texel] == 0:
+        return False
+    return provenance[texel] > UNSEEN
+
+
+@njit(cache=True, nogil=True)
+def shade_pixels(
+    pixels: Pixels,
+    camera: np.ndarray,
+    charts: Sheets,
+    lights: Lights,
+    atlas: np.ndarray,
+    provenance: np.ndarray,
+    views: np.ndarray,
+    gate: Gate,
+    rgb: np.ndarray,
+    textured: np.ndarray,
+) -> None:
+    """Colour the Pixels that show a chart, into rgb (h, w, 3) and textured (h, w); others are left alone.
+
+    camera (3,); charts: Sheets; atlas (t, 3) and provenance (t,): the texels that are held; views (w,): how many proper ones
+    the first of them have. A pixel is textured when at least half of the texels under it are known; its colour is the mean of
+    those, bilinear where it is smaller than a texel. Where the viewpoint's own view is proper, a texel that has none yet is not
+    known: what was made from far would be copied from view to view.
+    """
+    rays, depth, chart = pixels
+    rows, columns = chart.shape
+    origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
+    offset, width, height, grey = charts.offset, charts.width, charts.height, charts.grey
+    place, cells_wide, cells_high, light = lights
+    for r in range(rows):
+        for c in range(columns):
+            k = chart[r, c]
+            if k < 0:
+                continue
+            ahead, t = 0.0, float(depth[r, c])
+            for i in range(3):
+                ahead += normal[k, i] * rays[r, c, i]
+            if ahead > -1e-6:
+                ahead = -1e-6
+            # the texel hit, and how far it moves with a step to the right and one down
+            beside, below = (c + 1) % columns, min(r + 1, rows - 1)
+            above = below - 1
+            leave_right, leave_down = 0.0, 0.0
+            for i in range(3):
+                leave_right += normal[k, i] * (rays[r, beside, i] - rays[r, c, i])
+                leave_down += normal[k, i] * (rays[below, c, i] - rays[above, c, i])
+            x, y, ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(3):
+                ray = rays[r, c, i]
+                point = camera[i] + t * ray - origin[k, i]
+                right = t * (rays[r, beside, i] - ray - ray * leave_right / ahead)
+                down = t * (rays[below, c, i] - rays[above, c, i] - ray * leave_down / ahead)
+                x += point * axis_u[k, i]
+                y += point * axis_v[k, i]
+                ax += right * axis_u[k, i]
+                ay += right * axis_v[k, i]
+                bx += down * axis_u[k, i]
+                by += down * axis_v[k, i]
+            density = charts.density[k]
+            x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
+            onward = t * (rays[r, c, 0] * gate.forward[0] + rays[r, c, 1] * gate.forward[1])
+            near = abs(onward) <= gate.metres
+            bare = int(grey[k] * lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
+            rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = bare
+            first = offset[k]
+            if first < 0:
+                continue
+            w, h = width[k], height[k]
+            across = min(max(int(np.ceil(np.sqrt(ax * ax + ay * ay))), 1), MOST_SAMPLES)
+            along = min(max(int(np.ceil(np.sqrt(bx * bx + by * by))), 1), MOST_SAMPLES)
+            known, red, green, blue = 0.0, 0.0, 0.0, 0.0
+            if across == 1 and along == 1:
+                total = 1.0
+                u, v = x - 0.5, y - 0.5
+                u0, v0 = int(np.floor(u)), int(np.floor(v))
+                for dv in range(2):
+                    row = min(max(v0 + dv, 0), h - 1)
+                    for du in range(2):
+                        texel = first + row * w + min(max(u0 + du, 0), w - 1)
+                        if _known(provenance, views, texel, near):
+                            weight = (1.0 - abs(u - u0 - du)) * (1.0 - abs(v - v0 - dv))
+                            known += weight
+                            red += weight * atlas[texel, 0]
+                            green += weight * atlas[texel, 1]
+                            blue += weight * atlas[texel, 2]
+            else:
+                total = float(across * along)
+                for j in range(along):
+                    share_down = (j + 0.5) / along - 0.5
+                    for i in range(across):
+                        share_right = (i + 0.5) / across - 0.5
+                        column = int(np.floor(x + share_right * ax + share_down * bx))
+                        row = int(np.floor(y + share_right * ay + share_down * by))
+                        texel = first + min(max(row, 0), h - 1) * w + min(max(column, 0), w - 1)
+                        if _known(provenance, views, texel, near):
+                            known += 1.0
+                            red += atlas[texel, 0]
+                            green += atlas[texel, 1]
+                            blue += atlas[texel, 2]
+            if known >= 0.5 * total:
+                textured[r, c] = True
+                rgb[r, c, 0] = int(red / known + 0.5)
+                rgb[r, c, 1] = int(green / known + 0.5)
+                rgb[r, c, 2] = int(blue / known + 0.5)

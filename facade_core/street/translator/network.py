@@ -1,0 +1,185 @@
+"""The translation network and what it is trained against (street paper, 3 Neural network and 4 Training). Needs torch.
+
+Two things differ from the paper. Activations are not normalised across the image, so that an output depends on its surroundings
+only: what two viewpoints see alike comes out alike, and a large panorama can be worked on in tiles that are equal to the whole.
+And padding goes round the panorama at +-180 degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from facade_core.street.translator.equirectangular_taps import SIDE, TAPS, taps
+
+BLOCKS = 9
+# Outputs of the encoder that patches are compared at: the input, both strides, the first and the fifth residual block.
+COMPARED = 5
+_COMPARED_BLOCKS = (0, 4)
+_FEATURES = 256
+# Slope of the rectifier below zero; share of a residual block that is added; of the last layer's weights at the start.
+SLOPE, RESIDUAL, FAINT = 0.2, 0.2, 0.3
+
+
+def pad(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
+    """Repeat the edges, or at the sides go round."""
+    x = functional.pad(x, (margin, margin, 0, 0), mode="circular" if wraps else "replicate")
+    return functional.pad(x, (0, 0, margin, margin), mode="replicate")
+
+
+def _rectified(x: Tensor) -> Tensor:
+    return functional.leaky_relu(x, SLOPE)
+
+
+class Convolution(nn.Module):
+    """A convolution that keeps the size, or divides it by its stride."""
+
+    def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
+        super().__init__()
+        self.weights = nn.Conv2d(inputs, outputs, 3, stride)
+
+    def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        return self.weights(pad(x, 1, wraps=wraps))
+
+
+class Block(nn.Module):
+    """A residual block of two convolutions, of which a fifth is added: nine of them unnormalised would grow out of hand."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first, self.second = Convolution(width, width), Convolution(width, width)
+
+    def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        return x + RESIDUAL * self.second(_rectified(self.first(x, wraps)), wraps)
+
+
+class Widening(nn.Module):
+    """A fractionally strided convolution: twice the size. Blurred by 1 2 1, without which it leaves a chequered pattern."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.weights = nn.ConvTranspose2d(inputs, outputs, 3, 2, padding=1, output_padding=1)
+
+    def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        x = self.weights(pad(x, 1, wraps=wraps))[..., 1:-1, 1:-1]
+        return functional.avg_pool2d(functional.avg_pool2d(x, 2, 1), 2, 1)
+
+
+class Generator(nn.Module):
+    """Three convolutions, nine residual blocks, two fractionally strided convolutions, a last convolution to RGB.
+
+    Inputs (n, bands, h, w) in -1..1; outputs (n, 3, h, w) in -1..1. `equirectangular`: the first convolution has its taps on
+    the sphere; `place` says then of each image which row of which panorama its first row is, as (row, panorama height).
+    `wraps`: the images are whole bands of a panorama.
+    """
+
+    def __init__(self, width: int, *, bands: int = 3, equirectangular: bool = True) -> None:
+        super().__init__()
+        self.width, self.bands, self.equirectangular = width, bands, equirectangular
+        self.first = nn.Conv2d(bands * TAPS, width, 1)
+        self.narrowing = nn.ModuleList([Convolution(width, 2 * width, 2), Convolution(2 * width, 4 * width, 2)])
+        self.blocks = nn.ModuleList([Block(4 * width) for _ in range(BLOCKS)])
+        self.widening = nn.ModuleList([Widening(4 * width, 2 * width), Widening(2 * width, width)])
+        self.last = nn.Conv2d(width, 3, 7)
+
+    def forward(self, x: Tensor, place: Sequence[tuple[int, int]], wraps: bool = False) -> Tensor:
+        return self.decode(self.blocks_of(self.entry(x, place), wraps, []), wraps)
+
+    def entry(self, x: Tensor, place: Sequence[tuple[int, int]]) -> Tensor:
+        """What the taps of the first convolution see, (n, bands * TAPS, h, w)."""
+        if not self.equirectangular:
+            padded = pad(x, SIDE // 2, wraps=False)
+            return functional.unfold(padded, SIDE).view(len(x), -1, *x.shape[2:])
+        return torch.cat([_entry(image[None], *at) for image, at in zip(x, place, strict=True)])
+
+    def blocks_of(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = BLOCKS) -> Tensor:
+        """The output of residual block `last`; what patches are compared at is appended to `features`."""
+        x = _rectified(self.first(entry))
+        for layer in self.narrowing:
+            x = _rectified(layer(x, wraps))
+            features.append(x)
+        for number, block in enumerate(self.blocks[:last]):
+            x = block(x, wraps)
+            if number in _COMPARED_BLOCKS:
+                features.append(x)
+        return x
+
+    def decode(self, x: Tensor, wraps: bool) -> Tensor:
+        for layer in self.widening:
+            x = _rectified(layer(x, wraps))
+        return torch.tanh(self.last(pad(x, SIDE // 2, wraps=wraps)))
+
+    def encode(self, x: Tensor, place: Sequence[tuple[int, int]]) -> list[Tensor]:
+        """Features at the COMPARED outputs."""
+        features = [x]
+        self.blocks_of(self.entry(x, place), False, features, _COMPARED_BLOCKS[-1] + 1)
+        return features
+
+
+def _entry(image: Tensor, top: int, panorama_height: int) -> Tensor:
+    """The taps of one image (1, bands, h, w), a part of a panorama of the given height from row `top` on."""
+    _, bands, height, width = image.shape
+    rows, columns = (torch.from_numpy(part[top : top + height]).to(image.device) for part in taps(panorama_height))
+    # the grid in -1..1 over the image's outer edges: (h * TAPS, w)
+    y = ((rows - top + 0.5) / height * 2 - 1)[..., None].expand(height, TAPS, width)
+    across = torch.arange(width, device=image.device)
+    x = (columns[..., None] + across + 0.5) / width * 2 - 1
+    grid = torch.stack([x, y], -1).reshape(1, height * TAPS, width, 2).to(image.dtype)
+    seen = functional.grid_sample(image, grid, mode="bilinear", padding_mode="border", align_corners=False)
+    return seen.reshape(bands, height, TAPS, width).permute(0, 2, 1, 3).reshape(1, bands * TAPS, height, width)
+
+
+class Discriminator(nn.Module):
+    """PatchGAN: scores (n, 1, h / 8, w / 8) of overlapping patches of 70 pixels."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        layers: list[nn.Module] = [nn.Conv2d(3, width, 4, 2, 1), nn.LeakyReLU(0.2)]
+        for inputs, outputs, stride in ((1, 2, 2), (2, 4, 2), (4, 8, 1)):
+            layers += [nn.Conv2d(inputs * width, outputs * width, 4, stride, 1), nn.InstanceNorm2d(outputs * width)]
+            layers.append(nn.LeakyReLU(0.2))
+        self.layers = nn.Sequential(*layers, nn.Conv2d(8 * width, 1, 4, 1, 1))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.layers(x)
+
+
+class Patches(nn.Module):
+    """Features of places into unit vectors that can be compared: two layers for each of the COMPARED outputs."""
+
+    def __init__(self, width: int, bands: int = 3) -> None:
+        super().__init__()
+        sizes = (bands, 2 * width, 4 * width, 4 * width, 4 * width)
+        self.layers = nn.ModuleList(
+            [nn.Sequential(nn.Linear(n, _FEATURES), nn.ReLU(), nn.Linear(_FEATURES, _FEATURES)) for n in sizes]
+        )
+
+    def forward(self, features: Sequence[Tensor], where: Sequence[Tensor]) -> list[Tensor]:
+        """Unit vectors (n, patches, 256) of the places `where` (flat positions) of each output."""
+        found = []
+        for layer, feature, chosen in zip(self.layers, features, where, strict=True):
+            flat = feature.flatten(2).permute(0, 2, 1)[:, chosen]
+            found.append(functional.normalize(layer(flat), dim=-1))
+        return found
+
+
+def initialise(network: nn.Module, generator: torch.Generator) -> None:
+    """Weights that keep the spread of activations, zero biases; a generator starts near grey."""
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+            nn.init.kaiming_normal_(layer.weight, a=SLOPE, generator=generator)
+            if layer.bias is not None:
+                nn.init.zeros_(layer.bias)
+    if isinstance(network, Generator):
+        with torch.no_grad():
+            network.last.weight.mul_(FAINT)
+
+
+def as_input(image: np.ndarray) -> Tensor:
+    """(h, w, bands) or (n, h, w, bands) uint8 into (n, bands, h, w) in -1..1."""
+    batch = image if image.ndim == 4 else image[None]
+    return torch.from_numpy(np.ascontiguousarray(batch)).permute(0, 3, 1, 2).float() / 127.5 - 1

@@ -1,0 +1,76 @@
+"""From trained weights to the files that `neural` loads. Needs the `train` extra (torch, onnx)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.street.translator.equirectangular_taps import TAPS
+from facade_core.street.translator.neural import TRANSLATOR_VERSION, load, write
+from facade_core.street.translator.training_steps import Course
+
+# Weights smaller than this stay in single precision: there is nothing to save.
+_HALVED = 1024
+
+
+def save(weights: Mapping[str, Any], course: Course, path: Path, record: Mapping[str, Any]) -> None:
+    """Write a trained generator as ONNX and, beside it, the .json that it is checked against; weights in half precision."""
+    write(halved(to_onnx(weights, course)), path, {"version": TRANSLATOR_VERSION, "width": course.width, **record})
+    load(path)
+
+
+def to_onnx(weights: Mapping[str, Any], course: Course) -> bytes:
+    """The generator as an ONNX file: input seen (1, 3 TAPS, h, w) float32 in -1..1, what the taps of the first convolution see
+    of rows of a whole panorama; output rgb (1, 3, h, w) in -1..1. h and w are multiples of 4."""
+    import torch
+    from torch import nn
+
+    from facade_core.street.translator.network import BLOCKS, Generator
+
+    class Bands(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.generator = Generator(course.width, bands=course.bands, equirectangular=course.equirectangular)
+
+        def forward(self, seen: torch.Tensor) -> torch.Tensor:
+            return self.generator.decode(self.generator.blocks_of(seen, True, [], BLOCKS), True)
+
+    network = Bands()
+    network.generator.load_state_dict(weights)
+    network.eval()
+    content = io.BytesIO()
+    torch.onnx.export(
+        network,
+        (torch.zeros(1, course.bands * TAPS, 16, 32),),
+        content,
+        input_names=["seen"],
+        output_names=["rgb"],
+        dynamic_axes={"seen": {2: "height", 3: "width"}, "rgb": {2: "height", 3: "width"}},
+        opset_version=17,
+        dynamo=False,
+    )
+    return content.getvalue()
+
+
+def halved(content: bytes) -> bytes:
+    """The same network with its large weights stored in half precision; it computes in single precision as before."""
+    import onnx
+    from onnx import numpy_helper
+
+    model = onnx.load_from_string(content)
+    casts = []
+    for weight in model.graph.initializer:
+        value = numpy_helper.to_array(weight)
+        if value.dtype != np.float32 or value.size < _HALVED:
+            continue
+        name = weight.name
+        weight.CopyFrom(numpy_helper.from_array(value.astype(np.float16), f"{name}.half"))
+        casts.append(onnx.helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT))
+    nodes = list(model.graph.node)
+    del model.graph.node[:]
+    model.graph.node.extend([*casts, *nodes])
+    return model.SerializeToString()

@@ -1,0 +1,104 @@
+"""The neural translator: the trained network in onnxruntime (street paper, 3 Neural network)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.core.errors import ModelError
+from facade_core.core.model_file import open_session
+from facade_core.geometry.raycast import MISS
+from facade_core.street.propagation.render import Panorama
+from facade_core.street.translator.equirectangular_taps import gather
+
+SHIPPED = Path(__file__).parent / "models" / "translator.onnx"
+# Raised whenever the meaning of the inputs or outputs changes.
+TRANSLATOR_VERSION = 1
+# Constant, so that results do not depend on the machine's number of cores.
+_INTRA_OP_THREADS = 2
+# An output depends on no pixel that is farther away; a multiple of the network's stride of 4.
+REACH = 96
+# Pixels that the network works on at once, reach included, at most: its memory is about 2 kB a pixel.
+NETWORK_PIXELS = 600_000
+
+
+@dataclass(frozen=True)
+class Neural:
+    """A trained network; texture that the panorama has already is what it goes on from."""
+
+    session: Any
+
+    def translate(self, panorama: Panorama) -> np.ndarray:
+        """The fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
+        rgb = self.textured(panorama.rgb)
+        rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
+        return rgb
+
+    def textured(self, image: np.ndarray) -> np.ndarray:
+        """What the network makes of a whole panorama (h, 2 h, 3) uint8, in tiles that are equal to the whole.
+
+        Raises ModelError for a width that is no multiple of 8.
+        """
+        height, width = image.shape[:2]
+        if width % 8:
+            raise ModelError(f"a panorama {width} pixels wide; the network takes multiples of 8: change panorama_width")
+        planes = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
+        out = np.empty((height, width, 3), np.uint8)
+        for top, bottom, left, right in _tiles(height, width):
+            first, last = max(top - REACH, 0), min(bottom + REACH, height)
+            reach = REACH if right - left < width else 0
+            seen = gather(planes, (first, last), (left - reach, right + reach))
+            rgb = self.session.run(None, {"seen": seen[None]})[0][0]
+            tile = rgb[:, top - first : bottom - first, reach : reach + right - left].transpose(1, 2, 0)
+            out[top:bottom, left:right] = np.clip((tile + 1) * 127.5 + 0.5, 0, 255)
+        return out
+
+
+def _tiles(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
+    """Rows and columns (top, bottom, left, right) of tiles that make up a panorama, one where it is small."""
+    side = math.isqrt(NETWORK_PIXELS) - 2 * REACH
+    down, across = (height, width) if height * width <= NETWORK_PIXELS else (side // 4 * 4, side // 4 * 4)
+    for top in range(0, height, down):
+        for left in range(0, width, across):
+            yield top, min(top + down, height), left, min(left + across, width)
+
+
+def load(path: Path = SHIPPED) -> Neural:
+    """The translator of an .onnx file with its .json beside it.
+
+    Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
+    """
+    for file in (path, path.with_suffix(".json")):
+        if not file.is_file():
+            raise ModelError(f"{file}: no such file; a translator is an .onnx file with its .json beside it")
+    return _load(path.resolve(), path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _load(path: Path, _modified: int) -> Neural:
+    try:
+        record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        version = record["version"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ModelError(
+            f"{path.with_suffix('.json')}: not the record of a translator; fetch both files again"
+        ) from error
+    if version != TRANSLATOR_VERSION:
+        raise ModelError(f"{path}: made for another version of the translator; train it anew with this version")
+    return Neural(open_session(path, record, threads=_INTRA_OP_THREADS))
+
+
+def write(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
+    """Write an .onnx file and the .json beside it, checksum added to the record."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    whole = {"sha256": hashlib.sha256(content).hexdigest(), **record}
+    path.with_suffix(".json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")

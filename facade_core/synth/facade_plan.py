@@ -1,0 +1,239 @@
+"""Where everything on a facade goes: the storeys, and a rectangle with a kind and a state for each opening."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.core.labels import BALCONY, CLASSES, DOOR, ELEMENT_CLASSES, ROOF, SHOP, WALL, WINDOW
+from facade_core.core.types import Element
+from facade_core.synth.styles import Style
+
+GROUND_SHARE = 1.28  # height of the ground floor, in upper storeys
+WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")
+WINDOW_ODDS = (0.50, 0.21, 0.06, 0.15, 0.08)
+BALCONY_STATES = ("bare", "flowers")
+BALCONY_ODDS = (0.85, 0.15)
+SHOP_STATES = ("plain", "awning")
+SHOP_ODDS = (0.65, 0.35)
+# Metres: what shops and balconies leave free at a facade's ends, the pier between two bays of shops, the widest such bay.
+CORNER, PIER, WIDEST_BAY = 0.5, 0.5, 4.2
+SMALLEST_ROOF_WITH_DORMERS = 1.7
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """A window, balcony, door or shop; box in whole pixels (x0, y0, x1, y1), half-open; unit: of which shop it is a bay."""
+
+    label: str
+    kind: str
+    state: str
+    box: tuple[int, int, int, int]
+    floor: int
+    column: int
+    unit: int = 0
+
+    @property
+    def truth(self) -> str:
+        """The planted type: 'window:blind-half', or 'window:dormer-blind-half' for another kind of window."""
+        return f"{self.label}:{self.state}" if self.kind == "plain" else f"{self.label}:{self.kind}-{self.state}"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """height, width, roof and crown in pixels; lines[f] is the floor line of storey f, lines[floors] the top one's ceiling."""
+
+    style: Style
+    height: int
+    width: int
+    metres_per_pixel: float
+    roof: int
+    crown: int
+    lines: tuple[int, ...]
+    pitch: float
+    openings: tuple[Opening, ...]
+
+    @property
+    def floors(self) -> int:
+        return len(self.lines) - 1
+
+    def labels(self) -> np.ndarray:
+        """Class ids (H, W) uint8, amodal: elements drawn over wall and roof in the order of ELEMENT_CLASSES."""
+        labels = np.full((self.height, self.width), WALL, np.uint8)
+        labels[: self.roof] = ROOF
+        for name, value in zip(ELEMENT_CLASSES, (WINDOW, BALCONY, DOOR, SHOP), strict=True):
+            assert CLASSES[value] == name
+            for opening in self.openings:
+                if opening.label == name:
+                    x0, y0, x1, y1 = opening.box
+                    labels[y0:y1, x0:x1] = value
+        return labels
+
+    def elements(self) -> list[Element]:
+        return [Element(o.label, *map(float, o.box)) for o in self.openings]
+
+
+def plan(
+    style: Style,
+    height: int,
+    width: int,
+    *,
+    floors: int,
+    columns: int,
+    metres_per_pixel: float,
+    rng: np.random.Generator,
+) -> Plan:
+    """Lay out a facade of height x width pixels."""
+    mpp = metres_per_pixel
+
+    def px(metres: float) -> int:
+        return max(1, round(metres / mpp))
+
+    height_m = height * mpp
+    roof = px(min(style.roof_height, 0.19 * height_m)) if style.roof_height else 0
+    crown = px(min(style.crown, 0.07 * height_m))
+    storey = (height - roof - crown) / (floors - 1 + GROUND_SHARE)
+    # All upper storeys have the same whole number of pixels; the ground floor takes the rest.
+    rise = int(storey)
+    lines = (height, *(roof + crown + rise * (floors - 1 - f) for f in range(floors)))
+    pitch = width / columns
+
+    openings: list[Opening] = []
+    with_balcony = _balcony_places(style, floors, columns, rng)
+    window_w = px(min(style.window_share * pitch * mpp, style.window_widest))
+    for floor in range(1, floors):
+        for column in range(columns):
+            state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
+            door = (floor, column) in with_balcony and style.glazing != "french"
+            top = lines[floor + 1] + round((1 - style.window_height_share - style.sill_share) * rise)
+            bottom = lines[floor] - (px(0.08) if door else round(style.sill_share * rise))
+            kind = "door" if door else "arched" if style.name == "jugend" and floor == floors - 1 else "plain"
+            openings.append(
+                Opening("window", kind, state, _centred(column, pitch, window_w, top, bottom), floor, column)
+            )
+    openings += _balconies(style, with_balcony, lines, width, pitch, window_w, mpp, rng)
+    openings += _ground_floor(style, height, lines[1], columns, pitch, window_w, mpp, rng)
+    if roof * mpp >= SMALLEST_ROOF_WITH_DORMERS and style.roof == "mansard":
+        dormer_w = px(min(0.34 * pitch * mpp, 1.05))
+        for column in range(columns):
+            state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
+            box = _centred(column, pitch, dormer_w, round(0.30 * roof), round(0.84 * roof))
+            openings.append(Opening("window", "dormer", state, box, floors, column))
+    return Plan(style, height, width, mpp, roof, crown, lines, pitch, tuple(openings))
+
+
+def _centred(column: float, pitch: float, width: int, top: int, bottom: int) -> tuple[int, int, int, int]:
+    left = round((column + 0.5) * pitch - width / 2)
+    return left, top, left + width, max(bottom, top + 2)
+
+
+def _corner(width: int, mpp: float) -> int:
+    """Pixels that shops and balconies leave free at either end of a facade."""
+    return round(min(CORNER / mpp, 0.12 * width))
+
+
+def _balcony_places(style: Style, floors: int, columns: int, rng: np.random.Generator) -> set[tuple[int, int]]:
+    upper = range(1, floors)
+    if floors == 1 or style.balconies == "none":
+        return set()
+    if style.balconies == "parisian":
+        return {(f, c) for f in upper for c in range(columns)}
+    if style.balconies == "centre":
+        middle = {columns // 2, (columns - 1) // 2}
+        return {(1, c) for c in middle}
+    first = int(rng.integers(columns))
+    chosen = {first, columns - 1 - first} if columns > 2 else {first}
+    if style.balconies == "stacks":
+        return {(f, c) for f in upper for c in chosen}
+    lowest = min(int(rng.integers(1, 3)), floors - 1)
+    return {(f, c) for f in range(lowest, max(floors - 1, lowest + 1)) for c in chosen}
+
+
+def _balconies(
+    style: Style,
+    places: set[tuple[int, int]],
+    lines: tuple[int, ...],
+    width: int,
+    pitch: float,
+    window_w: int,
+    mpp: float,
+    rng: np.random.Generator,
+) -> list[Opening]:
+    floors = len(lines) - 1
+    above, below, edge = round(0.95 / mpp), round(0.16 / mpp), _corner(width, mpp)
+    found = []
+    parisian = style.balconies == "parisian"
+    long_floors = {min(2, floors - 1), floors - 1} if parisian and floors >= 4 else {floors - 1} if parisian else set()
+    for floor, column in sorted(places):
+        top, bottom = lines[floor] - above, lines[floor] + max(1, below)
+        state = str(rng.choice(BALCONY_STATES, p=BALCONY_ODDS))
+        if floor in long_floors:
+            if column == 0:
+                margin = max(1, round(0.12 * pitch), edge)
+                box = (margin, top, width - margin, bottom)
+                found.append(Opening("balcony", "long", state, box, floor, 0))
+            continue
+        share = {"solid": 0.90, "stone": 0.86}.get(style.railing, 0.0)
+        margin_m = 0.12 if parisian else 0.42
+        wide = round(share * pitch) if share else min(window_w + 2 * round(margin_m / mpp), round(0.94 * pitch))
+        if share:
+            wide = min(wide, round(3.4 / mpp))
+        if column in (0, round(width / pitch) - 1):
+            wide = max(min(wide, round(pitch) - 2 * edge), min(wide, window_w))
+        found.append(Opening("balcony", "plain", state, _centred(column, pitch, wide, top, bottom), floor, column))
+    return found
+
+
+def _ground_floor(
+    style: Style,
+    height: int,
+    ceiling: int,
+    columns: int,
+    pitch: float,
+    window_w: int,
+    mpp: float,
+    rng: np.random.Generator,
+) -> list[Opening]:
+    tall = height - ceiling
+    shops = rng.random() < style.shops and tall * mpp >= 2.8 and pitch * mpp >= 1.9
+    doorway = columns // 2 if style.balconies == "centre" else int(rng.integers(columns))
+    door_w = max(2, round(min(0.52 * pitch * mpp, 1.7) / mpp))
+    found = []
+    units = _shops(columns, doorway, rng) if shops else {}
+    states = rng.choice(SHOP_STATES, columns, p=SHOP_ODDS)
+    edge, pier = _corner(round(columns * pitch), mpp), PIER / mpp
+    for column in range(columns):
+        if column == doorway:
+            top = ceiling + round(0.20 * tall)
+            found.append(Opening("door", "plain", "leaf", _centred(column, pitch, door_w, top, height), 0, column))
+        elif column in units:
+            wide = min(pitch - pier, WIDEST_BAY / mpp)
+            left = max(round((column + 0.5) * pitch - wide / 2), edge if column == 0 else 0)
+            right = round((column + 0.5) * pitch + wide / 2)
+            if column == columns - 1:
+                right = min(right, round(columns * pitch) - edge)
+            box = (left, ceiling + round(0.11 * tall), right, height)
+            unit = units[column]
+            found.append(Opening("shop", "plain", str(states[unit]), box, 0, column, unit))
+        else:
+            state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
+            top, bottom = ceiling + round(0.22 * tall), ceiling + round(0.70 * tall)
+            found.append(Opening("window", "ground", state, _centred(column, pitch, window_w, top, bottom), 0, column))
+    return found
+
+
+def _shops(columns: int, doorway: int, rng: np.random.Generator) -> dict[int, int]:
+    """The number of its shop by column: shops are two or three bays wide where the door leaves room, and on long fronts one
+    place in three is none."""
+    runs: list[list[int]] = []
+    for side in (range(doorway), range(doorway + 1, columns)):
+        left = list(side)
+        while left:
+            size = len(left) if len(left) <= 3 else int(rng.integers(2, 4)) if len(left) != 4 else 2
+            runs.append(left[:size])
+            left = left[size:]
+    if len(runs) > 2 and rng.random() < 0.6:
+        least = min(range(len(runs)), key=lambda i: len(runs[i]))
+        del runs[least]
+    return {column: unit for unit, run in enumerate(runs) for column in run}
