@@ -23,9 +23,9 @@ from facade_core.facade.texture.retargeting import style_of
 from facade_core.geometry.charts import WALL
 from facade_core.plan.ingest import ingest
 from facade_core.street.lighting.facade_light import in_its_light
-from facade_core.street.propagation.propagate import see
+from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.render import render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import Known, paint, surface
 from facade_core.street.translator.translate import Swatches
 from facade_core.synth.facade import facade
@@ -69,13 +69,13 @@ def streets() -> None:
     )
     scene, placement = plan.scene, plan.scene.placement
     charts = plan.charts_of_street(0)
-    rasters, writable = Window.layout(placement, charts, charts)
+    rasters, writable = TexelBuffer.layout(placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    window = Window.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
+    window = TexelBuffer.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
     swatches = Swatches(scene, plan.streets, seed=0, ground=plan.ground)
     panorama = render(scene, window, plan.viewpoints[0], (32, 64))
     swatches.translate(panorama)
-    see(scene, window, plan.viewpoints[0], panorama.chart)
+    mark_first_visible(scene, window, plan.viewpoints[0], panorama.chart)
     paint(window, placement, swatches.materials)
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

@@ -59,7 +59,7 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
-EXPECTED = {"ingest", "publish"} | {kind.stage for kind in KINDS if kind.always}
+EXPECTED = {"ingest", "publish"} | {kind.stage for kind in KINDS if kind.in_every_block}
 
 
 @contextmanager

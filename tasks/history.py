@@ -12,7 +12,7 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
 from tasks.units.materials import field_of
 from tasks.units.streets import replay
@@ -23,7 +23,7 @@ class Moment:
     """What a street's charts held after one of its viewpoints: `window` by the geometry in `plan`, before levelling."""
 
     plan: Plan
-    window: Window
+    window: TexelBuffer
 
     def charts(self) -> list[int]:
         """The charts that the street sees; all others were as they are."""

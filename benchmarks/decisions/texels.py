@@ -20,7 +20,7 @@ from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 DENSITY = 20.0  # texels per metre
 SIZE = 2048
@@ -48,9 +48,9 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     )
     seen = scene.look(viewpoint, 1024)[2]
     held = np.unique(seen[seen >= 0])
-    rasters, writable = Window.layout(scene.placement, held, [])
+    rasters, writable = TexelBuffer.layout(scene.placement, held, [])
     blank = np.zeros((rasters.total, 3), np.uint8)
-    window = Window.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    window = TexelBuffer.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
     rgb = np.random.default_rng(0).integers(0, 256, (512, 1024, 3), dtype=np.uint8)
     kernel = seconds(lambda: propagate(scene, window, viewpoint, rgb, seen=seen), repeats)
     u, v = np.meshgrid(np.linspace(0, 1023, size, dtype=np.float32), np.linspace(0, 511, size, dtype=np.float32))

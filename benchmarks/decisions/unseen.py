@@ -17,7 +17,7 @@ from facade_core.geometry.charts import KINDS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 PANORAMA = 1024
 
@@ -25,9 +25,9 @@ PANORAMA = 1024
 def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     """A street of houses on both sides, a viewpoint every 5 m: texels without a view, and bytes with and without a fill."""
     scene, middle = street_scene(2 if quick else 12)
-    rasters, writable = Window.layout(scene.placement, range(len(scene.charts)), [])
+    rasters, writable = TexelBuffer.layout(scene.placement, range(len(scene.charts)), [])
     blank = np.zeros((rasters.total, 3), np.uint8)
-    window = Window.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    window = TexelBuffer.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
     noise = np.random.default_rng(0).integers(0, 256, (PANORAMA // 2, PANORAMA, 3), dtype=np.uint8)
     for number, x in enumerate(np.arange(scene.spacing / 2, 2 * middle.position[0], scene.spacing)):
         position = np.array([x, *middle.position[1:]])

@@ -19,9 +19,9 @@ import numpy as np
 from catalogs.block import read_block
 from facade_core.geometry.charts import GROUND
 from facade_core.plan.plan import Plan
-from facade_core.street.propagation.propagate import propagate, see
+from facade_core.street.propagation.propagate import propagate, mark_first_visible
 from facade_core.street.propagation.render import render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
 from facade_core.street.translator.translate import Swatches
 from tasks.examples.demo import write_demo
@@ -74,26 +74,26 @@ def measure() -> dict[str, Any]:
     }
 
 
-def _window(plan: Plan, street: int) -> Window:
+def _window(plan: Plan, street: int) -> TexelBuffer:
     charts = plan.charts_of_street(street)
-    rasters, writable = Window.layout(plan.scene.placement, charts[plan.writable[charts]], charts)
+    rasters, writable = TexelBuffer.layout(plan.scene.placement, charts[plan.writable[charts]], charts)
     blank = np.zeros((rasters.total, 3), np.uint8)
-    return Window.of(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    return TexelBuffer.of(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
 
 
-def _seen(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[Window, dict[str, float]]:
+def _seen(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[TexelBuffer, dict[str, float]]:
     window, seconds = _window(plan, street), 0.0
     for viewpoint in plan.of_street(street)[:count]:
         chart = plan.scene.look(viewpoint, PANORAMA)[2]
         start = time.perf_counter()
-        see(plan.scene, window, viewpoint, chart)
+        mark_first_visible(plan.scene, window, viewpoint, chart)
         seconds += time.perf_counter() - start
     start = time.perf_counter()
     paint(window, plan.scene.placement, swatches.materials)
     return window, {"see": seconds, "paint": time.perf_counter() - start}
 
 
-def _projected(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[Window, float]:
+def _projected(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[TexelBuffer, float]:
     window, seconds = _window(plan, street), 0.0
     for viewpoint in plan.of_street(street)[:count]:
         panorama = render(plan.scene, window, viewpoint, (PANORAMA // 2, PANORAMA))

@@ -29,7 +29,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.street.materials.field import Materials
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translate import Swatches
 from facade_core.synth.street_truth import HALF_WIDTH, SyntheticStreet, synthetic_street
 
@@ -124,9 +124,9 @@ def _picture(scene: Scene, materials: Materials, taken: Viewpoint) -> np.ndarray
     return cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
 
 
-def _window(scene: Scene, ground: np.ndarray) -> Window:
-    rasters, write = Window.layout(scene.placement, ground, ground)
-    return Window.of(
+def _window(scene: Scene, ground: np.ndarray) -> TexelBuffer:
+    rasters, write = TexelBuffer.layout(scene.placement, ground, ground)
+    return TexelBuffer.of(
         scene.placement, rasters, write, np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     )
 
@@ -164,7 +164,7 @@ def _walked(
     return _scores(street, materials, ground, window.colour, window.provenance > 0)
 
 
-def _covered(scene: Scene, window: Window, viewpoint: Viewpoint, texel: np.ndarray) -> np.ndarray:
+def _covered(scene: Scene, window: TexelBuffer, viewpoint: Viewpoint, texel: np.ndarray) -> np.ndarray:
     """What a panorama's pixels cover of texels (k,) along the ray, metres."""
     return 1 / (TEXELS_PER_METRE * np.maximum(_resolution(scene, window, viewpoint, texel, WIDTH), 1e-9))
 
@@ -173,7 +173,7 @@ def _scores(
     street: SyntheticStreet, materials: Materials, ground: np.ndarray, colour: np.ndarray, known: np.ndarray
 ) -> dict[str, float]:
     scene = street.scene
-    rasters, _ = Window.layout(scene.placement, ground, ground)
+    rasters, _ = TexelBuffer.layout(scene.placement, ground, ground)
     across = np.array([-street.axis[1], street.axis[0]])
     error, energy, true = [], 0.0, 0.0
     for chart in ground.tolist():

@@ -12,7 +12,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.blend import HIGH, LOW
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class View(NamedTuple):
     quality: np.ndarray
 
 
-def view_of(scene: Scene, empty: Window, viewpoint: Viewpoint, rgb: np.ndarray, *, seen: np.ndarray) -> View:
+def view_of(scene: Scene, empty: TexelBuffer, viewpoint: Viewpoint, rgb: np.ndarray, *, seen: np.ndarray) -> View:
     """What a panorama shows of a window that has no view yet; it has this one afterwards."""
     propagate(scene, empty, viewpoint, rgb, seen=seen)
     texel = np.flatnonzero(empty.provenance)
@@ -102,7 +102,7 @@ def _weight(d: np.ndarray, whole: np.ndarray, number: np.ndarray, reading: Readi
     return np.where((whole == 0) | (number == 1) | (reading.clamp == "none"), 1.0, weight)
 
 
-def _resolution(scene: Scene, window: Window, viewpoint: Viewpoint, texel: np.ndarray, columns: int) -> np.ndarray:
+def _resolution(scene: Scene, window: TexelBuffer, viewpoint: Viewpoint, texel: np.ndarray, columns: int) -> np.ndarray:
     """The panorama's pixels per texel, (k,)."""
     share = np.empty(len(texel))
     for chart in window.writable.tolist():

@@ -21,7 +21,7 @@ from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street.materials.field import Materials
 from facade_core.street.propagation.blend import blend
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import Known, surface
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
@@ -67,7 +67,7 @@ def _beside_photos(
     another exposure: steps of colour over those beside them, at the charts' borders and at the photo's border within a chart,
     without levelling, with levelling within each chart, and across charts."""
     charts, placement = scene.charts, scene.placement
-    rasters, write = Window.layout(placement, range(len(charts)), [])
+    rasters, write = TexelBuffer.layout(placement, range(len(charts)), [])
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     for piece, share in ((pieces[1], 1.0), (pieces[3], 0.5)):
         shape = (int(placement.height[piece]), int(placement.width[piece]))
@@ -79,7 +79,7 @@ def _beside_photos(
         known[:, round((1 - share) * shape[1]) :] = PHOTO
         texels = rasters.slice(placement, piece)
         seed[texels], evidence[texels] = photo.reshape(-1, 3), known.reshape(-1)
-    window = Window.of(placement, rasters, write, seed, evidence)
+    window = TexelBuffer.of(placement, rasters, write, seed, evidence)
     for viewpoint in own:
         rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
         propagate(scene, window, viewpoint, rgb, seen=seen)
@@ -168,13 +168,13 @@ def _parts(values: np.ndarray) -> list[np.ndarray]:
     return np.array_split(values, max(1, -(-len(values) // 30_000)))
 
 
-def _window(scene: Scene) -> Window:
-    rasters, write = Window.layout(scene.placement, range(len(scene.charts)), [])
+def _window(scene: Scene) -> TexelBuffer:
+    rasters, write = TexelBuffer.layout(scene.placement, range(len(scene.charts)), [])
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return Window.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
 
 
-def _raster(scene: Scene, window: Window, chart: int) -> np.ndarray:
+def _raster(scene: Scene, window: TexelBuffer, chart: int) -> np.ndarray:
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]), 3)
     return window.colour[window.rasters.slice(scene.placement, chart)].reshape(shape)
 
@@ -195,7 +195,7 @@ def _seam(colours: list[np.ndarray]) -> float:
 
 
 def _behind(
-    scene: Scene, window: Window, viewpoint: Viewpoint, pieces: list[int], before: np.ndarray
+    scene: Scene, window: TexelBuffer, viewpoint: Viewpoint, pieces: list[int], before: np.ndarray
 ) -> tuple[int, int]:
     """Of the wall's texels that took this view, those that a ray to them says are hidden, and all."""
     hidden = taken = 0

@@ -20,7 +20,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translate import Swatches
 
 WIDTH = 512
@@ -65,12 +65,12 @@ def cameras(
     return [Viewpoint(first + i, number, p, f) for i, (p, f) in enumerate(zip(positions, forward, strict=True))]
 
 
-def window_of(scene: Scene, own: list[Viewpoint]) -> Window:
+def window_of(scene: Scene, own: list[Viewpoint]) -> TexelBuffer:
     """A window that writes every chart that the viewpoints see."""
     charts = np.unique(np.concatenate([scene.seen(v, WIDTH) for v in own]))
-    rasters, write = Window.layout(scene.placement, charts, charts)
+    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return Window.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
 
 
 def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads: int = 1) -> dict[str, Any]:

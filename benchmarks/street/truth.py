@@ -13,7 +13,7 @@ from facade_core.core.types import Pose
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.blend import blend
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.synth.street_paint import with_photos
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 
@@ -101,14 +101,14 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
     return found
 
 
-def _window(street: SyntheticStreet) -> Window:
-    rasters, write = Window.layout(street.scene.placement, street.charts, street.charts)
+def _window(street: SyntheticStreet) -> TexelBuffer:
+    rasters, write = TexelBuffer.layout(street.scene.placement, street.charts, street.charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return Window.of(street.scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.of(street.scene.placement, rasters, write, seed, evidence)
 
 
 def _facade(
-    street: SyntheticStreet, window: Window, result: tuple[np.ndarray, np.ndarray], chart: int
+    street: SyntheticStreet, window: TexelBuffer, result: tuple[np.ndarray, np.ndarray], chart: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """A facade's colour (h, w, 3) and views (h, w), of those of the window's texels."""
     placement = street.scene.placement

@@ -166,14 +166,14 @@ def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | Non
 
     from facade_core.street.propagation.propagate import propagate
     from facade_core.street.propagation.render import render
-    from facade_core.street.propagation.texel_buffer import Window
+    from facade_core.street.propagation.texel_buffer import TexelBuffer
     from facade_core.street.translator.translate import Swatches
 
     scene, own = plan.scene, plan.of_street(street)
     charts = np.unique(plan.views[np.isin(plan.views[:, 0], [v.id for v in own]), 1])
-    rasters, write = Window.layout(scene.placement, charts, charts)
+    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    window, translator = Window.of(scene.placement, rasters, write, *nothing), Swatches(scene, plan.streets, seed=seed)
+    window, translator = TexelBuffer.of(scene.placement, rasters, write, *nothing), Swatches(scene, plan.streets, seed=seed)
     for viewpoint in own[:steps]:
         panorama = render(scene, window, viewpoint, (width // 2, width))
         propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)

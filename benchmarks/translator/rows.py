@@ -15,7 +15,7 @@ from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.render import Panorama, render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.training_steps import Course, as_picture, seen_by
 from facade_core.street.translator.translate import Swatches
 
@@ -163,7 +163,7 @@ def _scores(
     return found
 
 
-def _look(scene: Scene, window: Window, viewpoint: Viewpoint) -> np.ndarray:
+def _look(scene: Scene, window: TexelBuffer, viewpoint: Viewpoint) -> np.ndarray:
     return render(scene, window, viewpoint, (512, 1024)).rgb
 
 

@@ -21,7 +21,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import Panorama, render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 WIDTH = 512
 TEXELS_PER_METRE = 10.0
@@ -39,7 +39,7 @@ class Walk:
     """A street after all its viewpoints: its window, and the mean absolute difference (0 to 255) between what consecutive
     outputs show of the same place."""
 
-    window: Window
+    window: TexelBuffer
     difference: float
 
 
@@ -104,10 +104,10 @@ def between(viewpoints: Sequence[Viewpoint]) -> list[Viewpoint]:
     ]
 
 
-def _window(scene: Scene, charts: np.ndarray) -> Window:
-    rasters, write = Window.layout(scene.placement, charts, charts)
+def _window(scene: Scene, charts: np.ndarray) -> TexelBuffer:
+    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return Window.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
 
 
 def _difference(earlier: Panorama, old: np.ndarray, later: Panorama, new: np.ndarray) -> float:

@@ -30,6 +30,6 @@ def row_of(y: float, seed: np.uint64) -> np.uint64:
 
 
 @njit(cache=True, inline="always")
-def chance(x: int, seed: int) -> float:
+def hash_uniform(x: int, seed: int) -> float:
     """A number in 0..1 by chance for a number."""
     return mixed(np.uint64(x) * ACROSS + np.uint64(seed) * SEED)

@@ -39,7 +39,7 @@ SKY, BEYOND = 0, 1
 
 
 @dataclass(frozen=True)
-class Things:
+class SceneObjects:
     """What stands in a block, as columns: the buildings in their rows, then each ground chart.
 
     digest (k,) uint64 of a thing's whole surface; low, high (k, 3) the corners of its box, metres, inf and -inf where it has no
@@ -91,7 +91,7 @@ def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes:
     return found
 
 
-def things_of(charts: Charts, mesh: Mesh, names: Sequence[str]) -> Things:
+def things_of(charts: Charts, mesh: Mesh, names: Sequence[str]) -> SceneObjects:
     """The things of a block; names are the ids of the buildings, by row."""
     ground = np.flatnonzero(charts.building < 0)
     of_chart = charts.building.astype(np.int64)
@@ -112,12 +112,12 @@ def things_of(charts: Charts, mesh: Mesh, names: Sequence[str]) -> Things:
         for number in (surface[part], first_chart[part]):
             found.update((number - number.min()).astype(np.int64).tobytes())
         digest[thing] = int.from_bytes(found.digest())
-    return Things(digest, low, high, of_chart)
+    return SceneObjects(digest, low, high, of_chart)
 
 
-def look_around(
+def compute_view_digests(
     scene: Scene,
-    things: Things,
+    things: SceneObjects,
     ids: np.ndarray,
     cameras: Sequence[Viewpoint],
     ground: Ground,

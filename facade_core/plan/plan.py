@@ -18,7 +18,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import taken_whole
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, WALL_REACH_M
 from facade_core.plan.facades import Facades
-from facade_core.plan.identity import Things, things_of
+from facade_core.plan.identity import SceneObjects, things_of
 
 __all__ = ["Facades", "Plan", "Sightings"]
 
@@ -75,7 +75,7 @@ class Plan:
     own: np.ndarray
 
     @cached_property
-    def things(self) -> Things:
+    def things(self) -> SceneObjects:
         """What stands in the block."""
         return things_of(self.scene.charts, self.scene.mesh, self.scene.names)
 

@@ -21,7 +21,7 @@ from facade_core.street.lighting.facade_light import in_its_light
 from facade_core.street.lighting.sun import lit, sunlight
 from facade_core.street.materials.field import Materials
 from facade_core.street.materials.ground_by_example import FILLED_M, by_example
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translate import footprint
 
 # Metres around a chart that its levelling depends on.
@@ -50,7 +50,7 @@ class Pixels(NamedTuple):
     width: int
 
 
-def paint(window: Window, placement: Placement, materials: Materials) -> None:
+def paint(window: TexelBuffer, placement: Placement, materials: Materials) -> None:
     """Give the bare texels of a window that a view saw what they are made of, in place, each once (street paper, 3 Texture
     propagation, of a translator that answers with a field)."""
     for chart in window.writable.tolist():

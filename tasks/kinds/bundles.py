@@ -20,7 +20,7 @@ from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan, Sightings
 from tasks.keys.memory import bundle_memory
 from tasks.keys.units import bundle_key
-from tasks.kinds.kind import Change, Kind, same_name
+from tasks.kinds.kind import Change, Stage, same_name
 from tasks.kinds.poses import refined
 from tasks.run import Run
 from tasks.units.bundles import Member, bundle_unit
@@ -95,11 +95,11 @@ def _again(change: Change) -> dict[int, int]:
     return same_name(change.records["bundles"], names_of_bundles(change.after, change.block))
 
 
-BUNDLES = Kind(
+BUNDLES = Stage(
     "bundles",
     "panorama bundle",
     count=lambda block, plan: len(bundles(plan, block)),
-    again=_again,
+    match_previous=_again,
     units=bundle_units,
     function=bundle_unit,
     reads=("poses",),

@@ -9,7 +9,7 @@ from facade_core.core.zarr_types import StoreGroup, group_at
 from facade_core.plan.plan import Plan
 from tasks.keys.memory import exemplar_memory
 from tasks.keys.units import exemplar_key
-from tasks.kinds.kind import Change, Kind, Records, same_key_or_name
+from tasks.kinds.kind import Change, Stage, Records, same_key_or_name
 from tasks.run import Run
 from tasks.units.exemplars import exemplar_unit
 from tasks.units.unit import Unit
@@ -45,13 +45,13 @@ def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
         )
 
 
-EXEMPLARS = Kind(
+EXEMPLARS = Stage(
     "exemplars",
     "exemplar",
     count=lambda block, plan: len(block.exemplars),
-    again=_again,
+    match_previous=_again,
     units=exemplar_units,
     function=exemplar_unit,
-    always=True,
-    moved=_moved,
+    in_every_block=True,
+    relocate=_moved,
 )

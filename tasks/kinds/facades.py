@@ -24,7 +24,7 @@ from tasks.keys.memory import facade_memory
 from tasks.keys.units import facade_keys, with_house
 from tasks.kinds.captures import Captures, captures_of
 from tasks.kinds.corrected import corrected_of
-from tasks.kinds.kind import Change, Kind, Records
+from tasks.kinds.kind import Change, Stage, Records
 from tasks.kinds.poses import is_refused, refined
 from tasks.run import Run
 from tasks.units.facades import facade_unit
@@ -60,7 +60,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
                 (pictures, block.textures, beside),
                 facade_memory(int(texels[charts[index]]), pictures),
                 (charts[index],),
-                together=together[index],
+                group_id=together[index],
             )
         )
     return units
@@ -255,15 +255,15 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     return records
 
 
-FACADES = Kind(
+FACADES = Stage(
     "facades",
     "facade",
     count=lambda block, plan: len(plan.facades),
-    again=_again,
+    match_previous=_again,
     units=facade_units,
     function=facade_unit,
     reads=("poses", "bundles", "exemplars"),
-    seeds=True,
-    always=True,
-    moved=_moved,
+    writes_base_layer=True,
+    in_every_block=True,
+    relocate=_moved,
 )

@@ -11,7 +11,7 @@ from facade_core.plan.plan import Plan
 from tasks.keys.memory import ground_memory
 from tasks.keys.units import ground_key
 from tasks.kinds.cameras import cameras_of_block
-from tasks.kinds.kind import Change, Kind, same_name
+from tasks.kinds.kind import Change, Stage, same_name
 from tasks.run import Run
 from tasks.units.grounds import ground_unit
 from tasks.units.unit import Unit
@@ -64,13 +64,13 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-GROUNDS = Kind(
+GROUNDS = Stage(
     "grounds",
     "photographed surface",
     count=lambda block, plan: len(plan.ground_near_cameras()),
-    again=_again,
+    match_previous=_again,
     units=ground_units,
     function=ground_unit,
     reads=("poses", "bundles"),
-    seeds=True,
+    writes_base_layer=True,
 )

@@ -38,7 +38,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Kind:
+class Stage:
     """A kind of units.
 
     stage: its name, everywhere.
@@ -61,18 +61,18 @@ class Kind:
     stage: str
     noun: str
     count: Callable[[Block, Plan], int]
-    again: Callable[[Change], dict[int, int]]
+    match_previous: Callable[[Change], dict[int, int]]
     units: Callable[[Run, Block, Plan, StoreGroup], list[Unit]] | None = None
     function: UnitFunction | None = None
     reads: tuple[str, ...] = ()
-    seeds: bool = False
-    always: bool = False
-    moved: Callable[[Change, Mapping[int, int], Records], Records] | None = None
-    follows: bool = False
+    writes_base_layer: bool = False
+    in_every_block: bool = False
+    relocate: Callable[[Change, Mapping[int, int], Records], Records] | None = None
+    derived_only: bool = False
     part_of: str | None = None
 
     @property
-    def thing(self) -> str:
+    def subject(self) -> str:
         """What the catalogue calls what a unit is of: "building" for one of the textured buildings."""
         return self.noun.rpartition(" ")[2]
 

@@ -9,7 +9,7 @@ from tasks.kinds.bundles import BUNDLES
 from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES
 from tasks.kinds.grounds import GROUNDS
-from tasks.kinds.kind import Kind, Records
+from tasks.kinds.kind import Stage, Records
 from tasks.kinds.pages import PAGES
 from tasks.kinds.pictures import PICTURES
 from tasks.kinds.poses import POSES
@@ -19,7 +19,7 @@ from tasks.kinds.textures import TEXTURES
 from tasks.kinds.tiles import TILES
 from tasks.kinds.walls import WALLS
 
-KINDS: tuple[Kind, ...] = (
+KINDS: tuple[Stage, ...] = (
     POSES,
     BUNDLES,
     EXEMPLARS,

@@ -12,7 +12,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.keys.finished import page_keys
 from tasks.keys.memory import page_memory
-from tasks.kinds.kind import Change, Kind, Records, same_name
+from tasks.kinds.kind import Change, Stage, Records, same_name
 from tasks.run import Run
 from tasks.units.pages import page_unit
 from tasks.units.unit import Unit
@@ -35,15 +35,15 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     return records
 
 
-PAGES = Kind(
+PAGES = Stage(
     "pages",
     "page",
     count=lambda block, plan: plan.scene.spec.pages,
-    again=lambda change: same_name(change.records["pages"], _names(change.after)),
+    match_previous=lambda change: same_name(change.records["pages"], _names(change.after)),
     units=page_units,
     function=page_unit,
     reads=("surfaces",),
-    always=True,
-    moved=_moved,
-    follows=True,
+    in_every_block=True,
+    relocate=_moved,
+    derived_only=True,
 )

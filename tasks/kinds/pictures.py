@@ -14,7 +14,7 @@ from facade_core.export.pictures.views import cameras, photo_share, pictured, vi
 from facade_core.plan.plan import Plan
 from tasks.keys.finished import facade_pictures_key, view_keys
 from tasks.keys.memory import facade_pictures_memory, view_memory
-from tasks.kinds.kind import Change, Kind, Records
+from tasks.kinds.kind import Change, Stage, Records
 from tasks.run import Run
 from tasks.units.pictures import pictures_unit
 from tasks.units.unit import Unit
@@ -47,7 +47,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
                 (facade_pictures_key(records[facade], facade in staged),),
                 (file, facade, facade in staged),
                 facade_pictures_memory(int(texels[plan.facades.chart[facade]])),
-                together=number // TOGETHER,
+                group_id=number // TOGETHER,
             )
         )
     return units
@@ -82,15 +82,15 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     return records
 
 
-PICTURES = Kind(
+PICTURES = Stage(
     "pictures",
     "picture",
     count=lambda block, plan: len(_files(plan)),
-    again=_again,
+    match_previous=_again,
     units=picture_units,
     function=pictures_unit,
     reads=("facades", "surfaces", "pages", "tiles"),
-    always=True,
-    moved=_moved,
-    follows=True,
+    in_every_block=True,
+    relocate=_moved,
+    derived_only=True,
 )

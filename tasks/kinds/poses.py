@@ -13,7 +13,7 @@ from facade_core.imagery.poses.outlines import REACH_M
 from facade_core.plan.plan import Plan
 from tasks.keys.memory import pose_memory
 from tasks.keys.units import pose_key
-from tasks.kinds.kind import Change, Kind, same_key_or_name
+from tasks.kinds.kind import Change, Stage, same_key_or_name
 from tasks.run import Run
 from tasks.units.poses import pose_unit
 from tasks.units.unit import Unit
@@ -56,11 +56,11 @@ def _again(change: Change) -> dict[int, int]:
     return same_key_or_name(change.records["poses"], units)
 
 
-POSES = Kind(
+POSES = Stage(
     "poses",
     "panorama",
     count=lambda block, plan: len(block.panoramas),
-    again=_again,
+    match_previous=_again,
     units=pose_units,
     function=pose_unit,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from facade_core.atlas.journal import Record
-from tasks.kinds.kind import Change, Kind, Records
+from tasks.kinds.kind import Change, Stage, Records
 
 
 def _same_streets(change: Change) -> dict[int, int]:
@@ -57,19 +57,19 @@ def _moved_viewpoints(change: Change, again: Mapping[int, int], records: Records
     return records
 
 
-VIEWPOINTS = Kind(
+VIEWPOINTS = Stage(
     "viewpoints",
     "viewpoint",
     count=lambda block, plan: len(plan.viewpoints),
-    again=_same_viewpoints,
-    always=True,
-    moved=_moved_viewpoints,
+    match_previous=_same_viewpoints,
+    in_every_block=True,
+    relocate=_moved_viewpoints,
     part_of="streets",
 )
-STREETS = Kind(
+STREETS = Stage(
     "streets",
     "street",
     count=lambda block, plan: len(plan.streets),
-    again=_same_streets,
-    moved=_moved_streets,
+    match_previous=_same_streets,
+    relocate=_moved_streets,
 )

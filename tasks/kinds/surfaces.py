@@ -15,7 +15,7 @@ from facade_core.street.surfaces import BESIDE_M
 from tasks.keys.memory import surface_memory
 from tasks.keys.streets import SEEDING
 from tasks.keys.surfaces import surface_key
-from tasks.kinds.kind import Change, Kind
+from tasks.kinds.kind import Change, Stage
 from tasks.run import Run
 from tasks.units.surfaces import surface_unit
 from tasks.units.unit import Unit
@@ -72,13 +72,13 @@ def _again(change: Change) -> dict[int, int]:
     }
 
 
-SURFACES = Kind(
+SURFACES = Stage(
     "surfaces",
     "surface",
     count=lambda block, plan: len(parts_of_block(plan)),
-    again=_again,
+    match_previous=_again,
     units=surface_units,
     function=surface_unit,
     reads=(*SEEDING, "streets"),
-    always=True,
+    in_every_block=True,
 )

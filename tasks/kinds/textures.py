@@ -9,7 +9,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.keys.memory import texture_memory
 from tasks.keys.units import texture_key
-from tasks.kinds.kind import Change, Kind
+from tasks.kinds.kind import Change, Stage
 from tasks.run import Run
 from tasks.units.textures import texture_unit
 from tasks.units.unit import Unit
@@ -61,12 +61,12 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-TEXTURES = Kind(
+TEXTURES = Stage(
     "textures",
     "textured building",
     count=lambda block, plan: len(plan.textured_buildings()),
-    again=_again,
+    match_previous=_again,
     units=texture_units,
     function=texture_unit,
-    seeds=True,
+    writes_base_layer=True,
 )

@@ -13,7 +13,7 @@ from facade_core.export.tiles.block_tiles import tiles_of
 from facade_core.plan.plan import Plan
 from tasks.keys.finished import tile_key, tile_shape
 from tasks.keys.memory import tile_memory
-from tasks.kinds.kind import Change, Kind, Records, same_name
+from tasks.kinds.kind import Change, Stage, Records, same_name
 from tasks.run import Run
 from tasks.units.tiles import tile_unit
 from tasks.units.unit import Unit
@@ -47,15 +47,15 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     return records
 
 
-TILES = Kind(
+TILES = Stage(
     "tiles",
     "tile",
     count=lambda block, plan: len(tiles_of(plan)),
-    again=lambda change: same_name(change.records["tiles"], [tile.path for tile in tiles_of(change.after)]),
+    match_previous=lambda change: same_name(change.records["tiles"], [tile.path for tile in tiles_of(change.after)]),
     units=tile_units,
     function=tile_unit,
     reads=("surfaces",),
-    always=True,
-    moved=_moved,
-    follows=True,
+    in_every_block=True,
+    relocate=_moved,
+    derived_only=True,
 )

@@ -10,7 +10,7 @@ from facade_core.plan.plan import Plan
 from tasks.keys.memory import wall_memory
 from tasks.keys.units import wall_key
 from tasks.kinds.cameras import cameras_of_block
-from tasks.kinds.kind import Change, Kind
+from tasks.kinds.kind import Change, Stage
 from tasks.run import Run
 from tasks.units.unit import Unit
 from tasks.units.walls import wall_unit
@@ -62,13 +62,13 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-WALLS = Kind(
+WALLS = Stage(
     "walls",
     "photographed building",
     count=lambda block, plan: len(plan.walls_near_cameras()),
-    again=_again,
+    match_previous=_again,
     units=wall_units,
     function=wall_unit,
     reads=("poses", "bundles"),
-    seeds=True,
+    writes_base_layer=True,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
-from tasks.kinds.kind import Kind
+from tasks.kinds.kind import Stage
 from tasks.kinds.order import KINDS
 from tasks.kinds.streets import STREETS
 from tasks.run import Run
@@ -30,7 +30,7 @@ def over_limit(run: Run, group: StoreGroup) -> str | None:
     return None
 
 
-def _failed(group: StoreGroup, kinds: tuple[Kind, ...]) -> tuple[int, int]:
+def _failed(group: StoreGroup, kinds: tuple[Stage, ...]) -> tuple[int, int]:
     """How many units of some kinds failed, and how many there are."""
     records = [record for kind in kinds for record in read_journal(group, kind.stage)]
     return sum(record is not None and record["status"] == "failed" for record in records), len(records)

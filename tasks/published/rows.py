@@ -238,7 +238,7 @@ def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
             continue
         for record in block.journals[kind.stage]:
             if record and record["status"] == "failed":
-                yield kind.thing, record["unit"], record["reason"]
+                yield kind.subject, record["unit"], record["reason"]
     for record in block.journals["streets"]:
         if record and record["status"] in ("stale", "failed"):
             stale = "stale: " if record["status"] == "stale" else ""

@@ -19,7 +19,7 @@ from tasks.keys.streets import SEEDING, street_keys
 from tasks.keys.units import changed_parts, parts_of
 from tasks.kinds.bundles import bundles, members_of
 from tasks.kinds.facades import panoramas_of
-from tasks.kinds.kind import Kind
+from tasks.kinds.kind import Stage
 from tasks.kinds.order import KINDS
 from tasks.outcome import is_done
 from tasks.run import Run
@@ -63,7 +63,7 @@ NEW, AGAIN = "new", "not done before"
 class Due:
     """The units of a kind that are due, in pieces of what one worker does in one go, and the records of the others."""
 
-    kind: Kind
+    kind: Stage
     pieces: tuple[Piece, ...]
     done: tuple[Record, ...]
 
@@ -81,7 +81,7 @@ class Ahead:
     units: Mapping[str, Sequence[Unit]] = field(default_factory=dict)
 
 
-def due_of(run: Run, block: Block, kind: Kind, units: Sequence[Unit] | None = None) -> Due:
+def due_of(run: Run, block: Block, kind: Stage, units: Sequence[Unit] | None = None) -> Due:
     """What of a kind is due; what is known of that is forgotten where it seeds, so that nobody reads what is of before.
 
     units: all of the kind, where they are known and nothing was done since that they stand on.
@@ -94,7 +94,7 @@ def due_of(run: Run, block: Block, kind: Kind, units: Sequence[Unit] | None = No
     if units is None:
         units = kind.units(run, block, plan, group)
     waiting = [unit for unit in units if not is_done(records[unit.index], *unit.keys)]
-    if kind.seeds:
+    if kind.writes_base_layer:
         forget_units(run, plan, kind.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
     indices = {unit.index for unit in waiting}
     return Due(
@@ -106,9 +106,9 @@ def due_of(run: Run, block: Block, kind: Kind, units: Sequence[Unit] | None = No
 
 def _pieces(units: Sequence[Unit]) -> list[Piece]:
     """Units in what one worker does in one go, in the order of what they share, else of their indices."""
-    alone = [(unit,) for unit in units if unit.together is None]
-    shared = sorted((unit for unit in units if unit.together is not None), key=lambda unit: unit.together or 0)
-    return [*alone, *(tuple(piece) for _, piece in groupby(shared, key=lambda unit: unit.together))]
+    alone = [(unit,) for unit in units if unit.group_id is None]
+    shared = sorted((unit for unit in units if unit.group_id is not None), key=lambda unit: unit.group_id or 0)
+    return [*alone, *(tuple(piece) for _, piece in groupby(shared, key=lambda unit: unit.group_id))]
 
 
 def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
@@ -126,7 +126,7 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
     reasons: dict[str, dict[int, str]] = {}
     seeded: list[int] = []
     for kind in KINDS:
-        if kind.units is None or kind.follows:
+        if kind.units is None or kind.derived_only:
             continue
         records = read_journal(group, kind.stage)
         units[kind.stage] = kind.units(run, block, plan, group)
@@ -139,7 +139,7 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
             reasons[kind.stage] = dict.fromkeys((u.index for u in units[kind.stage]), REASONS["panoramas"])
         if kind.stage == "facades":
             reasons["facades"] = _after(reasons, units, records, plan, block)
-        if kind.seeds:
+        if kind.writes_base_layer:
             seeded += [chart for u in units[kind.stage] if u.index in reasons[kind.stage] for chart in u.charts]
     reasons["streets"], follow = _streets(run, plan, group, seeded)
     if run.texture.translator != "neural":

@@ -97,15 +97,15 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
         records=read_journals(last.group),
         stays=_staying(last.plan, plan),
     )
-    again = {kind.stage: kind.again(change) for kind in KINDS}
+    again = {kind.stage: kind.match_previous(change) for kind in KINDS}
     spec, placement = last.plan.scene.spec, last.plan.scene.placement
     cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(change.stays.values())))
     clear_rasters(root, spec, placement, cleared.tolist())
     resize_arrays(root, plan.scene.spec, units=counts(block, plan), panorama_width=run.texture.panorama_width)
     for kind in KINDS:
         records = _at_new_places(change.records[kind.stage], again[kind.stage], kind.count(block, plan))
-        if kind.moved is not None:
-            records = kind.moved(change, again[kind.stage], records)
+        if kind.relocate is not None:
+            records = kind.relocate(change, again[kind.stage], records)
         before = list(map(_text, change.records[kind.stage]))
         for index, text in enumerate(map(_text, records)):
             if index >= len(before) or before[index] != text:

@@ -20,9 +20,9 @@ from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sky import under_sky
 from facade_core.street.materials.field import Materials
 from facade_core.street.propagation.blend import blend
-from facade_core.street.propagation.propagate import propagate, see
+from facade_core.street.propagation.propagate import propagate, mark_first_visible
 from facade_core.street.propagation.render import render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
 from facade_core.street.translator import neural
 from facade_core.street.translator.translate import Swatches, Translator
@@ -55,7 +55,7 @@ def context(run: Run) -> Context:
 class _Progress:
     """A street in this process: its window and how many of its viewpoints are in it."""
 
-    window: Window
+    window: TexelBuffer
     done: int
 
 
@@ -121,7 +121,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     if here.field is None:
         propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
     elif in_turn:
-        see(here.plan.scene, progress.window, viewpoint, panorama.chart)
+        mark_first_visible(here.plan.scene, progress.window, viewpoint, panorama.chart)
     lap("propagate")
     group["panoramas/rgb"][viewpoint.id] = rgb
     _keep(entry, mark, _Progress(progress.window, step + 1 if in_turn else progress.done))
@@ -218,18 +218,18 @@ def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
 
 def replay(
     plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, own: bool = False, threads: int = 1
-) -> Window:
+) -> TexelBuffer:
     """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
     one of its charts, then the street's own, or its `own` alone. field: whether the translator answers with one; its texels are
     left to `paint`."""
     scene = plan.scene
     viewpoints = plan.of_street(street)
     charts = plan.charts_of_street(street)
-    rasters, writable = Window.layout(scene.placement, charts[plan.writable[charts]], charts)
+    rasters, writable = TexelBuffer.layout(scene.placement, charts[plan.writable[charts]], charts)
     seed, evidence = (
         read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
     )
-    window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
+    window = TexelBuffer.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
     earlier = [] if own else _earlier(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:
@@ -248,10 +248,10 @@ def _earlier(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> 
 
 
 def add_viewpoint(
-    plan: Plan, group: StoreGroup, window: Window, viewpoint: Viewpoint, *, field: bool, threads: int = 1
+    plan: Plan, group: StoreGroup, window: TexelBuffer, viewpoint: Viewpoint, *, field: bool, threads: int = 1
 ) -> None:
     """Take a viewpoint that is done into a window: its panorama, or what it sees."""
     if field:
-        see(plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2])
+        mark_first_visible(plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2])
     else:
         propagate(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)

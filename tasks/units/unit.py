@@ -32,7 +32,7 @@ class Unit:
     arguments: tuple[Any, ...] = ()
     memory: int = 0
     charts: tuple[int, ...] = ()
-    together: int | None = None
+    group_id: int | None = None
 
     @property
     def key(self) -> str:

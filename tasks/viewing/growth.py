@@ -15,7 +15,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.materials.field import Materials
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
 from tasks.units.materials import field_of
 from tasks.units.streets import add_viewpoint, replay
@@ -38,7 +38,7 @@ class _Street:
     view: View
     street: int
     plan: Plan
-    window: Window
+    window: TexelBuffer
     field: Materials | None
     steps: int
     texel: np.ndarray
@@ -86,7 +86,7 @@ def _plan(view: View) -> Plan:
     return read_plan(view.session)
 
 
-def _texels(plan: Plan, window: Window, street: int) -> np.ndarray:
+def _texels(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
     """Which texel of the window each pixel of the picture shows, (h, w) int64."""
     scene = plan.scene
     places = np.array([viewpoint.position for viewpoint in plan.of_street(street)])

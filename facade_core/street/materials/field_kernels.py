@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.hash_uniform import chance
+from facade_core.core.hash_uniform import hash_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.daylight import LEAST
 from facade_core.geometry.ground.shapes import Drawn
@@ -240,7 +240,7 @@ def picked(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
     """One colour of a palette (k, 3) for each number (n,), by chance: (n, 3)."""
     out = np.empty((len(number), 3))
     for i in range(len(number)):
-        row = int(chance(number[i], seed) * len(palette))
+        row = int(hash_uniform(number[i], seed) * len(palette))
         for band in range(3):
             out[i, band] = palette[row, band]
     return out
@@ -251,5 +251,5 @@ def drawn(number: np.ndarray, seed: int) -> np.ndarray:
     """0..1 by chance for each number (n,)."""
     out = np.empty(len(number))
     for i in range(len(number)):
-        out[i] = chance(number[i], seed)
+        out[i] = hash_uniform(number[i], seed)
     return out

@@ -15,7 +15,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.visible_tiles import TILE, Facing, mark_tiles
 from facade_core.street.propagation.blend import BlendState, add_view, blend_texel, stands_in
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Texels seen flatter than this hold no detail: a panorama pixel would cover metres of them.
 GRAZING = 0.02
@@ -42,7 +42,7 @@ class View(NamedTuple):
 
 def propagate(
     scene: Scene,
-    atlas: Window,
+    atlas: TexelBuffer,
     viewpoint: Viewpoint,
     rgb: np.ndarray,
     *,
@@ -80,7 +80,7 @@ def propagate(
         list(pool.map(walk, range(threads)))
 
 
-def see(scene: Scene, atlas: Window, viewpoint: Viewpoint, seen: np.ndarray) -> None:
+def mark_first_visible(scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, seen: np.ndarray) -> None:
     """Count the viewpoint as a view of the bare texels that it is the first to see, of the window's writable charts, in place.
 
     For translators that answer with a field: what such a texel shows depends on no view, and
@@ -94,7 +94,7 @@ def see(scene: Scene, atlas: Window, viewpoint: Viewpoint, seen: np.ndarray) -> 
 
 
 def _before(
-    scene: Scene, atlas: Window, viewpoint: Viewpoint, held: np.ndarray, seen: np.ndarray
+    scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, held: np.ndarray, seen: np.ndarray
 ) -> tuple[Facing, np.ndarray, np.ndarray, np.ndarray]:
     """The charts `held` (k,) before a viewpoint; the surface of each pixel (h, w), -1 nothing; the camera's rotation; and which
     tiles of the charts its pixels can fall on."""

@@ -12,7 +12,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import GATE_SPACINGS
 from facade_core.street.propagation.sampling import Gate, Lights, Pixels, Sheets, shade_pixels
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Soft daylight: a hemisphere of sky plus a low sun from the south-west.
 SUN = np.array([-0.45, -0.6, 0.66])
@@ -47,7 +47,7 @@ def shade(normals: np.ndarray) -> np.ndarray:
     return np.clip(AMBIENT + 0.12 * sky + 0.16 * sun, 0, 1)
 
 
-def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
+def render(scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
     """Render a viewpoint with the texels that the window `atlas` holds; size = (height, width) pixels, width = 2 height.
 
     A texel of provenance 0, and every chart that the window does not hold, counts as untextured; so does what only a stand-in

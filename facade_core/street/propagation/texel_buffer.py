@@ -14,7 +14,7 @@ from facade_core.street.propagation.blend import BlendState
 
 
 @dataclass(frozen=True)
-class Window:
+class TexelBuffer:
     """Texels laid out by `rasters`, the writable charts first, so that they share their index with `state`.
 
     writable (k,): chart ids;
@@ -46,7 +46,7 @@ class Window:
         evidence: np.ndarray,
         *,
         visibility_range: float = 40.0,
-    ) -> Window:
+    ) -> TexelBuffer:
         """A window without views yet: colour is the seed (t, 3), provenance its evidence (t,). The range, in metres, is that of
         the scene whose views it takes."""
         total = int((placement.width[writable].astype(np.int64) * placement.height[writable]).sum())

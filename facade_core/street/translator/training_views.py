@@ -13,7 +13,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render, shade
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Widths that panoramas are looked at: windows of a facade are as large in one as those of a nearer facade in the other.
 WIDTHS = (512, 1024)
@@ -85,14 +85,14 @@ def sequence(
     return found
 
 
-def _window(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> Window:
+def _window(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> TexelBuffer:
     """A window of charts, some of which are known from the start."""
-    rasters, write = Window.layout(scene.placement, charts, charts)
+    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
     colour, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     for chart in set(seeds) & set(charts.tolist()):
         texels = rasters.slice(scene.placement, chart)
         colour[texels], evidence[texels] = seeds[chart].reshape(-1, 1), 1
-    return Window.of(scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range)
+    return TexelBuffer.of(scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range)
 
 
 def _normals(mesh: Mesh) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.materials import plain
-from facade_core.core.hash_uniform import chance
+from facade_core.core.hash_uniform import hash_uniform
 from facade_core.street.materials import procedural, roofs
 
 SEED = 5
@@ -96,7 +96,7 @@ def test_chance_is_even_and_unlike_beside() -> None:
         assert abs((here * other).mean()) / drawn.var() < 0.02
     assert abs((drawn[1:] * drawn[:-1]).mean()) / drawn.var() < 0.02
     assert abs((drawn[1:, 1:] * drawn[:-1, :-1]).mean()) / drawn.var() < 0.02
-    rows = np.array([int(5 * chance(number, 7)) for number in range(2000)])
+    rows = np.array([int(5 * hash_uniform(number, 7)) for number in range(2000)])
     assert np.bincount(rows, minlength=5).min() > 330
 
 

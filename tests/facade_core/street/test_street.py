@@ -23,7 +23,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.visible_tiles import mark_tiles
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.translator.translate import Swatches
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -44,11 +44,11 @@ def camera(x: float = 10.0) -> Viewpoint:
     return Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
 
 
-def window(scene: Scene, writable, seed=None, evidence=None) -> Window:
-    rasters, write = Window.layout(scene.placement, writable, range(len(scene.charts)))
+def window(scene: Scene, writable, seed=None, evidence=None) -> TexelBuffer:
+    rasters, write = TexelBuffer.layout(scene.placement, writable, range(len(scene.charts)))
     seed = np.zeros((rasters.total, 3), np.uint8) if seed is None else seed
     evidence = np.zeros(rasters.total, np.uint8) if evidence is None else evidence
-    return Window.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
 
 
 def south_wall(scene: Scene, building: int) -> int:
@@ -110,7 +110,7 @@ def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
 
 def test_stronger_evidence_is_never_overwritten(scene: Scene) -> None:
     wall = south_wall(scene, 0)
-    rasters, _ = Window.layout(scene.placement, [wall], range(len(scene.charts)))
+    rasters, _ = TexelBuffer.layout(scene.placement, [wall], range(len(scene.charts)))
     seed = np.full((rasters.total, 3), 77, np.uint8)
     evidence = np.zeros(rasters.total, np.uint8)
     texels = rasters.slice(scene.placement, wall)
@@ -205,7 +205,7 @@ def test_threads_change_nothing(scene: Scene, threads: int) -> None:
 def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
     """Stripes finer than a pixel become their mean, not one of them."""
     wall = south_wall(scene, 0)
-    rasters, _ = Window.layout(scene.placement, [], range(len(scene.charts)))
+    rasters, _ = TexelBuffer.layout(scene.placement, [], range(len(scene.charts)))
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.full(rasters.total, PHOTO, np.uint8)
     texels = rasters.slice(scene.placement, wall)
     width, height = int(scene.placement.width[wall]), int(scene.placement.height[wall])

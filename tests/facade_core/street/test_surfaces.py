@@ -19,8 +19,8 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.contact import contact
 from facade_core.street.materials.field import Materials
 from facade_core.street.materials.ground_by_example import FILLED_M
-from facade_core.street.propagation.propagate import see
-from facade_core.street.propagation.texel_buffer import Window
+from facade_core.street.propagation.propagate import mark_first_visible
+from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import Known, Pixels, faded, paint, surface
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -161,13 +161,13 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
 
 
 def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: Materials) -> None:
-    rasters, writable = Window.layout(scene.placement, range(len(scene.charts)), [])
+    rasters, writable = TexelBuffer.layout(scene.placement, range(len(scene.charts)), [])
     blank = np.zeros((rasters.total, 3), np.uint8)
-    window = Window.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    window = TexelBuffer.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
     counts = []
     for x in (5.0, 15.0):
         viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
-        see(scene, window, viewpoint, scene.look(viewpoint, 512)[2])
+        mark_first_visible(scene, window, viewpoint, scene.look(viewpoint, 512)[2])
         paint(window, scene.placement, materials)
         counts.append(int((window.provenance == TRANSLATED).sum()))
     assert 0 < counts[0] < counts[1] < rasters.total

@@ -65,7 +65,7 @@ def made(town: Path, metres: int) -> tuple[int, dict[str, str], dict[int, np.nda
 
 def test_no_texel_depends_on_the_cut(town: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # what is encoded of the texels afterwards is told by them
-    monkeypatch.setattr("tests.pipeline.stages.KINDS", [kind for kind in KINDS if not kind.follows])
+    monkeypatch.setattr("tests.pipeline.stages.KINDS", [kind for kind in KINDS if not kind.derived_only])
     (whole, facades, charts), *others = [made(town, metres) for metres in (5000, 70, 45)]
     assert [whole, *(count for count, _, _ in others)] == [1, 2, 6]
     assert len(facades) > 20

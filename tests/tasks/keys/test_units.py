@@ -82,7 +82,7 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
 
     def again(before: Any, after: Any) -> dict[int, int]:
         change: Any = Value(before=before, after=after)
-        return STREETS.again(change)
+        return STREETS.match_previous(change)
 
     assert again(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
     assert again(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved

@@ -164,10 +164,10 @@ def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_c
     before, after = planned(*POSES), planned(POSES[1])
     same = {chart: chart for chart in range(len(before.ids))}
     change: Any = Value(before=before, after=after, stays=dict(same))
-    assert WALLS.again(change) == {0: 2}
+    assert WALLS.match_previous(change) == {0: 2}
     gone = {chart for building, own in before.walls_near_cameras().items() if building != 2 for chart in own}
     assert same.keys() - change.stays.keys() == gone
     moved: Any = Value(before=before, after=before, stays={c: o for c, o in same.items() if c != min(gone)})
     owner = int(before.scene.charts.building[min(gone)])
-    assert WALLS.again(moved) == {unit: unit for unit in range(4) if unit != owner}
+    assert WALLS.match_previous(moved) == {unit: unit for unit in range(4) if unit != owner}
     assert np.isin(before.walls_near_cameras()[owner], list(moved.stays)).sum() == 0

@@ -99,7 +99,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     one()
     alone = kept()
     viewpoint.forget_street(ready, 0, "key")
-    both, see = threading.Barrier(2), viewpoint.see
+    both, see = threading.Barrier(2), viewpoint.mark_first_visible
 
     windows: list[Any] = []
 
