@@ -25,10 +25,10 @@ import numpy as np
 import shapely
 
 from benchmarks.cameras import photographed_street, psnr, refined, shown_reader
-from facade_core.core.provenance import INPAINTED
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import raster_points
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import taken_whole
@@ -132,10 +132,10 @@ def _recovered(
             "plain": np.stack([v.rgb for v in views])[best, *np.indices(size)],
             "material": surface(scene, materials, chart, without, network=False)[0],
             "somewhere": somewhere,
-            "roof": np.full(size, scene.charts.kind[chart] == ROOF),
+            "roof": np.full(size, scene.charts.kind[chart] == ChartKind.ROOF),
             "hidden": np.asarray(~(seen & ~before).any(axis=0)),
             "taken": camera >= 0,
-            "example": provenance == INPAINTED,
+            "example": provenance == Provenance.INPAINTED,
         }
         for name, wrong in (("through", before), ("beside", beside)):
             for whose, chosen in (("plain", best), ("ours", np.maximum(camera, 0))):

@@ -27,10 +27,10 @@ import shapely
 
 from benchmarks.poses import refined_poses
 from facade_core.atlas.surroundings import Reader
-from facade_core.core.provenance import INPAINTED, PHOTO, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import Camera, Shown
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
@@ -108,7 +108,7 @@ def refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -
 
 def _finer(scene: Scene) -> Scene:
     """The scene with its ground at DENSITY."""
-    density = np.where(scene.charts.kind == GROUND, DENSITY, scene.placement.texels_per_metre)
+    density = np.where(scene.charts.kind == ChartKind.GROUND, DENSITY, scene.placement.texels_per_metre)
     placement = pack(scene.charts.size, density, scene.charts.building, page=2048, chunk=128, gutter=2)
     return replace(scene, placement=placement)
 
@@ -138,7 +138,7 @@ def _recovered(
     left = np.array(gains) * factor.mean(axis=1)
     street_line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = Materials(scene, (street_line,), seed=1)
-    grounds = np.flatnonzero(scene.charts.kind == GROUND).tolist()
+    grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
     shown: dict[int, Shown] = {}
     for chart in grounds:
         start = time.perf_counter()
@@ -170,7 +170,7 @@ def _recovered(
             "material": materials.raster(chart).reshape(*size, 3),
             "hidden": np.asarray(~(seen & ~covered).any(axis=0)),
             "taken": camera >= 0,
-            "example": provenance == INPAINTED,
+            "example": provenance == Provenance.INPAINTED,
             "plain through": np.take_along_axis(covered, best[None], axis=0)[0],
             "ours through": np.take_along_axis(covered, np.maximum(camera, 0)[None].astype(np.intp), axis=0)[0],
         }
@@ -221,7 +221,7 @@ def shown_reader(scene: Scene, shown: Mapping[int, Shown]) -> Reader:
             shape = (rows.stop - rows.start, columns.stop - columns.start)
             return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
         found = shown[chart]
-        rank = np.where(found.shown, PHOTO, UNSEEN).astype(np.uint8)
+        rank = np.where(found.shown, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
         return found.rgb[rows, columns], rank[rows, columns]
 
     return read

@@ -26,7 +26,7 @@ import numpy as np
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Pose
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import Fused, View, fuse_views
@@ -47,7 +47,7 @@ def scene_of_walls(corners: np.ndarray, texels_per_metre: float) -> Scene:
     across, down = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0]
     size = np.stack([np.linalg.norm(across, axis=1), np.linalg.norm(down, axis=1)], axis=1)
     frame = (corners[:, 0].copy(), across / size[:, :1], down / size[:, 1:])
-    charts = Charts(np.full(n, WALL, np.uint8), each, each, *frame, size)
+    charts = Charts(np.full(n, ChartKind.WALL, np.uint8), each, each, *frame, size)
     triangles = (np.array([[0, 3, 2], [0, 2, 1]]) + 4 * each[:, None, None]).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(corners.reshape(-1, 3), triangles, np.repeat(each, 2), np.repeat(each, 4))
     placement = pack(charts.size, texels_per_metre, each, page=2048, chunk=128, gutter=2)

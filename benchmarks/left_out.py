@@ -32,7 +32,7 @@ from catalogs.block import Block, read_block
 from facade_core.core.types import Pose
 from facade_core.export.pictures.camera import Camera
 from facade_core.export.pictures.picture import aim, averaged
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import before_buildings
 from facade_core.imagery.poses.panorama_camera import in_view, position, shares
@@ -228,7 +228,7 @@ def _seen(found: Published, camera: Camera) -> Seen:
 def _kinds(found: Published, chart: np.ndarray) -> dict[str, np.ndarray]:
     """Which pixels show which kind of surface."""
     hit, kind = chart != MISS, found.plan.scene.charts.kind
-    facade, ground = np.isin(chart, found.plan.facades.chart), hit & (kind[chart] == GROUND)
+    facade, ground = np.isin(chart, found.plan.facades.chart), hit & (kind[chart] == ChartKind.GROUND)
     return {"facades": hit & facade, "other walls and roofs": hit & ~facade & ~ground, "ground": ground}
 
 

@@ -20,7 +20,7 @@ from facade_core.core.types import Ground
 from facade_core.geometry import block_surfaces as surfaces
 from facade_core.geometry.buildings.eaves import Overhang
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.carriageways import fitted
 from facade_core.geometry.ground.terrain import terrain_of
 
@@ -49,7 +49,7 @@ def measure(block: Block) -> dict[str, Any]:
         "triangles": len(mesh.triangles),
         "megatexels": round(float(texels.prod(axis=1).sum()) / 1e6, 2),
         "chunks": len(np.unique(np.concatenate(chunks), axis=0)),
-        "roofs_off_plane": round(float(off[charts.kind[own] == ROOF].max(initial=0.0)), 3),
+        "roofs_off_plane": round(float(off[charts.kind[own] == ChartKind.ROOF].max(initial=0.0)), 3),
     }
 
 

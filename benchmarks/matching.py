@@ -18,7 +18,7 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import likely_walls, taken_by
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
@@ -64,7 +64,7 @@ def measure(streets: int, buildings: int) -> dict[str, Any]:
     for seed in range(streets):
         street = synthetic_street(buildings, seed=seed, occluders=2)
         charts = street.scene.charts
-        walls = np.flatnonzero((charts.kind == WALL) & (charts.size.min(axis=1) > 3))
+        walls = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size.min(axis=1) > 3))
         for chart in street.charts:
             rng = np.random.default_rng([seed, chart])
             photo, place, heading = photo_of(street, chart, rng)

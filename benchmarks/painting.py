@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.look.likeness import DISTANCES, FREE_M, gradient_energy, real_energy, relative_energy
 from benchmarks.look.photos import read_picture
 from benchmarks.look.views import FIELD_OF_VIEW, SIZE
-from facade_core.core.labels import WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.stains import BANDS_M, deviations
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.facade import PaintedFacade
@@ -60,11 +60,11 @@ def main() -> None:
         seconds.append(time.process_time() - start)
     figures: dict[str, Any] = {
         "benchmark": "painting",
-        "painted": _tones((f.image, f.labels == WALL, f.labels == WINDOW) for f in facades),
+        "painted": _tones((f.image, f.labels == FacadeClass.WALL, f.labels == FacadeClass.WINDOW) for f in facades),
     }
     figures |= {name: _tones(_real(options.data / "facades" / name, *ids)) for name, ids in REAL.items()}
     figures["stains"] = {
-        "painted": _stains((f.image, f.labels == WALL, EXEMPLAR_PIXELS_PER_METRE) for f in facades)
+        "painted": _stains((f.image, f.labels == FacadeClass.WALL, EXEMPLAR_PIXELS_PER_METRE) for f in facades)
     } | {name: _stains(_scaled(_real(options.data / "facades" / name, *ids))) for name, ids in REAL.items()}
     figures["detail"] = _detail(facades, options.data)
     figures["seconds"] = {"one": round(float(np.median(seconds)), 3), "all": round(sum(seconds), 1)}

@@ -35,7 +35,7 @@ from benchmarks.imagery import (
 from catalogs.block import read_block
 from catalogs.examples.sources import BLOCKS
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.joint_refinement import Alone, refine_together
 from facade_core.imagery.poses.refinement import refine_pose
@@ -141,7 +141,7 @@ def refined_poses(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Po
     """The poses given, those refined alone, and those refined together after that, as a run has them in the end."""
     alone = [refine_pose(scene, image, pose) for image, pose in zip(images, given, strict=True)]
     start = [Alone(one.pose, one.spread) for one in alone]
-    surfaces = np.flatnonzero(np.isin(scene.charts.kind, (WALL, GROUND))).tolist()
+    surfaces = np.flatnonzero(np.isin(scene.charts.kind, (ChartKind.WALL, ChartKind.GROUND))).tolist()
     found = refine_together(scene, surfaces, images, start)
     return {"given": given, "refined": [one.pose for one in alone], "together": [one.pose for one in found]}
 

@@ -211,7 +211,7 @@ def _block(name: str) -> dict[str, Any]:
 
     from catalogs.block import read_block
     from catalogs.examples.sources import BLOCKS as FOLDER
-    from facade_core.geometry.charts import WALL
+    from facade_core.geometry.charts import ChartKind
     from tasks.stages.planning import plan_of
 
     start = time.perf_counter()
@@ -224,7 +224,7 @@ def _block(name: str) -> dict[str, Any]:
     normal = charts.normal()
     middle = charts.points(np.arange(len(charts)), *charts.size.T / 2)
     before = shapely.points((middle + 0.5 * normal)[:, :2])
-    large = (charts.kind == WALL) & (charts.size[:, 0] >= 3.0) & (charts.size[:, 1] >= 2.5)
+    large = (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= 3.0) & (charts.size[:, 1] >= 2.5)
     free = large & ~shapely.intersects(footprints, before)
     owned = np.zeros(len(charts), bool)
     owned[facades.chart] = True

@@ -22,7 +22,7 @@ from facade_core.core.types import Pose, Street
 from facade_core.export.pictures.facade_stages import StoredFacade, chart_raster, stages_of
 from facade_core.export.pictures.picture import file_of, perspective
 from facade_core.export.pictures.views import cameras, view_names
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
 from facade_core.imagery.cameras.camera_view import Camera
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
@@ -199,7 +199,7 @@ def ground() -> np.ndarray:
         Camera(image, pose, in_the_way(image, pose), factor, usual_of(own))
         for image, pose, factor, own in zip(images, seen, factors(squares), squares, strict=True)
     ]
-    shown = {c: photographed(scene, c, found) for c in np.flatnonzero(scene.charts.kind == GROUND).tolist()}
+    shown = {c: photographed(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
     chart = max(shown, key=lambda c: float(part.shown.sum()) if (part := shown[c]) else 0.0)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))

@@ -26,7 +26,7 @@ import numpy as np
 from PIL import Image
 
 from facade_core.export.models.glb import BYTE_KINDS, header_of
-from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from tasks.export.formats import export
 from tasks.published.opened import published
 
@@ -102,7 +102,7 @@ def detail(out: Path) -> dict[str, Any]:
     with published(out) as found:
         source = found.textured
         kinds = source.charts.kind
-        for name, kind in (("walls", WALL), ("roofs", ROOF), ("ground", GROUND)):
+        for name, kind in (("walls", ChartKind.WALL), ("roofs", ChartKind.ROOF), ("ground", ChartKind.GROUND)):
             lost, texels = [], []
             for chart in np.unique(source.mesh.chart[kinds[source.mesh.chart] == kind]).tolist():
                 grey = cv2.cvtColor(source.raster(chart), cv2.COLOR_RGB2GRAY)

@@ -26,7 +26,7 @@ from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
 from catalogs.block import Block, read_block
 from facade_core.atlas.journal import Record
-from facade_core.core.labels import SHOP
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.pipeline import prepare_exemplar
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts
@@ -89,7 +89,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
                 floors=made.floors,
                 hidden=float(made.occluded.mean()),
                 shaded=made.shaded,
-                shop_width=float((made.labels == SHOP).any(axis=0).mean()),
+                shop_width=float((made.labels == FacadeClass.SHOP).any(axis=0).mean()),
                 look=look_of(made.image, made.labels, made.metres_per_pixel),
             )
         )

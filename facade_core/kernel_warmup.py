@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from shapely.geometry import LineString, box
 
-from facade_core.core.labels import WALL as PLAIN
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Element, Street, Sun
 from facade_core.export.pictures.camera import Camera
 from facade_core.export.pictures.picture import perspective
@@ -20,7 +20,7 @@ from facade_core.facade.pipeline import from_exemplar
 from facade_core.facade.texture.building_walls import Wall
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import style_of
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest
 from facade_core.street.lighting.facade_light import in_its_light
 from facade_core.street.propagation.propagate import mark_first_visible
@@ -84,9 +84,9 @@ def streets() -> None:
 
     for chart in range(len(scene.charts)):
         surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
-    chart, sun = int(np.flatnonzero(scene.charts.kind == WALL)[0]), Sun(180.0, 45.0)
+    chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
     shape = (int(placement.height[chart]), int(placement.width[chart]))
-    wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, PLAIN, np.uint8)
+    wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
     in_its_light(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
     camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
     perspective(scene, camera, swatches.materials.raster)

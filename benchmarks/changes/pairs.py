@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.core.labels import SHOP, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.imagery.rectify.fusion import View
 from facade_core.synth.occluders import paint_occluders
 
@@ -69,7 +69,7 @@ def _mirrored(image: np.ndarray, labels: np.ndarray, rng: np.random.Generator) -
     """With other things behind and in the panes of four windows in ten: sky, a curtain, a room that is lit."""
     import cv2
 
-    count, parts, boxes, _ = cv2.connectedComponentsWithStats((labels == WINDOW).astype(np.uint8))
+    count, parts, boxes, _ = cv2.connectedComponentsWithStats((labels == FacadeClass.WINDOW).astype(np.uint8))
     shown = image.astype(np.float32)
     for part in range(1, count):
         if rng.random() > 0.4 or boxes[part, 4] < 30:
@@ -124,9 +124,9 @@ def _shop(
     """Another house's ground floor, on all of the width or half of it."""
     rows, columns = facade.labels.shape
     other = others[int(rng.integers(len(others)))]
-    shop = np.flatnonzero((other.labels == SHOP).mean(axis=1) > 0.2)
+    shop = np.flatnonzero((other.labels == FacadeClass.SHOP).mean(axis=1) > 0.2)
     top = shop[0] if len(shop) else round(0.8 * len(other.labels))
-    own = np.flatnonzero((facade.labels == SHOP).mean(axis=1) > 0.2)
+    own = np.flatnonzero((facade.labels == FacadeClass.SHOP).mean(axis=1) > 0.2)
     y0 = int(own[0]) if len(own) else round(0.8 * rows)
     x0, x1 = [(0, columns), (0, columns // 2), (columns // 2, columns)][int(rng.integers(3))]
     return _pasted(facade, other.image[top:], (x0, min(y0, rows - 20), x1, rows))
@@ -166,7 +166,7 @@ def _paint(
 ) -> _Changed:
     """The wall in another colour, all of it or some storeys."""
     rows = len(facade.labels)
-    changed = facade.labels == WALL
+    changed = facade.labels == FacadeClass.WALL
     changed[: round(rng.choice([0.0, 0.0, 0.3, 0.5]) * rows)] = False
     tone = np.array([[0.9, 0.55, 0.5], [0.55, 0.75, 0.95], [1.0, 0.85, 0.5], [0.6, 0.85, 0.6], [0.95, 0.65, 0.35]])
     image = facade.image.copy()

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.changes.pairs import Pair
 from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read
-from facade_core.core.labels import SKY, UNKNOWN
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.imagery.rectify.fusion import View
 from facade_core.parsing.occluders import things_in_front
 from facade_core.parsing.segmenter import parse
@@ -50,7 +50,7 @@ def _view(photo: LabelledFacade, warp: np.ndarray | None, like: LabelledFacade) 
     import cv2
 
     hidden, _ = things_in_front(parse(photo.image).occluded)
-    wall = (photo.labels != SKY) & (photo.labels != UNKNOWN)
+    wall = (photo.labels != FacadeClass.SKY) & (photo.labels != UNKNOWN)
     rgb, quality = photo.image, np.ones(like.labels.shape, np.float32)
     if warp is not None:
         size = like.labels.shape[::-1]

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.city.blocks import write_block
 from catalogs.block import read_block
 from facade_core.atlas.surroundings import pieces_around
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.party_walls import enclosed
 from facade_core.street.surfaces import BESIDE_M
 from tasks.stages.planning import plan_again, plan_of
@@ -46,7 +46,7 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
         for chart in asked:
             pieces_around(charts, chart, BESIDE_M)
         beside = time.process_time() - start
-        walls = np.flatnonzero(charts.kind == WALL).tolist()
+        walls = np.flatnonzero(charts.kind == ChartKind.WALL).tolist()
         start = time.process_time()
         shut = sum(int(enclosed(plan.scene, chart).sum()) for chart in walls)
         party = time.process_time() - start

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.decisions.timing import figures, seconds
-from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, resolve
+from facade_core.core.provenance import Provenance, resolve
 
 # Share of texels that each source covers, independent of the others.
-COVER = {PHOTO: 0.3, INPAINTED: 0.2, SYNTHESISED: 0.5, TRANSLATED: 0.7}
+COVER = {Provenance.PHOTO: 0.3, Provenance.INPAINTED: 0.2, Provenance.SYNTHESISED: 0.5, Provenance.TRANSLATED: 0.7}
 # A facade may be done again after its street, as when its photo is replaced.
 ORDERS = ("facade street", "street facade", "facade street facade", "street facade street")
 
@@ -22,10 +22,16 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     side, repeats = (128, 1) if quick else (2048, 5)
     rng = np.random.default_rng(0)
     covers = {rank: rng.random((side, side)) < share for rank, share in COVER.items()}
-    seeded = [np.where(covers[rank], rank, UNSEEN) for rank in (PHOTO, INPAINTED, SYNTHESISED)]
+    seeded = [
+        np.where(covers[rank], rank, Provenance.UNSEEN)
+        for rank in (Provenance.PHOTO, Provenance.INPAINTED, Provenance.SYNTHESISED)
+    ]
     sources = {
         "facade": (rng.integers(0, 256, (side, side, 3), dtype=np.uint8), np.max(seeded, axis=0).astype(np.uint8)),
-        "street": (rng.integers(0, 256, (side, side, 3), dtype=np.uint8), covers[TRANSLATED].astype(np.uint16)),
+        "street": (
+            rng.integers(0, 256, (side, side, 3), dtype=np.uint8),
+            covers[Provenance.TRANSLATED].astype(np.uint16),
+        ),
     }
     one = [_last_writer(sources, order.split()) for order in ORDERS]
     apart = [_by_rank(sources, order.split()) for order in ORDERS]
@@ -44,7 +50,7 @@ def _last_writer(sources: dict[str, tuple[np.ndarray, np.ndarray]], order: list[
     colour = np.zeros_like(sources["facade"][0])
     for stage in order:
         written, evidence = sources[stage]
-        colour[evidence > UNSEEN] = written[evidence > UNSEEN]
+        colour[evidence > Provenance.UNSEEN] = written[evidence > Provenance.UNSEEN]
     return colour
 
 

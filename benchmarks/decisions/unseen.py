@@ -12,7 +12,7 @@ import zarr
 from benchmarks.decisions.texels import street_scene
 from benchmarks.decisions.timing import bytes_in, figures
 from facade_core.atlas.rasters import write_rasters
-from facade_core.core.provenance import UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.geometry.charts import KINDS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -32,7 +32,7 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     for number, x in enumerate(np.arange(scene.spacing / 2, 2 * middle.position[0], scene.spacing)):
         position = np.array([x, *middle.position[1:]])
         propagate(scene, window, Viewpoint(number, 0, position, middle.forward), noise)
-    unseen = window.provenance == UNSEEN
+    unseen = window.provenance == Provenance.UNSEEN
     kind = np.repeat(scene.charts.kind, scene.placement.width.astype(np.int64) * scene.placement.height)
     filled = np.where(unseen[:, None], np.random.default_rng(1).integers(0, 256, (1, 3)), window.colour)
     stored = {

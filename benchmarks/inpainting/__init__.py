@@ -32,7 +32,7 @@ import numpy as np
 from benchmarks.inpainting import peers
 from benchmarks.inpainting.cases import Case, cases
 from benchmarks.parsing import confusion, scores
-from facade_core.core.labels import CLASSES, DOOR, UNKNOWN
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import Element
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.parsing.elements import elements
@@ -194,8 +194,8 @@ def structure(chosen: Sequence[Case], parsed: Sequence[np.ndarray]) -> dict[str,
     found = scores(every)
     shares = {
         "hidden_rows": (hidden.trace(), hidden.sum()),
-        "door_recall": (every[DOOR, DOOR], every[DOOR].sum()),
-        "door_precision": (every[DOOR, DOOR], every[:, DOOR].sum()),
+        "door_recall": (every[FacadeClass.DOOR, FacadeClass.DOOR], every[FacadeClass.DOOR].sum()),
+        "door_precision": (every[FacadeClass.DOOR, FacadeClass.DOOR], every[:, FacadeClass.DOOR].sum()),
     }
     return {
         "structure_miou": found["mean_iou"],

@@ -18,7 +18,7 @@ from facade_core.atlas.store import root_of_any_format
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.zarr_types import StoreGroup, group_at
 from facade_core.geometry.chart_packing import Placement
-from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
 
@@ -75,7 +75,7 @@ class Output:
     @cached_property
     def walls(self) -> np.ndarray:
         """The charts (k,) that are walls of buildings."""
-        return np.flatnonzero((self.charts.kind == WALL) & (self.charts.building >= 0))
+        return np.flatnonzero((self.charts.kind == ChartKind.WALL) & (self.charts.building >= 0))
 
     @cached_property
     def facades(self) -> tuple[Facade, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from benchmarks.look.outputs import Output
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 
 # Patches are looked at with so many pixels a metre, up to this side; shifts are this long, in metres: shorter than the first is
 # grain, and shifts that leave less than this share of the patch over itself say nothing.
@@ -32,7 +32,7 @@ def repeats(output: Output) -> dict[str, Any]:
     patches, which chance alone makes .2 of small ones, the one that all patches share, and that of a period, which stands out
     both ways."""
     area = output.charts.size.prod(axis=1)
-    ground = np.flatnonzero(output.charts.kind == GROUND)
+    ground = np.flatnonzero(output.charts.kind == ChartKind.GROUND)
     return {
         "roadway": _peaks(output, ground[np.argsort(-area[ground])], _roadway),
         "plain_walls": _peaks(output, output.walls[np.argsort(-area[output.walls])], _plain),

@@ -11,7 +11,7 @@ import shapely
 from benchmarks.look.outputs import Output
 from facade_core.export.pictures.camera import Camera
 from facade_core.export.pictures.picture import Picture, aim, averaged
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 
 SIZE = (300, 400)
@@ -90,7 +90,7 @@ def standing(output: Output, place: np.ndarray, heading: float) -> Camera | None
     sky."""
     top = np.array([*place, output.mesh.vertices[:, 2].max() + _ABOVE_M])
     depth, chart = output.caster.cast(top, np.array([[0.0, 0.0, -1.0]]))
-    if chart[0] == MISS or output.charts.kind[chart[0]] != GROUND:
+    if chart[0] == MISS or output.charts.kind[chart[0]] != ChartKind.GROUND:
         return None
     position = top - [0, 0, float(depth[0]) - EYE_M]
     return Camera(position, position + np.array([np.cos(heading), np.sin(heading), PITCH]), FIELD_OF_VIEW, SIZE)
@@ -101,7 +101,7 @@ def shows_street(output: Output, camera: Camera, nearest: float = NEAREST_M) -> 
     rays = Camera(camera.position, camera.target, camera.field_of_view, (27, 36)).rays()
     depth, chart = output.caster.cast(camera.position, rays)
     kind = np.where(chart == MISS, -1, output.charts.kind[chart])
-    return bool((kind == WALL).mean() >= LEAST_WALLS and np.median(depth[9:18, 12:24]) >= nearest)
+    return bool((kind == ChartKind.WALL).mean() >= LEAST_WALLS and np.median(depth[9:18, 12:24]) >= nearest)
 
 
 def render(output: Output, cameras: Sequence[Camera]) -> Iterator[View]:

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from benchmarks.look.outputs import Facade, Output, facade_items
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 
 # Metres between the places on walls that are asked; how far off a wall something stands that leaves it no sight.
@@ -231,7 +231,7 @@ def shapes(output: Output) -> dict[str, Any]:
     normal = output.charts.normal()
     kinds: dict[str, int] = defaultdict(int)
     for building in built.tolist():
-        own = np.flatnonzero((output.charts.building == building) & (output.charts.kind == ROOF))
+        own = np.flatnonzero((output.charts.building == building) & (output.charts.kind == ChartKind.ROOF))
         kinds[_roof_shape(normal[own], area[own])] += 1
     return {
         "buildings": len(built),

@@ -27,7 +27,7 @@ from benchmarks.materials import plain
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Finish, Street
 from facade_core.geometry.chart_packing import Placement, pack
-from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import Materials
 from facade_core.street.materials.tiled import Material
@@ -43,15 +43,15 @@ TRUTH_M, SAMPLES = 6.0, 12
 POINT_M = 1e-3
 # The charts: their kind, how they lie, the material's plain function, and how far the ground is from a centreline, metres.
 CHARTS: dict[str, tuple[int, str, str, float]] = {
-    "carriageway": (GROUND, "level", "asphalt", 0.0),
-    "paving": (GROUND, "level", "paving", 60.0),
-    "kerb": (GROUND, "level", "ground", 4.0),
-    "sheet metal": (ROOF, "level", "roofing", 0.0),
-    "tiles": (ROOF, "tilted", "tiling", 0.0),
-    "plaster": (WALL, "upright", "plaster", 0.0),
-    "pane": (WINDOW, "upright", "glass", 0.0),
-    "boards": (DOOR, "upright", "wood", 0.0),
-    "soffit": (CEILING, "under", "soffit", 0.0),
+    "carriageway": (ChartKind.GROUND, "level", "asphalt", 0.0),
+    "paving": (ChartKind.GROUND, "level", "paving", 60.0),
+    "kerb": (ChartKind.GROUND, "level", "ground", 4.0),
+    "sheet metal": (ChartKind.ROOF, "level", "roofing", 0.0),
+    "tiles": (ChartKind.ROOF, "tilted", "tiling", 0.0),
+    "plaster": (ChartKind.WALL, "upright", "plaster", 0.0),
+    "pane": (ChartKind.WINDOW, "upright", "glass", 0.0),
+    "boards": (ChartKind.DOOR, "upright", "wood", 0.0),
+    "soffit": (ChartKind.CEILING, "under", "soffit", 0.0),
 }
 AXES = {
     "level": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0)),
@@ -80,7 +80,7 @@ def scene_of(density: float, size: float = SIDE_M) -> tuple[Scene, list[Street]]
     placement: Placement = pack(charts.size, density, own, page=2048, chunk=128, gutter=2)
     streets = []
     for row, (_, _, name, aside) in enumerate(names):
-        if kind[row] == GROUND and name != "paving":
+        if kind[row] == ChartKind.GROUND and name != "paving":
             y = -size / 2 - (aside if name == "ground" else 0.0)
             line = shapely.LineString([(origin[row, 0] - 10, y - 3), (origin[row, 0] + size + 10, y + 4)])
             streets.append(Street(name, None, line))

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from catalogs.block import read_block
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
-from facade_core.street.propagation.propagate import propagate, mark_first_visible
+from facade_core.street.propagation.propagate import mark_first_visible, propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
@@ -44,7 +44,7 @@ def measure() -> dict[str, Any]:
     start = time.perf_counter()
     rasters = {chart: swatches.materials.raster(chart) for chart in writable.tolist()}
     beforehand = time.perf_counter() - start
-    ground = [chart for chart in writable.tolist() if scene.charts.kind[chart] == GROUND]
+    ground = [chart for chart in writable.tolist() if scene.charts.kind[chart] == ChartKind.GROUND]
     energy = np.zeros(3)
     for chart in ground:
         texels = window.rasters.slice(scene.placement, chart)

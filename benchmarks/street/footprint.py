@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.street.readings import Reading, View, _resolution, blended, view_of
 from facade_core.core.types import Street
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
@@ -43,7 +43,7 @@ SEED = 3
 def measure() -> dict[str, Any]:
     street = synthetic_street(8, seed=1, occluders=0, texels_per_metre=TEXELS_PER_METRE)
     materials = Materials(street.scene, [_line(street)], seed=SEED)
-    ground = np.flatnonzero(street.scene.charts.kind == GROUND)
+    ground = np.flatnonzero(street.scene.charts.kind == ChartKind.GROUND)
     found: dict[str, Any] = {}
     for name, errors in POSE_ERRORS.items():
         views, footprints, total = _views(street, materials, ground, errors)

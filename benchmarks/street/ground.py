@@ -14,7 +14,7 @@ import shapely
 from numba import njit
 
 from facade_core.core.types import Ground, Way
-from facade_core.geometry.charts import GROUND, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.shapes import SQUARE_M, Drawn, Squares
 from facade_core.street.materials.grain import Grains
 from facade_core.street.materials.grain_file import shipped
@@ -64,7 +64,7 @@ def _charts(places: np.ndarray) -> Charts:
     count = len(places)
     own = np.arange(count, dtype=np.int32)
     east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
-    kind = np.full(count, GROUND, np.uint8)
+    kind = np.full(count, ChartKind.GROUND, np.uint8)
     return Charts(kind, own, np.full(count, -1, np.int32), places, east, south, np.full((count, 2), SQUARE_M))
 
 

@@ -17,7 +17,7 @@ from benchmarks.street.step import cameras, steps
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Street
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, ROOF, WALL, Pieces, frames
+from facade_core.geometry.charts import ChartKind, Pieces, frames
 from facade_core.geometry.ground.street_gaps import streets_between
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -118,7 +118,7 @@ def _scene(
     normal = np.column_stack([np.bincount(chart, normal[:, i]) for i in range(3)])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.where(length > 1e-6, normal / np.maximum(length, 1e-6), [0.0, 0.0, 1.0])
-    kind = np.where(np.abs(normal[:, 2]) < UPRIGHT, WALL, ROOF)
+    kind = np.where(np.abs(normal[:, 2]) < UPRIGHT, ChartKind.WALL, ChartKind.ROOF)
     pieces = Pieces()
     corners = np.arange(3 * len(triangles)).reshape(-1, 3)
     pieces.add(kind, np.arange(len(kind)), 0, *frames(normal), triangles.reshape(-1, 3), corners, chart)
@@ -127,7 +127,7 @@ def _scene(
     floor = np.dstack([cells[:, None] * CELL_M + square, np.full((len(cells), 6), level)]).reshape(-1, 3)
     up = np.tile([0.0, 0.0, 1.0], (len(cells), 1))
     numbers = np.arange(6 * len(cells)).reshape(-1, 3)
-    kinds = np.full(len(cells), GROUND)
+    kinds = np.full(len(cells), ChartKind.GROUND)
     pieces.add(kinds, np.arange(len(cells)), -1, *frames(up), floor, numbers, np.repeat(np.arange(len(cells)), 2))
     charts, mesh = pieces.values()
     owner = charts.building.copy()

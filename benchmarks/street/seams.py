@@ -10,11 +10,11 @@ import numpy as np
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.provenance import PHOTO
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
@@ -76,7 +76,7 @@ def _beside_photos(
         part = truth[: shape[0], left : left + shape[1]]
         photo[: part.shape[0], : part.shape[1]] = part
         known = np.zeros(shape, np.uint8)
-        known[:, round((1 - share) * shape[1]) :] = PHOTO
+        known[:, round((1 - share) * shape[1]) :] = Provenance.PHOTO
         texels = rasters.slice(placement, piece)
         seed[texels], evidence[texels] = photo.reshape(-1, 3), known.reshape(-1)
     window = TexelBuffer.of(placement, rasters, write, seed, evidence)
@@ -126,7 +126,7 @@ def _scene() -> tuple[Scene, Street]:
 def _pieces(scene: Scene) -> list[int]:
     """The charts of the long wall's front, from west to east."""
     charts = scene.charts
-    front = (charts.building == 0) & (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9)
+    front = (charts.building == 0) & (charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9)
     return sorted(np.flatnonzero(front).tolist(), key=lambda c: float(charts.origin[c, 0]))
 
 

@@ -173,7 +173,10 @@ def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | Non
     charts = np.unique(plan.views[np.isin(plan.views[:, 0], [v.id for v in own]), 1])
     rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    window, translator = TexelBuffer.of(scene.placement, rasters, write, *nothing), Swatches(scene, plan.streets, seed=seed)
+    window, translator = (
+        TexelBuffer.of(scene.placement, rasters, write, *nothing),
+        Swatches(scene, plan.streets, seed=seed),
+    )
     for viewpoint in own[:steps]:
         panorama = render(scene, window, viewpoint, (width // 2, width))
         propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import ECP, LabelledFacade, read
-from facade_core.core.labels import UNKNOWN, WALL
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.genetic import BLOCK, ELITE, POPULATION
 from facade_core.facade.texture.retargeting import retarget
@@ -41,7 +41,7 @@ def resized(facade: LabelledFacade, size: tuple[int, int]) -> tuple[np.ndarray, 
     """Image and labels of size (H, W); what has no class is wall."""
     import cv2
 
-    labels = np.where(facade.labels == UNKNOWN, WALL, facade.labels).astype(np.uint8)
+    labels = np.where(facade.labels == UNKNOWN, FacadeClass.WALL, facade.labels).astype(np.uint8)
     image = cv2.resize(facade.image, size[::-1], interpolation=cv2.INTER_AREA)
     return image, cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
 
@@ -134,7 +134,7 @@ def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) 
     plain = [reference(tab, shape, grid, generations, s) for s in range(seeds)]
     walls = []
     for facade in facades:
-        label_map = np.where(facade.labels == UNKNOWN, WALL, facade.labels).astype(np.uint8)
+        label_map = np.where(facade.labels == UNKNOWN, FacadeClass.WALL, facade.labels).astype(np.uint8)
         scale = exemplar_scale(facade.image, label_map)
         for size, floors in WALLS:
             fit = partial(retarget, facade.image, label_map, size, floors=floors, metres_per_pixel=scale)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.street.truth import interval
-from facade_core.core.labels import WINDOW as PARSED_WINDOW
-from facade_core.geometry.charts import CORNERS, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
+from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.equirectangular import project
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -31,7 +31,7 @@ def measure(scene: Scene, own: Sequence[Viewpoint], panoramas: dict[str, list[Pa
         for name, cut in cuts.items():
             if cut is not None:  # the geometry decides, so it is none or all
                 image, truth, seen = cut
-                windows = parse(image).labels == PARSED_WINDOW
+                windows = parse(image).labels == FacadeClass.WINDOW
                 either = ((windows | truth) & seen).sum()
                 scores[name].append(float((windows & truth & seen).sum() / max(either, 1)))
         if len(next(iter(scores.values()))) == FACADES:
@@ -44,7 +44,7 @@ def _planes(scene: Scene) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.n
     """Facades, largest first: origin, unit right, unit down, and (width, height) of the rectangle around the walls of one
     building that lie in one plane."""
     charts, normal = scene.charts, scene.charts.normal()
-    wall = np.flatnonzero((charts.kind == WALL) & (np.abs(normal[:, 2]) < 0.05))
+    wall = np.flatnonzero((charts.kind == ChartKind.WALL) & (np.abs(normal[:, 2]) < 0.05))
     offset = np.einsum("ij,ij->i", normal[wall], charts.origin[wall])
     heading = np.degrees(np.arctan2(normal[wall, 1], normal[wall, 0]))
     key = np.column_stack([charts.building[wall], np.round(heading / 4), np.round(offset / 0.5)]).astype(int)
@@ -88,7 +88,7 @@ def _cut(
     # how far behind the plane the surface seen there lies
     cosine = np.abs((points - camera.position) @ outward) / reach
     seen = np.abs(view.depth[v, u] - reach) * cosine < DEPTH_M
-    truth = (scene.charts.kind[np.maximum(view.chart[v, u], 0)] == WINDOW) & (view.chart[v, u] >= 0) & seen
+    truth = (scene.charts.kind[np.maximum(view.chart[v, u], 0)] == ChartKind.WINDOW) & (view.chart[v, u] >= 0) & seen
     if seen.mean() < 0.6 or truth.sum() < LEAST_WINDOWS * seen.sum():
         return None
     return view.rgb[v, u], truth, seen

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.provenance import TRANSLATED
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
@@ -89,7 +89,7 @@ def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, bl
             count[taken] += 1
             mean = np.floor(total[taken] / count[taken, None] + 0.5).astype(np.uint8)
             window.colour[taken] = mean if blending == "average" else latest.colour[taken]
-            window.provenance[taken] = TRANSLATED
+            window.provenance[taken] = Provenance.TRANSLATED
         if before is not None:
             differences.append(_difference(*before, panorama, rgb))
         before = (panorama, rgb)

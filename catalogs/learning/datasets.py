@@ -12,7 +12,7 @@ import numpy as np
 
 from catalogs.readers.pictures.opening import opened
 from facade_core.core.errors import ImageError, InputError
-from facade_core.core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Meaning:
         """The values of LabelledFacade's labels, possible, occluder and outside."""
         label = self.classes[0] if len(self.classes) == 1 else UNKNOWN
         possible = sum(1 << number for number in self.classes or range(len(CLASSES)))
-        outside = 1 if self.outside or self.classes == (SKY,) else 0 if self.classes else UNKNOWN
+        outside = 1 if self.outside or self.classes == (FacadeClass.SKY,) else 0 if self.classes else UNKNOWN
         return label, possible, UNKNOWN if self.occluder is None else int(self.occluder), outside
 
 
@@ -70,9 +70,20 @@ def _shows(*classes: int) -> Meaning:
 
 
 _NOTHING, _IN_FRONT = Meaning(), Meaning(occluder=True)
-_PARIS = {
-    **{number: _shows(number) for number in (WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP, SKY)},
-    7: _shows(ROOF),  # chimneys
+_PARIS: dict[int, Meaning] = {
+    **{
+        number: _shows(number)
+        for number in (
+            FacadeClass.WALL,
+            FacadeClass.WINDOW,
+            FacadeClass.BALCONY,
+            FacadeClass.DOOR,
+            FacadeClass.ROOF,
+            FacadeClass.SHOP,
+            FacadeClass.SKY,
+        )
+    },
+    7: _shows(FacadeClass.ROOF),  # chimneys
     255: _NOTHING,
 }
 
@@ -88,17 +99,17 @@ CMP = DatasetRecipe(
     "labels",
     {
         1: Meaning(outside=True),  # sky, neighbours, street
-        2: Meaning((WALL,)),
-        3: Meaning((WINDOW,)),
-        4: Meaning((DOOR,)),
-        5: Meaning((WALL, ROOF)),  # cornice
-        6: Meaning((WALL, BALCONY)),  # sill
-        7: Meaning((BALCONY,)),
-        8: Meaning((WINDOW, WALL)),  # blind
-        9: Meaning((WALL,)),
-        10: Meaning((WALL,)),
-        11: Meaning((WALL, SHOP)),  # pillar
-        12: Meaning((SHOP,)),
+        2: Meaning((FacadeClass.WALL,)),
+        3: Meaning((FacadeClass.WINDOW,)),
+        4: Meaning((FacadeClass.DOOR,)),
+        5: Meaning((FacadeClass.WALL, FacadeClass.ROOF)),  # cornice
+        6: Meaning((FacadeClass.WALL, FacadeClass.BALCONY)),  # sill
+        7: Meaning((FacadeClass.BALCONY,)),
+        8: Meaning((FacadeClass.WINDOW, FacadeClass.WALL)),  # blind
+        9: Meaning((FacadeClass.WALL,)),
+        10: Meaning((FacadeClass.WALL,)),
+        11: Meaning((FacadeClass.WALL, FacadeClass.SHOP)),  # pillar
+        12: Meaning((FacadeClass.SHOP,)),
     },
     may_train=True,
 )
@@ -108,7 +119,20 @@ RUEMONGE = DatasetRecipe(
     "labels",
     {
         0: _NOTHING,
-        **{n + 1: _shows(label) for n, label in enumerate((WINDOW, WALL, BALCONY, DOOR, ROOF, SKY, SHOP))},
+        **{
+            n + 1: _shows(label)
+            for n, label in enumerate(
+                (
+                    FacadeClass.WINDOW,
+                    FacadeClass.WALL,
+                    FacadeClass.BALCONY,
+                    FacadeClass.DOOR,
+                    FacadeClass.ROOF,
+                    FacadeClass.SKY,
+                    FacadeClass.SHOP,
+                )
+            )
+        },
     },
     may_train=False,
 )
@@ -118,14 +142,21 @@ LABELMEFACADE = DatasetRecipe(
     "labels",
     {
         0: _NOTHING,
-        1: _shows(WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP),
+        1: _shows(
+            FacadeClass.WALL,
+            FacadeClass.WINDOW,
+            FacadeClass.BALCONY,
+            FacadeClass.DOOR,
+            FacadeClass.ROOF,
+            FacadeClass.SHOP,
+        ),
         2: _IN_FRONT,  # cars
-        3: _shows(DOOR),
+        3: _shows(FacadeClass.DOOR),
         4: Meaning(occluder=False, outside=True),  # pavement
         5: Meaning(occluder=False, outside=True),  # road
-        6: _shows(SKY),
+        6: _shows(FacadeClass.SKY),
         7: _IN_FRONT,  # vegetation
-        8: _shows(WINDOW),
+        8: _shows(FacadeClass.WINDOW),
     },
     may_train=False,
 )
@@ -134,10 +165,10 @@ RECIPES = {recipe.name: recipe for recipe in (ECP, ARTDECO, CMP, RUEMONGE, LABEL
 
 # The Swiss street photos come as polygons with a category. Of what no polygon covers most is sky.
 _SWISS = {
-    "facade": _shows(WALL, ROOF, DOOR),
-    "window": _shows(WINDOW),
-    "balcony-fence": _shows(BALCONY),
-    "shop": _shows(SHOP),
+    "facade": _shows(FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.DOOR),
+    "window": _shows(FacadeClass.WINDOW),
+    "balcony-fence": _shows(FacadeClass.BALCONY),
+    "shop": _shows(FacadeClass.SHOP),
     "street": Meaning(occluder=False, outside=True),
     "non-building-infrastructure": _NOTHING,
     "vegetation": _IN_FRONT,

@@ -31,7 +31,7 @@ SEEDS = (
         "facade_maps/labels",
         PAGE,
         "uint8",
-        "class id as in facade_core.core.labels, 255 unknown",
+        "class id as in facade_core.labels, 255 unknown",
         {**FLAGS, "ancillary_variables": "confidence occluded"},
     ),
     Array("facade_maps/occluded", PAGE, "bool", "hidden in the facade image"),

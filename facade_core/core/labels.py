@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import numpy as np
 
 CLASSES = ("wall", "window", "balcony", "door", "roof", "shop", "sky")
-WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP, SKY = range(7)
+
+
+class FacadeClass(IntEnum):
+    """Class id of a label map: the index of its name in `CLASSES`."""
+
+    WALL = 0
+    WINDOW = 1
+    BALCONY = 2
+    DOOR = 3
+    ROOF = 4
+    SHOP = 5
+    SKY = 6
+
+
+# Label of a pixel whose class is not known.
 UNKNOWN = 255
 # What a label map's values mean, as attributes of CF.
 FLAGS = {"_FillValue": UNKNOWN, "flag_values": list(range(len(CLASSES))), "flag_meanings": " ".join(CLASSES)}

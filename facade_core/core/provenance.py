@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import numpy as np
 
 # In rising rank: the value of a texel's provenance is its rank.
 PROVENANCE = ("unseen", "material", "translated", "synthesised", "inpainted", "photo")
-UNSEEN, MATERIAL, TRANSLATED, SYNTHESISED, INPAINTED, PHOTO = range(6)
+
+
+class Provenance(IntEnum):
+    """Source of a texel's colour: the index of its name in `PROVENANCE`, which is also its rank."""
+
+    UNSEEN = 0
+    MATERIAL = 1
+    TRANSLATED = 2
+    SYNTHESISED = 3
+    INPAINTED = 4
+    PHOTO = 5
 
 
 def resolve(
@@ -18,8 +30,10 @@ def resolve(
     views made the street colour. Rank: photo > inpainted > synthesised > translated > unseen, which stays black: what it is
     made of is for `facade_core.street.surfaces` to say.
     """
-    provenance = np.where(evidence > UNSEEN, evidence, np.where(views > 0, TRANSLATED, UNSEEN)).astype(np.uint8)
-    colour = np.where((evidence > UNSEEN)[..., None], seed, np.where((views > 0)[..., None], street, 0)).astype(
-        np.uint8
-    )
+    provenance = np.where(
+        evidence > Provenance.UNSEEN, evidence, np.where(views > 0, Provenance.TRANSLATED, Provenance.UNSEEN)
+    ).astype(np.uint8)
+    colour = np.where(
+        (evidence > Provenance.UNSEEN)[..., None], seed, np.where((views > 0)[..., None], street, 0)
+    ).astype(np.uint8)
     return colour, provenance

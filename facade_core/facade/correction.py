@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, WALL
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.levelling import spread
-from facade_core.core.provenance import PHOTO
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
 from facade_core.facade.pipeline import Facade
 from facade_core.facade.variation.encoding import encode
@@ -40,7 +40,7 @@ def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, floa
     """
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
-    made_up = facade.provenance != PHOTO
+    made_up = facade.provenance != Provenance.PHOTO
     gone, new = unlike(facade.elements, layout), unlike(layout, facade.elements)
     image = facade.image.copy()
     stays = np.zeros((height, width), bool)  # a railing stays before a window that goes
@@ -82,7 +82,7 @@ def _lay_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.nda
     )
     ring = np.ones((outer[0].stop - outer[0].start, outer[1].stop - outer[1].start), np.uint8)
     ring[mask[outer]] = 0
-    busy = cv2.integral((labels != WALL).astype(np.uint8))
+    busy = cv2.integral((labels != FacadeClass.WALL).astype(np.uint8))
     h, w = ring.shape
     clear = busy[h:, w:] - busy[:-h, w:] - busy[h:, :-w] + busy[:-h, :-w] == 0
     if clear.any() and ring.any():
@@ -134,7 +134,7 @@ def unlike(elements: Sequence[Element], others: Sequence[Element], *, moved: flo
 def _labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
     """A label map (h, w) uint8 whose elements are those of a layout: what else was one is wall."""
     drawn = labels.copy()
-    drawn[np.isin(labels, [CLASSES.index(name) for name in ELEMENT_CLASSES])] = WALL
+    drawn[np.isin(labels, [CLASSES.index(name) for name in ELEMENT_CLASSES])] = FacadeClass.WALL
     for name in ELEMENT_CLASSES:
         for e in layout:
             if e.label == name:

@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import WALL
-from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED, UNSEEN
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.resizing import resized, resized_with_labels
 from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, Models
 from facade_core.facade.layout import model as layouts
@@ -161,7 +161,7 @@ def from_photo(
         image=made.image,
         labels=made.labels,
         occluded=made.occluded,
-        provenance=np.where(made.occluded, INPAINTED, PHOTO).astype(np.uint8),
+        provenance=np.where(made.occluded, Provenance.INPAINTED, Provenance.PHOTO).astype(np.uint8),
         masked=made.masked,
         masked_share=made.masked_share,
         lattice=split,
@@ -345,7 +345,7 @@ def from_exemplar(
         image=texture,
         labels=labels,
         occluded=np.zeros(size, bool),
-        provenance=np.where(known, SYNTHESISED, UNSEEN).astype(np.uint8),
+        provenance=np.where(known, Provenance.SYNTHESISED, Provenance.UNSEEN).astype(np.uint8),
         masked=(),
         masked_share=0.0,
         lattice=split,
@@ -360,7 +360,7 @@ def from_exemplar(
 
 def _paint(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
     """Factors (3,) that give the wall of a texture (h, w, 3) a colour (3,); None without either."""
-    on = labels == WALL
+    on = labels == FacadeClass.WALL
     if colour is None or not on.any():
         return None
     return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / PAINTED, PAINTED))

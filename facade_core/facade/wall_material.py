@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.labels import WALL
+from facade_core.core.labels import FacadeClass
 
 # Of wall that must be seen, square metres; its brightness between these shares counts: neither shadow nor what shines.
 LEAST_M2, LIT = 3.0, (0.45, 0.95)
@@ -26,7 +26,7 @@ class WallMaterial(NamedTuple):
 
 def wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> WallMaterial | None:
     """The wall of a facade (h, w, 3) uint8 with labels (h, w); None where too little of it shows."""
-    on = labels == WALL
+    on = labels == FacadeClass.WALL
     if on.sum() < LEAST_M2 * texels_per_metre**2:
         return None
     return WallMaterial(lit_colour(image[on]), _courses(image, on, texels_per_metre))

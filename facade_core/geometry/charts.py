@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,20 @@ import shapely
 from facade_core.core.grouping import Grouped
 
 KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
-WALL, ROOF, GROUND, WINDOW, DOOR, CEILING, METAL = range(7)
+
+
+class ChartKind(IntEnum):
+    """Kind of a chart: the index of its name in `KINDS`."""
+
+    WALL = 0
+    ROOF = 1
+    GROUND = 2
+    WINDOW = 3
+    DOOR = 4
+    CEILING = 5
+    METAL = 6
+
+
 # A surface that leans less than this from the horizontal (sine) has its chart's right to the east, as a flat one.
 LEVEL = 0.035
 # The corners of a chart as shares of its width and height.

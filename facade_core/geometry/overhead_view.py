@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import RayCaster
 from facade_core.geometry.scene import Scene
 
@@ -24,7 +24,7 @@ Aerial = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 def shown_from_above(scene: Scene) -> np.ndarray:
     """The roofs that a picture from above can texture: (charts,) bool."""
-    return (scene.charts.kind == ROOF) & (scene.charts.normal()[:, 2] > LEAST_UP)
+    return (scene.charts.kind == ChartKind.ROOF) & (scene.charts.normal()[:, 2] > LEAST_UP)
 
 
 def from_above(scene: Scene, chart: int, aerial: Aerial) -> tuple[np.ndarray, np.ndarray]:

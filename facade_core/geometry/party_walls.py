@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 
 # Metres between the places of a wall that are asked; what lies between four of them that are inside is inside too.
@@ -22,7 +22,7 @@ def enclosed(scene: Scene, chart: int) -> np.ndarray:
     """
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     charts = scene.charts
-    if charts.kind[chart] != WALL:
+    if charts.kind[chart] != ChartKind.WALL:
         return np.zeros((height, width), bool)
     columns, rows = np.maximum(np.ceil(charts.size[chart] / CELL_M), 1).astype(int) + 1
     across, down = (

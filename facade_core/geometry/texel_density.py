@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from facade_core.geometry.charts import WALL, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import bends
 
 # Metres from which a chart in front of a viewpoint has all texels, and half of them; what is farther, or turns its back on all
@@ -29,7 +29,7 @@ def texel_density(
     What may stand between does not count: a house built or torn down elsewhere changes no other chart.
     """
     nearest = np.where(free_share > PARTY, _nearest(charts, viewpoints), np.inf)
-    for run in bends(charts, np.flatnonzero(charts.kind == WALL)):
+    for run in bends(charts, np.flatnonzero(charts.kind == ChartKind.WALL)):
         nearest[run] = nearest[run].min()
     halved = (nearest > NEAR_M).astype(int) + (nearest > FAR_M)
     return np.maximum(texels_per_metre / 2.0**halved, coarsest(texels_per_metre))

@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.grouping import grouped
-from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 
 # What a wall is to the streets: on one; beside it, in sight but narrow; out of sight.
 ROLES = ("street", "side", "back")
@@ -34,7 +34,7 @@ STOREY_M = (2.6, 4.5)
 def taken_whole(charts: Charts) -> np.ndarray:
     """The walls and roofs (n,) bool that are no trim."""
     large = (charts.size.min(axis=1) >= TRIM_M) & (charts.size.prod(axis=1) >= TRIM_M2)
-    return ((charts.kind == WALL) | (charts.kind == ROOF)) & large
+    return ((charts.kind == ChartKind.WALL) | (charts.kind == ChartKind.ROOF)) & large
 
 
 def free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:
@@ -43,7 +43,7 @@ def free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, Bas
     own = _outline(charts, mesh, chart, chart)
     normal = charts.normal()
     near = charts.near(chart, JOINT_M)
-    near = near[(charts.kind[near] == WALL) & (normal[near] @ normal[chart] < OPPOSITE)]
+    near = near[(charts.kind[near] == ChartKind.WALL) & (normal[near] @ normal[chart] < OPPOSITE)]
     apart = (charts.at_shares(near, np.array([[0.5, 0.5]]))[:, 0] - charts.origin[chart]) @ normal[chart]
     against = [_outline(charts, mesh, other, chart) for other in near[np.abs(apart) <= JOINT_M].tolist()]
     free = shapely.difference(own, shapely.union_all(against, grid_size=SNAP_M), grid_size=SNAP_M)
@@ -56,7 +56,7 @@ def free_share(charts: Charts, mesh: Mesh) -> np.ndarray:
     """The share of each chart's area that stands against no wall of a neighbour, (n,): 1 of what is no wall, or narrower or
     lower than NARROW_M."""
     share = np.ones(len(charts))
-    for chart in np.flatnonzero((charts.kind == WALL) & (charts.size >= NARROW_M).all(axis=1)).tolist():
+    for chart in np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= NARROW_M).all(axis=1)).tolist():
         whole, part = free_part(charts, mesh, chart)
         share[chart] = part.area / max(whole.area, SNAP_M**2)
     return share

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from facade_core.core.errors import ModelError
-from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.model_file import read_record, stamp
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing.elements import elements
@@ -78,7 +78,10 @@ class Certainty:
         """What a parse and the elements found in it say of a facade. Nothing is known of what is hidden (h, w) bool, and half
         of the windows and storeys that are taken to be there may be wrong."""
         value = _figures(parsing.labels, found)
-        doubt, unseen = doubts(parsing.confidence[..., WINDOW], value, hidden), _unseen(value, found, hidden)
+        doubt, unseen = (
+            doubts(parsing.confidence[..., FacadeClass.WINDOW], value, hidden),
+            _unseen(value, found, hidden),
+        )
         share, windows, floors = self.halves(doubt, unseen)
         return Told(
             value,
@@ -149,7 +152,7 @@ def doubts(chance: np.ndarray, value: Figures, hidden: np.ndarray) -> Figures:
 
 def _figures(labels: np.ndarray, found: Sequence[Element]) -> Figures:
     windows = sum(element.label == "window" for element in found)
-    return Figures(float((labels == WINDOW).mean()), windows, storeys(labels))
+    return Figures(float((labels == FacadeClass.WINDOW).mean()), windows, storeys(labels))
 
 
 def _unseen(value: Figures, found: Sequence[Element], hidden: np.ndarray) -> Figures:
@@ -179,10 +182,10 @@ def observed(parsing: Parsing, truth: np.ndarray, possible: np.ndarray) -> Obser
     where nothing is told; what may be a window, such as the blind before one, counts as part of it."""
     known = truth < len(CLASSES)
     found = [element for element in elements(parsing) if share_of(~known, element) <= _MOST_UNKNOWN]
-    share, true_share = (float((labels[known] == WINDOW).mean()) for labels in (parsing.labels, truth))
+    share, true_share = (float((labels[known] == FacadeClass.WINDOW).mean()) for labels in (parsing.labels, truth))
     windows, counted, true_counted = _counts(parsing, truth, possible)
     value = Figures(share, *counted)
-    doubt = doubts(parsing.confidence[..., WINDOW][known], value, np.zeros(int(known.sum()), bool))
+    doubt = doubts(parsing.confidence[..., FacadeClass.WINDOW][known], value, np.zeros(int(known.sum()), bool))
     misses = Figures(*(abs(one - other) for one, other in zip(value, (true_share, *true_counted), strict=True)))
     unseen = _unseen(value, windows, parsing.occluded)
     return Observed(found, right(found, elements(truth)), misses, doubt, unseen)
@@ -193,7 +196,7 @@ def _counts(
 ) -> tuple[list[Element], tuple[int, int], tuple[int, int]]:
     """The windows of a parse where the truth tells whether there is one; how many, and how many storeys; and of the truth."""
     told = possible != (1 << len(CLASSES)) - 1
-    maybe = np.where((possible >> WINDOW) & 1, WINDOW, WALL)
+    maybe = np.where((possible >> FacadeClass.WINDOW) & 1, FacadeClass.WINDOW, FacadeClass.WALL)
     true = np.where(truth < len(CLASSES), truth, np.where(told, maybe, UNKNOWN)).astype(np.uint8)
     windows, true_windows = (
         [element for element in elements(of) if element.label == "window"] for of in (parsing.labels, true)
@@ -204,7 +207,9 @@ def _counts(
     ]
     rows, columns = (np.flatnonzero(told.any(axis)) for axis in (1, 0))
     inside = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    floors, true_floors = (storeys(np.where(told, of, WALL)[inside].astype(np.uint8)) for of in (parsing.labels, true))
+    floors, true_floors = (
+        storeys(np.where(told, of, FacadeClass.WALL)[inside].astype(np.uint8)) for of in (parsing.labels, true)
+    )
     return windows, (len(windows), floors), (len(true_windows), true_floors)
 
 

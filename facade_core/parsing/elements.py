@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy import ndimage
 
-from facade_core.core.labels import BALCONY, CLASSES, ELEMENT_CLASSES
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing.validation import check_labels
 
@@ -45,7 +45,7 @@ def elements(parsing: Parsing | np.ndarray) -> list[Element]:
     boxes = {name: list(_class_boxes(labels == CLASSES.index(name), least)) for name in ELEMENT_CLASSES}
     boxes = {name: _without_slivers(same) for name, same in boxes.items()}
     boxes["balcony"] = [
-        part for box in boxes["balcony"] for part in _cut_between(box, boxes["window"], labels == BALCONY)
+        part for box in boxes["balcony"] for part in _cut_between(box, boxes["window"], labels == FacadeClass.BALCONY)
     ]
     found = []
     for name, (y0, x0, y1, x1) in ((name, box) for name, same in boxes.items() for box in same):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from facade_core.core.labels import BALCONY, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
 
 Span = tuple[int, int]
@@ -94,10 +94,10 @@ def structure(labels: np.ndarray) -> Structure | None:
     The sky above the roof is left out: `top` is the first row with less than a tenth of sky.
     """
     height, width = labels.shape
-    sky = (labels == SKY).mean(1)
+    sky = (labels == FacadeClass.SKY).mean(1)
     clear = np.flatnonzero(sky < 0.1)
     top = int(clear[0]) if len(clear) and clear[0] < 0.6 * height else 0
-    window = labels == WINDOW
+    window = labels == FacadeClass.WINDOW
     top = _clear_of_windows(window, top)
     window[:top] = False
     floors = window_spans(window)
@@ -112,7 +112,11 @@ def structure(labels: np.ndarray) -> Structure | None:
     rows = np.concatenate([np.arange(a, b) for a, b in middle])
     bays = window_spans(window[rows].T)
     ground_top = _ground_top(labels, floors, kinds)
-    element = 4.0 * np.isin(labels, (WINDOW, DOOR)) + 1.0 * (labels == BALCONY) + 0.5 * (labels == SHOP)
+    element = (
+        4.0 * np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR))
+        + 1.0 * (labels == FacadeClass.BALCONY)
+        + 0.5 * (labels == FacadeClass.SHOP)
+    )
     floor_cuts = [top]
     for upper, lower in zip(floors, floors[1:], strict=False):
         if lower[0] >= ground_top > upper[0]:
@@ -142,8 +146,11 @@ def _kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:
     kinds = []
     for k, (a, b) in enumerate(floors):
         band = labels[a:b]
-        roof, wall = (band == ROOF).mean(), np.isin(band, (WALL, BALCONY, SHOP, DOOR)).mean()
-        street = np.isin(band, (DOOR, SHOP)).mean()
+        roof, wall = (
+            (band == FacadeClass.ROOF).mean(),
+            np.isin(band, (FacadeClass.WALL, FacadeClass.BALCONY, FacadeClass.SHOP, FacadeClass.DOOR)).mean(),
+        )
+        street = np.isin(band, (FacadeClass.DOOR, FacadeClass.SHOP)).mean()
         if roof > wall and k < len(floors) - 1:
             kinds.append("roof")
         elif k == len(floors) - 1 and (street > 0.05 or labels.shape[0] - b < 0.7 * (b - a)):
@@ -161,16 +168,21 @@ def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) 
     above = [span for span, kind in zip(floors, kinds, strict=True) if kind != "ground"]
     height = labels.shape[0]
     lowest = above[-1][1] if above else 0
-    street = np.asarray(np.isin(labels, (DOOR, SHOP)).any(1))
+    street = np.asarray(np.isin(labels, (FacadeClass.DOOR, FacadeClass.SHOP)).any(1))
     street[:lowest] = False
     tops = np.flatnonzero(street)
     ground = floors[-1][0] if kinds[-1] == "ground" else height
     first = min(int(tops[0]) if len(tops) else ground, ground)
     if first >= height:  # a plain base: everything under the lowest floor's sill and balcony
-        balcony = np.flatnonzero((labels[lowest:] == BALCONY).mean(1) > 0.02)
+        balcony = np.flatnonzero((labels[lowest:] == FacadeClass.BALCONY).mean(1) > 0.02)
         first = lowest + (int(balcony[-1]) + 1 if len(balcony) else 0)
         return min(height, first + max(2, (height - first) // 4))
-    return _cut(np.isin(labels, (WINDOW, BALCONY, DOOR, SHOP)).mean(1), lowest, first, 0.8)
+    return _cut(
+        np.isin(labels, (FacadeClass.WINDOW, FacadeClass.BALCONY, FacadeClass.DOOR, FacadeClass.SHOP)).mean(1),
+        lowest,
+        first,
+        0.8,
+    )
 
 
 def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
@@ -202,4 +214,6 @@ def _between(position: int, low: int, high: int, room: int) -> int:
 
 def trimmed_labels(labels: np.ndarray) -> np.ndarray:
     """Labels with chimneys' and roof lines' left-over sky turned to roof and unknown pixels to wall."""
-    return np.where(labels == SKY, ROOF, np.where(labels == UNKNOWN, WALL, labels)).astype(np.uint8)
+    return np.where(
+        labels == FacadeClass.SKY, FacadeClass.ROOF, np.where(labels == UNKNOWN, FacadeClass.WALL, labels)
+    ).astype(np.uint8)

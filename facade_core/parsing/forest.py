@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.errors import ModelError
-from facade_core.core.labels import CLASSES, SKY
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import open_session, read_record, stamp
 from facade_core.parsing import forest_features
 from facade_core.parsing.segmentation import Segmented
@@ -44,7 +44,7 @@ class Forests:
         first = self.vote(FIRST, seen)
         second = self.vote(SECOND, forest_features.context(first, seen))
         confidence = _average_in_segments(image, _cells_to_pixels(second, *image.shape[:2]))
-        return Segmented(confidence, np.zeros(image.shape[:2], np.float32), confidence[..., SKY])
+        return Segmented(confidence, np.zeros(image.shape[:2], np.float32), confidence[..., FacadeClass.SKY])
 
     def vote(self, name: str, rows: np.ndarray) -> np.ndarray:
         """Votes of one forest, averaged over its trees: (h, w, n) float32 -> (h, w, 7) float32."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special
 
 from facade_core.core.errors import ModelError
-from facade_core.core.labels import CLASSES, DOOR
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import open_session, read_record, stamp
 from facade_core.parsing.segmentation import Segmented
 
@@ -35,7 +35,7 @@ VIEWS = tuple((scale, mirrored) for scale in (0.85, 1.2) for mirrored in (False,
 # network is asked that is taken back, or it would call doors more often than there are any.
 DOOR_WEIGHT = 3.0
 _LOG_WEIGHTS = np.array(
-    [math.log(DOOR_WEIGHT) if number == DOOR else 0.0 for number in range(len(CLASSES))], np.float32
+    [math.log(DOOR_WEIGHT) if number == FacadeClass.DOOR else 0.0 for number in range(len(CLASSES))], np.float32
 )
 _WHOLE = np.array([-1.0, -1.0, 1.0, 1.0])
 

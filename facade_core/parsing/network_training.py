@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.errors import ImageError, ModelError
-from facade_core.core.labels import CLASSES, DOOR, UNKNOWN
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.network import DOOR_WEIGHT, IN_FRONT, OUTSIDE
 from facade_core.parsing.training_views import ANY_CLASS, Cutout, Labelled, View, counted_in_front, cutouts, view
 
@@ -260,7 +260,7 @@ def _loss(network: Any, views: Sequence[View]) -> Any:
     bits = torch.tensor([1 << number for number in range(len(CLASSES))], dtype=torch.uint8)[:, None, None]
     may_be = (possible[:, None] & bits) != 0
     told = ((possible != ANY_CLASS) & (possible != 0)).float()
-    told = torch.where(possible == 1 << DOOR, DOOR_WEIGHT, told)
+    told = torch.where(possible == 1 << FacadeClass.DOOR, DOOR_WEIGHT, told)
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * told).sum() / told.sum().clamp(min=1)
     questions = (

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from facade_core.core.labels import DOOR, SHOP, UNKNOWN
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Box
 from facade_core.parsing.training_views import ANY_CLASS
 
@@ -63,7 +63,7 @@ def ground_floor(labels: np.ndarray, possible: np.ndarray) -> tuple[int, int]:
     rows = np.flatnonzero((possible != ANY_CLASS).any(1))
     high, bottom = int(rows[0]), int(rows[-1]) + 1
     highest = bottom - round(_HIGHEST_GROUND * (bottom - high))
-    telling = (labels == DOOR) | (labels == SHOP)
+    telling = (labels == FacadeClass.DOOR) | (labels == FacadeClass.SHOP)
     foot = highest + np.flatnonzero(telling[highest:bottom].any(1))
     top = bottom - round(_GROUND * (bottom - high))
     return (int(foot[0]) if foot.size else top), bottom

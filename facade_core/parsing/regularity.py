@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import CLASSES, WINDOW
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.elements import elements
 
 # An edge is moved by at most this share of the box's side, and at least by a few pixels.
@@ -28,12 +28,14 @@ _FLOOR = 1e-3
 def window_boxes(confidence: np.ndarray) -> np.ndarray:
     """The windows that a confidence map (H, W, 7) float32 shows, made regular: (n, 4) x0, y0, x1, y1 in pixels, half-open."""
     found = [
-        (e.x0, e.y0, e.x1, e.y1) for e in elements(confidence.argmax(2).astype(np.uint8)) if e.label == CLASSES[WINDOW]
+        (e.x0, e.y0, e.x1, e.y1)
+        for e in elements(confidence.argmax(2).astype(np.uint8))
+        if e.label == CLASSES[FacadeClass.WINDOW]
     ]
     if not found:
         return np.zeros((0, 4), np.intp)
     score = np.log(np.maximum(confidence, _FLOOR))
-    gain = score[..., WINDOW] - np.delete(score, WINDOW, axis=2).max(2)
+    gain = score[..., FacadeClass.WINDOW] - np.delete(score, FacadeClass.WINDOW, axis=2).max(2)
     return _fit(np.array(found, np.intp), gain)
 
 
@@ -45,15 +47,15 @@ def draw_windows(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) 
     """
     kept, near = np.zeros(labels.shape, bool), np.zeros(labels.shape, bool)
     for x0, y0, x1, y1 in boxes.tolist():
-        if _is_filled(labels[y0:y1, x0:x1] == WINDOW):
+        if _is_filled(labels[y0:y1, x0:x1] == FacadeClass.WINDOW):
             kept[y0:y1, x0:x1] = True
             high, wide = (y1 - y0) // 3 + _LEAST_REACH, (x1 - x0) // 3 + _LEAST_REACH
             near[max(0, y0 - high) : y1 + high, max(0, x0 - wide) : x1 + wide] = True
-    changed = np.nonzero(np.where(labels == WINDOW, near & ~kept, kept))
+    changed = np.nonzero(np.where(labels == FacadeClass.WINDOW, near & ~kept, kept))
     rows, before = confidence[changed], labels[changed].astype(np.intp)
     others = rows.copy()
-    others[:, WINDOW] = -1
-    after = np.where(before == WINDOW, others.argmax(1), WINDOW)
+    others[:, FacadeClass.WINDOW] = -1
+    after = np.where(before == FacadeClass.WINDOW, others.argmax(1), FacadeClass.WINDOW)
     at = np.arange(len(rows))
     rows[at, before], rows[at, after] = rows[at, after], rows[at, before]
     # of classes that are alike the first is told, as everywhere

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import CLASSES, SKY
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import read_record, stamp
 from facade_core.core.types import Parsing
 from facade_core.parsing import forest, network
@@ -119,7 +119,7 @@ def seen_outside(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | N
     segmenter = load_segmenter(model)
     working, nearest = _to_working_size(image, hidden, segmenter.working_area)
     seen = segmenter.segment(working)
-    outside = (seen.outside >= _OUTSIDE) | (seen.confidence.argmax(2) == SKY)
+    outside = (seen.outside >= _OUTSIDE) | (seen.confidence.argmax(2) == FacadeClass.SKY)
     return _enlarge(outside if nearest is None else outside[nearest], *hidden.shape)
 
 

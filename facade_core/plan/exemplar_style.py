@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from facade_core.core.labels import BALCONY, ROOF, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 
 # How much chance may outweigh fit. Floors count by their log ratio, as does the height of a storey; width hardly, as bays are
 # repeated and dropped: it only decides between equals.
@@ -105,9 +105,9 @@ def look_of(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> l
     import cv2
 
     lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
-    wall = labels == WALL
+    wall = labels == FacadeClass.WALL
     colour = np.median(lab[wall], axis=0) if wall.any() else np.zeros(3)
-    count, _, boxes, _ = cv2.connectedComponentsWithStats((labels == WINDOW).astype(np.uint8))
+    count, _, boxes, _ = cv2.connectedComponentsWithStats((labels == FacadeClass.WINDOW).astype(np.uint8))
     tall, pitch = 0.0, 0.0
     if count > 1:
         width, height = (np.median(boxes[1:, side]) for side in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT))
@@ -120,7 +120,7 @@ def look_of(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> l
     plain = cv2.resize(wall.astype(np.float32), small[::-1], interpolation=cv2.INTER_AREA)[1:, 1:] > 0.99
     step = np.abs(np.diff(light, axis=0))[:, 1:] + np.abs(np.diff(light, axis=1))[1:]
     ornament = float(step[plain].mean()) if plain.any() else 0.0
-    share = [float((labels == one).mean()) for one in (WINDOW, BALCONY, ROOF)]
+    share = [float((labels == one).mean()) for one in (FacadeClass.WINDOW, FacadeClass.BALCONY, FacadeClass.ROOF)]
     return [round(float(v), 4) for v in (*colour, share[0], tall, pitch, share[1], share[2], ornament)]
 
 

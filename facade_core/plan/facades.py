@@ -13,7 +13,7 @@ import shapely
 from facade_core.core.grouping import Grouped, grouped
 from facade_core.core.name_hash import number_of
 from facade_core.core.types import Building, Street
-from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -152,13 +152,15 @@ def find_facades(
 def _large_walls(scene: Scene) -> np.ndarray:
     """The walls that are large enough to be parsed, (charts,) bool."""
     charts = scene.charts
-    large = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    large = (
+        (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    )
     return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
 
 
 def _tall_walls(charts: Charts) -> np.ndarray:
     """The walls, narrow ones too, that are as high as a storey, (charts,) bool."""
-    return (charts.kind == WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    return (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
 
 
 def _nearest(
@@ -191,7 +193,7 @@ def _above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarr
     above = feet + BEFORE_M * charts.normal()[chart][:, None] + [0.0, 0.0, ABOVE_M]
     distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
     kind = np.where((met != MISS) & (distance < ABOVE_M + BELOW_M), charts.kind[met], MISS)
-    roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ROOF, GROUND))
+    roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
     return roofs | ((foot > FACADE_HEIGHT_M) & ~grounds)
 
 
@@ -243,7 +245,7 @@ def _best_seen(
 def _wall_numbers(charts: Charts) -> np.ndarray:
     """The number of each wall among those of its building, (charts,) int64."""
     number = np.zeros(len(charts), np.int64)
-    walls = np.flatnonzero(charts.kind == WALL)
+    walls = np.flatnonzero(charts.kind == ChartKind.WALL)
     walls = walls[np.argsort(charts.building[walls], kind="stable")]
     owners = charts.building[walls]
     number[walls] = np.arange(len(walls)) - np.searchsorted(owners, owners)

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import PLAIN, Finish, Ground
-from facade_core.geometry.charts import GROUND, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.shapes import Squares
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
@@ -145,7 +145,7 @@ def compute_view_digests(
         _, first, of = np.unique(surface, return_index=True, return_inverse=True)
         for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered]):
             digest.update(np.ascontiguousarray(part).tobytes())
-        for chart in ordered[scene.charts.kind[ordered] == GROUND].tolist():
+        for chart in ordered[scene.charts.kind[ordered] == ChartKind.GROUND].tolist():
             digest.update(squares.digest(chart))
         digests.append(digest.hexdigest())
     return seen, tuple(digests)

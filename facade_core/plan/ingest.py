@@ -23,7 +23,7 @@ from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
 from facade_core.imagery.rectify.panorama import REACH_M, panoramas_near, sightings
 from facade_core.plan.core_region import Own, own_facades, own_streets, owned_charts, watching
 from facade_core.plan.facades import Facades, find_facades
-from facade_core.plan.identity import Each, chart_ids, here, compute_view_digests, things_of
+from facade_core.plan.identity import Each, chart_ids, compute_view_digests, here, things_of
 from facade_core.plan.plan import Plan, Sightings
 
 # A facade off the streets is taken from panoramas as near as those of other walls, that show at least this share of it: less
@@ -108,7 +108,9 @@ def ingest(
         finishes=finishes,
     )
 
-    seen, looks = compute_view_digests(scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each)
+    seen, looks = compute_view_digests(
+        scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each
+    )
     around = streets if walls == "exemplar" else ()
     facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
     if own is not None:

@@ -11,7 +11,7 @@ import shapely
 
 from facade_core.core.grouping import Grouped
 from facade_core.core.types import Ground, Pose, Street
-from facade_core.geometry.charts import CORNERS, GROUND
+from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.ground.shapes import Squares
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -81,7 +81,9 @@ class Plan:
 
     def ground_under(self, charts: Sequence[int]) -> list[str]:
         """Of each ground chart among some the digest of what its ground is drawn of."""
-        return [self._squares.digest(chart).hex() for chart in charts if self.scene.charts.kind[chart] == GROUND]
+        return [
+            self._squares.digest(chart).hex() for chart in charts if self.scene.charts.kind[chart] == ChartKind.GROUND
+        ]
 
     @cached_property
     def _squares(self) -> Squares:
@@ -124,7 +126,7 @@ class Plan:
 
     @cached_property
     def _ground_near_cameras(self) -> np.ndarray:
-        ground = np.flatnonzero((self.scene.charts.kind == GROUND) & self.own)
+        ground = np.flatnonzero((self.scene.charts.kind == ChartKind.GROUND) & self.own)
         if not self.poses or not len(ground):
             return np.zeros(0, np.int64)
         corners = self.scene.charts.at_shares(ground, CORNERS)[..., :2]

@@ -9,10 +9,10 @@ import numpy as np
 
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.core.levelling import LEVELLED_M, LEVELLED_REACHES, level
-from facade_core.core.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Sun
 from facade_core.geometry.chart_packing import Placement
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import Aerial, from_above
 from facade_core.geometry.party_walls import enclosed
 from facade_core.geometry.scene import Scene
@@ -55,11 +55,11 @@ def paint(window: TexelBuffer, placement: Placement, materials: Materials) -> No
     propagation, of a translator that answers with a field)."""
     for chart in window.writable.tolist():
         texels = window.rasters.slice(placement, chart)
-        bare = np.flatnonzero((window.state.views[texels] > 0) & (window.provenance[texels] == UNSEEN))
+        bare = np.flatnonzero((window.state.views[texels] > 0) & (window.provenance[texels] == Provenance.UNSEEN))
         if len(bare):
             rows, columns = np.divmod(bare, int(placement.width[chart]))
             window.colour[texels][bare] = materials.texels(chart, rows, columns)
-            window.provenance[texels][bare] = TRANSLATED
+            window.provenance[texels][bare] = Provenance.TRANSLATED
 
 
 def surface(
@@ -92,10 +92,10 @@ def surface(
     colour, provenance = _levelled_surface(scene, materials, chart, known, network, pixels, levelling, aerial, anew)
     left = contact(scene, chart)
     if left is not None:
-        darker = (provenance <= TRANSLATED) & (left < 1)
+        darker = (provenance <= Provenance.TRANSLATED) & (left < 1)
         colour[darker] = (colour[darker] * left[darker][:, None] + 0.5).astype(np.uint8)
     if sun is not None:
-        light, made = sunlight(scene, chart, sun), provenance == SYNTHESISED
+        light, made = sunlight(scene, chart, sun), provenance == Provenance.SYNTHESISED
         if labels is not None and made.any():
             colour = in_its_light(scene, chart, sun, colour, made, labels, light, materials.field.seed)
         else:
@@ -117,7 +117,7 @@ def _levelled_surface(
     """As `surface`, before the light at feet and of the sun."""
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
-    bare = provenance == UNSEEN
+    bare = provenance == Provenance.UNSEEN
     shut = np.zeros_like(bare)
     if bare.any():
         shut = bare & enclosed(scene, chart)
@@ -125,47 +125,57 @@ def _levelled_surface(
         painted = materials.raster(chart) if open_.all() else materials.texels(chart, *np.nonzero(open_))
         colour[open_] = painted.reshape(-1, 3)
         colour[shut] = _plain(scene, materials, chart)
-        provenance[bare] = MATERIAL
-        if aerial is not None and scene.charts.kind[chart] == GROUND:
+        provenance[bare] = Provenance.MATERIAL
+        if aerial is not None and scene.charts.kind[chart] == ChartKind.GROUND:
             rgb, shown = from_above(scene, chart, aerial)
             shown &= bare
-            colour[shown], provenance[shown] = rgb[shown], PHOTO
+            colour[shown], provenance[shown] = rgb[shown], Provenance.PHOTO
     if anew and not network:
-        rows, columns = np.nonzero(provenance == TRANSLATED)
+        rows, columns = np.nonzero(provenance == Provenance.TRANSLATED)
         colour[rows, columns] = materials.texels(chart, rows, columns)
     if pixels is not None:
-        seen = np.flatnonzero(provenance == TRANSLATED)
+        seen = np.flatnonzero(provenance == Provenance.TRANSLATED)
         for some in np.array_split(seen, -(-len(seen) // AT_ONCE) or 1):
             rows, columns = np.divmod(some, width)
             grain = materials.detail(chart, rows, columns, _finest(scene, chart, rows, columns, pixels))
             colour[rows, columns] = np.clip(colour[rows, columns] + grain, 0, 255)
     if not levelling:
         return colour, provenance
-    foreign = bare & (provenance == PHOTO) if not network else bare
+    foreign = bare & (provenance == Provenance.PHOTO) if not network else bare
     if foreign.any():
         beside = {*known.seeded, *known.written}
-        colour = _levelled(scene, chart, colour, ~bare, foreign, known.read, beside, UNSEEN)
-    guessed = bare | (provenance <= TRANSLATED)
-    if scene.charts.kind[chart] != GROUND:
+        colour = _levelled(scene, chart, colour, ~bare, foreign, known.read, beside, Provenance.UNSEEN)
+    guessed = bare | (provenance <= Provenance.TRANSLATED)
+    if scene.charts.kind[chart] != ChartKind.GROUND:
         around = {chart, *pieces_around(scene.charts, chart, BESIDE_M).tolist()}
         if not around.isdisjoint(known.pictured):
             # a wall is one thing all over, so that pictures of it go on as far as they may
             colour, filled, _ = _continued(scene, None, chart, colour, guessed & ~shut, known, np.inf)
-            provenance[filled] = INPAINTED
+            provenance[filled] = Provenance.INPAINTED
             return _levelled(
-                scene, chart, colour, ~guessed | filled, guessed & ~filled, known.read, known.seeded, TRANSLATED, np.inf
+                scene,
+                chart,
+                colour,
+                ~guessed | filled,
+                guessed & ~filled,
+                known.read,
+                known.seeded,
+                Provenance.TRANSLATED,
+                np.inf,
             ), provenance
-        return _levelled(scene, chart, colour, ~guessed, guessed, known.read, known.seeded, TRANSLATED), provenance
+        return _levelled(
+            scene, chart, colour, ~guessed, guessed, known.read, known.seeded, Provenance.TRANSLATED
+        ), provenance
     # a picture of the ground says nothing of ground far from it, which is not levelled to it: the picture goes on by example a
     # little way and then fades into the material. Beside a picture from above it ends nowhere: what readers know of the next
     # piece does not have that picture yet
     near = {chart, *pieces_around(scene.charts, chart, BESIDE_M).tolist()} if aerial is None else {chart}
     if near.isdisjoint(known.seeded):
         return colour, provenance
-    pictured, end = ~guessed, provenance != PHOTO
+    pictured, end = ~guessed, provenance != Provenance.PHOTO
     if aerial is None:
         colour, filled, end = _continued(scene, materials, chart, colour, guessed, known, FILLED_M)
-        provenance[filled] = INPAINTED
+        provenance[filled] = Provenance.INPAINTED
         pictured |= filled
     share = faded(scene, chart, end)
     mixed = (share < 1) & pictured
@@ -195,7 +205,7 @@ def _continued(
         return shown, rank + 1  # 0 is where no piece is
 
     wide, rank = surrounded(scene.charts, scene.placement.texels_per_metre, chart, size, margin, from_one)
-    pictured, there = rank == PHOTO + 1, rank > 0
+    pictured, there = rank == Provenance.PHOTO + 1, rank > 0
     there[own] &= free
     kinds = np.zeros(rank.shape, np.uint8) if materials is None else materials.kinds(chart, margin)
     made, filled = by_example(wide, pictured, there, kinds, density, reach)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.labels import BALCONY, CLASSES, DOOR, ELEMENT_CLASSES, ROOF, SHOP, WALL, WINDOW
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element
 from facade_core.synth.styles import Style
 
@@ -60,9 +60,11 @@ class Plan:
 
     def labels(self) -> np.ndarray:
         """Class ids (H, W) uint8, amodal: elements drawn over wall and roof in the order of ELEMENT_CLASSES."""
-        labels = np.full((self.height, self.width), WALL, np.uint8)
-        labels[: self.roof] = ROOF
-        for name, value in zip(ELEMENT_CLASSES, (WINDOW, BALCONY, DOOR, SHOP), strict=True):
+        labels = np.full((self.height, self.width), FacadeClass.WALL, np.uint8)
+        labels[: self.roof] = FacadeClass.ROOF
+        for name, value in zip(
+            ELEMENT_CLASSES, (FacadeClass.WINDOW, FacadeClass.BALCONY, FacadeClass.DOOR, FacadeClass.SHOP), strict=True
+        ):
             assert CLASSES[value] == name
             for opening in self.openings:
                 if opening.label == name:

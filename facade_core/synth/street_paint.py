@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import ChartKind
 from facade_core.synth.street_truth import CORNER, GroundPaint, SidePaint, SyntheticStreet
 
 
@@ -52,7 +52,7 @@ def painted_sides(street: SyntheticStreet) -> SidePaint:
         row = (y // 0.1).astype(int)
         joint = (y % 0.1 < 0.015) | ((x + 0.12 * (row % 2)) % 0.24 < 0.015)
         course = 0.85 + 0.3 * (y % 0.33) / 0.33 - 0.15 * (x % 0.3 < 0.03)
-        roof, brick = charts.kind[chart] == ROOF, charts.building[chart] % 2 == 0
+        roof, brick = charts.kind[chart] == ChartKind.ROOF, charts.building[chart] % 2 == 0
         share = np.where(roof, course, np.where(brick & joint, 1.25, 1.0)) + noise
         width, height = charts.size[chart].T
         left, top = patched[chart, 0] * width, patched[chart, 1] * height

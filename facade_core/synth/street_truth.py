@@ -15,7 +15,7 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_from_world, position
@@ -91,7 +91,7 @@ def synthetic_street(
     )
     placement = pack(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
-    walls, normal = charts.kind == WALL, charts.normal()
+    walls, normal = charts.kind == ChartKind.WALL, charts.normal()
     fronts = []
     for index in range(buildings):
         side = 1.0 if index < buildings // 2 else -1.0
@@ -197,14 +197,14 @@ def _shade(
     row = np.where(plain, np.minimum(y % 512, 511), np.clip(y - 0.5, 0, heights[facade] - 1))
     colour = cv2.remap(sheet, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR).astype(np.float32)
     tint = np.random.default_rng(0).uniform(0.5, 1.2, (len(charts) + 1, 3)).astype(np.float32)
-    tint[:-1][charts.kind == GROUND] = [0.75, 0.74, 0.72]
+    tint[:-1][charts.kind == ChartKind.GROUND] = [0.75, 0.74, 0.72]
     tint[list(street.charts)] = 1
     colour *= tint[chart]
     if ground is not None:
-        on_ground = np.isfinite(distance) & (charts.kind[chart] == GROUND)
+        on_ground = np.isfinite(distance) & (charts.kind[chart] == ChartKind.GROUND)
         colour[on_ground] = ground((origin + distance[on_ground, None] * rays[on_ground])[:, :2])
     if sides is not None:
-        beside = np.isfinite(distance) & plain & (charts.kind[chart] != GROUND)
+        beside = np.isfinite(distance) & plain & (charts.kind[chart] != ChartKind.GROUND)
         colour[beside] = sides(chart[beside], x[beside] / density, y[beside] / density)
     rise = np.clip(rays[..., 2:], 0, 1)
     sky = np.array([225, 232, 240], np.float32) - rise * np.array([70, 45, 10], np.float32)

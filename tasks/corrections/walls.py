@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from catalogs.block.corrections import OF_BUILDINGS, Correction
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from tasks.published.opened import Published
 
 # What says of what walls are, beside what has a texture.
@@ -36,7 +36,8 @@ def unreached(found: Published, new: Sequence[Correction]) -> Unreached:
     whole = {
         id
         for id in kept
-        if not any(plan.scene.charts.kind[chart] == WALL for chart in plan.own_charts(houses[id])) and id not in others
+        if not any(plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.own_charts(houses[id]))
+        and id not in others
     }
     names = ", ".join([*kept][:3]) + (", ..." if len(kept) > 3 else "")
     note = (

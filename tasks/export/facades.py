@@ -80,7 +80,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     from catalogs.published.geopackage import write_layers
     from facade_core.core.grouping import grouped
     from facade_core.export.bodies.footprints import footprints
-    from facade_core.geometry.charts import GROUND, ROOF
+    from facade_core.geometry.charts import ChartKind
     from tasks.export.city import is_facade
 
     plan, charts = found.plan, found.plan.scene.charts
@@ -117,8 +117,8 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
             for b, name in found.names.items()
             if name in chosen and b in outlines
         ],
-        roofs=_surfaces(found, ROOF, buildings),
-        ground=_surfaces(found, GROUND, np.array([-1])),
+        roofs=_surfaces(found, ChartKind.ROOF, buildings),
+        ground=_surfaces(found, ChartKind.GROUND, np.array([-1])),
         streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
         chosen=chosen,
         no_facades=[facade for facade in plan.facades.id if not is_facade(found, facade)],

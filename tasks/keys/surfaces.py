@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.file_digest import file_digest
-from facade_core.geometry.charts import CORNERS, GROUND
+from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.daylight import REACH_M
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import REACH_M as SHADOWS_M
@@ -41,7 +41,7 @@ def surface_key(
     if run.texture.translator == "neural":  # from where its pixels were seen
         views = np.unique(plan.views_of_charts(np.array(charts))[:, 0]).tolist()
         parts["views"] = [run.texture.panorama_width, [plan.viewpoints[v].position.tolist() for v in views]]
-    if (plan.scene.charts.kind[list(charts)] == GROUND).any():
+    if (plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any():
         parts["lines"] = plan.ground_under(charts)
         if run.aerial is not None:
             parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]

@@ -9,7 +9,7 @@ from facade_core.core.zarr_types import StoreGroup, group_at
 from facade_core.plan.plan import Plan
 from tasks.keys.memory import exemplar_memory
 from tasks.keys.units import exemplar_key
-from tasks.kinds.kind import Change, Stage, Records, same_key_or_name
+from tasks.kinds.kind import Change, Records, Stage, same_key_or_name
 from tasks.run import Run
 from tasks.units.exemplars import exemplar_unit
 from tasks.units.unit import Unit

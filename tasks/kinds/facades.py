@@ -24,7 +24,7 @@ from tasks.keys.memory import facade_memory
 from tasks.keys.units import facade_keys, with_house
 from tasks.kinds.captures import Captures, captures_of
 from tasks.kinds.corrected import corrected_of
-from tasks.kinds.kind import Change, Stage, Records
+from tasks.kinds.kind import Change, Records, Stage
 from tasks.kinds.poses import is_refused, refined
 from tasks.run import Run
 from tasks.units.facades import facade_unit

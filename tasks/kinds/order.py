@@ -9,7 +9,7 @@ from tasks.kinds.bundles import BUNDLES
 from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES
 from tasks.kinds.grounds import GROUNDS
-from tasks.kinds.kind import Stage, Records
+from tasks.kinds.kind import Records, Stage
 from tasks.kinds.pages import PAGES
 from tasks.kinds.pictures import PICTURES
 from tasks.kinds.poses import POSES

@@ -12,7 +12,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.keys.finished import page_keys
 from tasks.keys.memory import page_memory
-from tasks.kinds.kind import Change, Stage, Records, same_name
+from tasks.kinds.kind import Change, Records, Stage, same_name
 from tasks.run import Run
 from tasks.units.pages import page_unit
 from tasks.units.unit import Unit

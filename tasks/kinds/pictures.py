@@ -14,7 +14,7 @@ from facade_core.export.pictures.views import cameras, photo_share, pictured, vi
 from facade_core.plan.plan import Plan
 from tasks.keys.finished import facade_pictures_key, view_keys
 from tasks.keys.memory import facade_pictures_memory, view_memory
-from tasks.kinds.kind import Change, Stage, Records
+from tasks.kinds.kind import Change, Records, Stage
 from tasks.run import Run
 from tasks.units.pictures import pictures_unit
 from tasks.units.unit import Unit

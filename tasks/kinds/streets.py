@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from facade_core.atlas.journal import Record
-from tasks.kinds.kind import Change, Stage, Records
+from tasks.kinds.kind import Change, Records, Stage
 
 
 def _same_streets(change: Change) -> dict[int, int]:

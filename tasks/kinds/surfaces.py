@@ -9,7 +9,7 @@ from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.surroundings import pieces_around
 from facade_core.core.grouping import Grouped
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
 from facade_core.street.surfaces import BESIDE_M
 from tasks.keys.memory import surface_memory
@@ -38,7 +38,7 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     walls = latest_digests(read_journal(group, "walls"), [])
     streets = latest_digests([], read_journal(group, "streets"))
     texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
-    is_ground = plan.scene.charts.kind == GROUND
+    is_ground = plan.scene.charts.kind == ChartKind.GROUND
     units = []
     for index, (name, charts) in enumerate(parts_of_block(plan)):
         beside = sorted(

@@ -13,7 +13,7 @@ from facade_core.export.tiles.block_tiles import tiles_of
 from facade_core.plan.plan import Plan
 from tasks.keys.finished import tile_key, tile_shape
 from tasks.keys.memory import tile_memory
-from tasks.kinds.kind import Change, Stage, Records, same_name
+from tasks.kinds.kind import Change, Records, Stage, same_name
 from tasks.run import Run
 from tasks.units.tiles import tile_unit
 from tasks.units.unit import Unit

@@ -14,7 +14,7 @@ import numpy as np
 
 from catalogs.published.items import ASSUMED, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
-from facade_core.core.provenance import PROVENANCE, TRANSLATED
+from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
 from facade_core.geometry.walls import ROLES, STREET
 from facade_core.plan.facades import Facades
@@ -246,7 +246,7 @@ def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
 
 
 # Of a facade no texel is left to its material but where it failed.
-_SHARES = PROVENANCE[TRANSLATED:]
+_SHARES = PROVENANCE[Provenance.TRANSLATED :]
 _FROM_RECORD = (
     "columns",
     "windows",

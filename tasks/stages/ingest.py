@@ -18,7 +18,7 @@ from catalogs.features import file_stem
 from facade_core.atlas.arrays import FORMAT, create_arrays
 from facade_core.atlas.store import BRANCH, commit, format_of, new_root, open_repository, root_of_any_format
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import predecessors
 from facade_core.geometry.walls import STREET
 from facade_core.plan.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
@@ -130,7 +130,7 @@ def no_facade(plan: Plan) -> list[str]:
     if (plan.facades.role == STREET).any():
         return []
     charts = plan.scene.charts
-    wall = charts.kind == WALL
+    wall = charts.kind == ChartKind.WALL
     small = wall & ((charts.size[:, 0] < FACADE_WIDTH_M) | (charts.size[:, 1] < FACADE_HEIGHT_M))
     coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < FACADE_TEXELS)
     unseen = int(wall.sum() - small.sum() - coarse.sum())

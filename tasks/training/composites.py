@@ -9,7 +9,7 @@ import numpy as np
 
 from catalogs.learning.datasets import ecp, split
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator.training_views import WIDTHS, Pair, sequence
 from facade_core.synth.street_paint import photographed_ground, with_photos
@@ -59,7 +59,7 @@ def _pairs(
     ground = photographed_ground(street, roadway, pavement)
     heading = float(np.degrees(np.arctan2(street.axis[0], street.axis[1])))
     # side walls and roofs are grey in the truth: nothing is learnt from them
-    true = np.append(scene.charts.kind == GROUND, False)
+    true = np.append(scene.charts.kind == ChartKind.GROUND, False)
     true[list(street.charts)] = True
     for viewpoint, bare in zip(viewpoints, sequence(scene, viewpoints), strict=True):
         x, y, z = viewpoint.position.tolist()

@@ -13,8 +13,8 @@ from catalogs.learning.layouts import LayoutRecord
 from catalogs.published.places import Folder
 from catalogs.published.runs import runs_in
 from facade_core.core.errors import InputError
-from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, UNKNOWN, WALL
-from facade_core.core.provenance import PHOTO
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
 from facade_core.export.pictures.facade_stages import chart_raster
 from facade_core.facade.correction import texels_of
@@ -29,7 +29,7 @@ LEAST = 10
 # A facade of which pictures show less than this teaches the parser nothing: the rest was made up.
 LEAST_SHOWN = 0.3
 # What is no element may be any of these; the shipped network says which where it is so sure.
-_REST, _SURE = (WALL, ROOF, SKY), 0.9
+_REST, _SURE = (FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.SKY), 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +93,7 @@ def _of_run(out: Folder) -> list[CorrectedFacade]:
                 CorrectedFacade(
                     f"{run.block}/{run.plan.facades.id[index]}",
                     image,
-                    evidence == PHOTO,
+                    evidence == Provenance.PHOTO,
                     one.elements,
                     one.hide,
                     one.keep,

@@ -9,7 +9,7 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.in_front import Looked
-from facade_core.core.labels import CLASSES, SKY
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.occluder_labels import told_in_front
 from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import exemplars
@@ -34,7 +34,7 @@ def painted(number: int, *, seed: int) -> list[LabelledFacade]:
             facade.labels,
             np.where(facade.labels < len(CLASSES), 1 << np.minimum(facade.labels, 7), ANY_CLASS).astype(np.uint8),
             facade.occluded.astype(np.uint8),
-            (facade.labels == SKY).astype(np.uint8),
+            (facade.labels == FacadeClass.SKY).astype(np.uint8),
         )
         for index, facade in enumerate(exemplars(number, seed=seed, occluded_share=0.25))
     ]

@@ -14,7 +14,7 @@ import shapely
 from catalogs.block import Block, read_block
 from catalogs.readers.pictures.opening import opened
 from facade_core.core.errors import InputError
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator import training
 from facade_core.street.translator.training_steps import Course, Domains
@@ -199,7 +199,7 @@ def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Renderin
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
     plan = plan_of(replace(block, texture=texture, panoramas=()))
     scene = plan.scene
-    wall = scene.charts.kind == WALL
+    wall = scene.charts.kind == ChartKind.WALL
     rng = np.random.default_rng(seed)
     shown = np.bincount(plan.views[wall[plan.views[:, 1]], 0], minlength=len(plan.viewpoints))
     starts = []

@@ -11,7 +11,7 @@ from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
 from facade_core.core.atlas_spec import Array
 from facade_core.core.errors import StoreError
-from facade_core.core.labels import FLAGS, SHOP
+from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resized_with_labels
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.hidden import draw_cut
@@ -79,7 +79,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "hidden": round(float(prepared.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),
         "cut_found": prepared.found,
-        "shop_width": round(float((labels == SHOP).any(axis=0).mean()), 4),
+        "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
         "look": look_of(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": looked_for(),

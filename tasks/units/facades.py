@@ -16,8 +16,8 @@ from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import earlier_path, encoded_digest, hierarchy_path, write_encoded
 from facade_core.core.errors import FacadeError, ImageError
-from facade_core.core.labels import SHOP, WINDOW
-from facade_core.core.provenance import PHOTO, PROVENANCE
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import AS_FOUND
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.correction import texels_of, with_elements
@@ -315,14 +315,14 @@ def _write(
 
 def _summary(result: Facade) -> dict[str, Any]:
     """What the catalogue and the report say of a facade."""
-    pictured = result.provenance == PHOTO
+    pictured = result.provenance == Provenance.PHOTO
     counts: dict[str, Any] = {}
     for name, plural in _COUNTED.items():
         own = [element for element in result.elements if element.label == name]
         counts[plural] = len(own)
         counts[f"{plural}_seen"] = sum(share_of(~pictured, element) <= HIDDEN_SHARE for element in own)
     told: dict[str, Any] = {
-        "window_to_wall": round(float((result.labels == WINDOW).mean()), 4),
+        "window_to_wall": round(float((result.labels == FacadeClass.WINDOW).mean()), 4),
         "floors": result.floors,
     }
     if result.told is not None:
@@ -336,7 +336,7 @@ def _summary(result: Facade) -> dict[str, Any]:
         ],
         "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
         "columns": count_columns(result.elements),
-        "shop_width": round(float((result.labels == SHOP).any(axis=0).mean()), 4),
+        "shop_width": round(float((result.labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
         **counts,
         **told,
         "occluded": round(float(result.occluded.mean()), 4),

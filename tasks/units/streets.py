@@ -20,7 +20,7 @@ from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sky import under_sky
 from facade_core.street.materials.field import Materials
 from facade_core.street.propagation.blend import blend
-from facade_core.street.propagation.propagate import propagate, mark_first_visible
+from facade_core.street.propagation.propagate import mark_first_visible, propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
@@ -252,6 +252,8 @@ def add_viewpoint(
 ) -> None:
     """Take a viewpoint that is done into a window: its panorama, or what it sees."""
     if field:
-        mark_first_visible(plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2])
+        mark_first_visible(
+            plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2]
+        )
     else:
         propagate(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)

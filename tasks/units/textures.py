@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.core.provenance import PHOTO, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.geometry.overhead_view import from_above, shown_from_above
 from facade_core.imagery.rectify.model_texture import own_texture
 from tasks.outcome import refusal
@@ -41,7 +41,7 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             seen, known = from_above(scene, chart, aerial)
             rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
         seed = rgb.reshape(-1, 3)
-        evidence = np.where(covered, PHOTO, UNSEEN).astype(np.uint8).reshape(-1)
+        evidence = np.where(covered, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8).reshape(-1)
         rasters = Rasters.of(scene.placement, [chart])
         for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
             write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)

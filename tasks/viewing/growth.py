@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.errors import InputError
-from facade_core.core.provenance import UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.export.pictures.camera import Camera
 from facade_core.geometry.raycast import MISS
 from facade_core.plan.plan import Plan
@@ -108,5 +108,5 @@ def _texels(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
 
 def _draw(held: _Street) -> np.ndarray:
     window = held.window
-    colour = np.where((window.provenance == UNSEEN)[:, None], np.array(UNREACHED, np.uint8), window.colour)
+    colour = np.where((window.provenance == Provenance.UNSEEN)[:, None], np.array(UNREACHED, np.uint8), window.colour)
     return np.concatenate([colour, np.array([SKY, BESIDE], np.uint8)])[held.texel]

@@ -8,7 +8,7 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 
@@ -21,7 +21,7 @@ def test_bare_geometry_is_grey_and_darker_at_its_foot() -> None:
     charts, mesh, _ = block_surfaces([box], [street], terrain=terrain_of([], None), ground_margin=10, largest=90)
     placement = pack(charts.size, 8, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 8.0, page=1024))
-    roof, wall = (bare(scene, int(np.flatnonzero(charts.kind == kind)[0])) for kind in (ROOF, WALL))
+    roof, wall = (bare(scene, int(np.flatnonzero(charts.kind == kind)[0])) for kind in (ChartKind.ROOF, ChartKind.WALL))
     assert (np.ptp(wall, axis=2) == 0).all()
     assert roof.mean() > wall.mean() > 90
     assert wall[-1].mean() < wall[0].mean() - 20

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.inpainting import goals, main, peers, similarity, structure
 from benchmarks.inpainting.cases import Case, hole
 from benchmarks.synthesis.resizing import carve, quilt
-from facade_core.core.labels import DOOR, UNKNOWN
+from facade_core.core.labels import UNKNOWN, FacadeClass
 
 PIECES = {
     "tree_1": np.full((60, 40), 255, np.uint8),
@@ -64,10 +64,10 @@ def test_hidden_rows_and_doors_are_counted_in_holes():
     labels, mask = np.zeros((4, 20), np.uint8), np.zeros((4, 20), bool)
     mask[2], mask[3, 1:] = True, True  # a row of which nothing is seen, and one of which a twentieth is
     mask[1, :10] = True
-    labels[1:, 4:8] = DOOR
+    labels[1:, 4:8] = FacadeClass.DOOR
     labels[3, 19] = UNKNOWN
     parsed = np.zeros_like(labels)
-    parsed[2, 4:6] = parsed[2, 12] = DOOR
+    parsed[2, 4:6] = parsed[2, 12] = FacadeClass.DOOR
     found = structure([Case("one", np.zeros((4, 20, 3), np.uint8), labels, mask)], [parsed])
     assert found["hidden_rows"] == pytest.approx((20 - 3 + 18 - 4) / 38, abs=1e-3)
     assert found["door_recall"] == pytest.approx(2 / 12, abs=1e-3)

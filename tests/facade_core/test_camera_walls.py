@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.provenance import INPAINTED, PHOTO, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import taken_whole
 from facade_core.imagery.cameras.camera_view import Camera, Shown
 from facade_core.imagery.cameras.occluder_masks import beside_edges
@@ -61,7 +61,9 @@ def end() -> Seen:
     street = synthetic_street(2, seed=3, occluders=0, texels_per_metre=8.0, roofed=True)
     charts = street.scene.charts
     outward = charts.normal()[:, :2] @ street.axis < -0.99
-    chart = int(np.flatnonzero(outward & (charts.kind == WALL) & taken_whole(charts) & (charts.building == 0))[0])
+    chart = int(
+        np.flatnonzero(outward & (charts.kind == ChartKind.WALL) & taken_whole(charts) & (charts.building == 0))[0]
+    )
     cameras = []
     for along, across in ((-6.0, 2.0), (-9.0, -3.0)):
         x, y = street.place(along, across)
@@ -100,7 +102,7 @@ def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
 
 def test_beside_a_gable_is_no_wall(end: Seen) -> None:
     scene = end.street.scene
-    walls = np.flatnonzero((scene.charts.kind == WALL) & taken_whole(scene.charts))
+    walls = np.flatnonzero((scene.charts.kind == ChartKind.WALL) & taken_whole(scene.charts))
     shares = [covered(scene, wall).mean() for wall in walls.tolist()]
     own = covered(scene, int(walls[np.argmin(shares)]))
     assert 0.45 < own.mean() < 0.6
@@ -120,7 +122,7 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         if one == chart:
-            rank = np.where(given.shown, PHOTO, UNSEEN).astype(np.uint8)
+            rank = np.where(given.shown, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
             return given.rgb[rows, columns], rank[rows, columns]
         shape = (rows.stop - rows.start, columns.stop - columns.start)
         return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
@@ -128,9 +130,9 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
     street = Street("s", None, shapely.LineString([end.street.place(0, 0), end.street.place(end.street.length, 0)]))
     materials = Materials(scene, (street,), seed=1)
     colour, rank = surface(scene, materials, chart, Known(read, {chart}, (), {chart}), network=False)
-    assert (rank[~shown] == INPAINTED).all()
+    assert (rank[~shown] == Provenance.INPAINTED).all()
     np.testing.assert_array_equal(colour[shown], wall[shown])
     levelled, before = surface(scene, materials, chart, Known(read, {chart}, ()), network=False)
-    assert (before[~shown] < INPAINTED).all()
+    assert (before[~shown] < Provenance.INPAINTED).all()
     off, plain = (np.abs(one[~shown].mean(axis=0) - wall[~shown].mean(axis=0)).mean() for one in (colour, levelled))
     assert off < plain

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import Camera
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
 from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, believed, photographed
@@ -113,7 +113,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
     assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, gains, strict=True)]
     errors, plain = [], []
-    for chart in np.flatnonzero(scene.charts.kind == GROUND).tolist():
+    for chart in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist():
         shown = photographed(scene, chart, cameras)
         if shown is None:
             continue

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.core.labels import DOOR, WALL, WINDOW
-from facade_core.core.provenance import PHOTO, SYNTHESISED
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element
 from facade_core.facade.correction import texels_of, with_elements
 from facade_core.facade.pipeline import Facade
@@ -17,12 +17,12 @@ from facade_core.parsing.lattice import lattice
 def facade(provenance: int) -> Facade:
     """A wall of 60 x 80 texels with three columns and four rows of dark windows."""
     image = np.full((80, 60, 3), 190, np.uint8) + np.random.default_rng(0).integers(0, 9, (80, 60, 1), np.uint8)
-    labels = np.full((80, 60), WALL, np.uint8)
+    labels = np.full((80, 60), FacadeClass.WALL, np.uint8)
     elements = []
     for y in range(6, 80, 20):
         for x in range(6, 60, 20):
             image[y : y + 10, x : x + 8] = (40, 50, 60)
-            labels[y : y + 10, x : x + 8] = WINDOW
+            labels[y : y + 10, x : x + 8] = FacadeClass.WINDOW
             elements.append(Element("window", x, y, x + 8, y + 10, 0.9))
     return Facade(
         evidence=image, image=image, labels=labels, occluded=np.zeros((80, 60), bool),
@@ -36,36 +36,36 @@ def shares(elements: tuple[Element, ...]) -> list[tuple[str, float, float, float
 
 
 def test_a_window_taken_away_is_wall_in_what_was_made_up_and_stays_on_a_photo() -> None:
-    for provenance in (SYNTHESISED, PHOTO):
+    for provenance in (Provenance.SYNTHESISED, Provenance.PHOTO):
         before = facade(provenance)
         after = with_elements(before, shares(before.elements[:4] + before.elements[5:]))
         assert len(after.elements) == 11
-        assert (after.labels[26:36, 26:34] == WALL).all()
+        assert (after.labels[26:36, 26:34] == FacadeClass.WALL).all()
         pane = after.image[28:34, 28:32]
-        assert (pane.mean() > 150) == (provenance == SYNTHESISED)
+        assert (pane.mean() > 150) == (provenance == Provenance.SYNTHESISED)
         kept = np.ones((80, 60), bool)
         kept[22:40, 22:38] = False
         assert np.array_equal(after.image[kept], before.image[kept]), "nothing else is touched"
 
 
 def test_a_door_is_what_it_is_said_to_be_and_sure() -> None:
-    before = facade(PHOTO)
+    before = facade(Provenance.PHOTO)
     after = with_elements(before, [*shares(before.elements), ("door", 0.4, 0.9, 0.6, 1.0)])
     assert after.elements[-1] == Element("door", 24, 72, 36, 80)
     assert {e.confidence for e in after.elements} == {1.0}
-    assert (after.labels[72:80, 24:36] == DOOR).all()
+    assert (after.labels[72:80, 24:36] == FacadeClass.DOOR).all()
     assert np.array_equal(after.image, before.image)
 
 
 def test_a_window_that_is_new_looks_like_those_there_are() -> None:
-    before = facade(SYNTHESISED)
+    before = facade(Provenance.SYNTHESISED)
     after = with_elements(before, [*shares(before.elements), ("window", 36 / 60, 46 / 80, 44 / 60, 56 / 80)])
     assert np.array_equal(after.image[46:56, 36:44], before.image[46:56, 26:34])
-    assert (after.labels[46:56, 36:44] == WINDOW).all()
+    assert (after.labels[46:56, 36:44] == FacadeClass.WINDOW).all()
 
 
 def test_the_same_elements_change_no_texel() -> None:
-    before = facade(SYNTHESISED)
+    before = facade(Provenance.SYNTHESISED)
     after = with_elements(before, shares(before.elements))
     assert np.array_equal(after.image, before.image)
     assert np.array_equal(after.labels, before.labels)

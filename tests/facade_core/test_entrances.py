@@ -9,7 +9,7 @@ import pytest
 import shapely
 from scipy import ndimage
 
-from facade_core.core.labels import DOOR, SHOP, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Street
 from facade_core.facade.texture.building_walls import Wall, on_wall
 from facade_core.facade.texture.ground_floor import without_shops
@@ -54,7 +54,7 @@ def plan_of(buildings: list[Building]) -> Plan:
 @pytest.fixture(scope="module")
 def style() -> Style:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=2)
-    assert (painted.labels == SHOP).any()
+    assert (painted.labels == FacadeClass.SHOP).any()
     return style_of(painted.image, painted.labels)
 
 
@@ -83,9 +83,9 @@ def test_every_building_has_a_back_with_a_door(plan: Plan, style: Style) -> None
         assert len(doors) == (2 if len(backs) >= 5 else 1)
         assert facades.width[doors].max() == facades.width[backs].max()
         labels = on_wall(style, wall_of(plan.scene, facades, doors[0]), metres_per_pixel=MPP, seed=3)[1]
-        assert ndimage.label(labels == DOOR)[1] == 1
-        assert (labels[-1] == DOOR).any()
-        assert not (labels == SHOP).any()
+        assert ndimage.label(labels == FacadeClass.DOOR)[1] == 1
+        assert (labels[-1] == FacadeClass.DOOR).any()
+        assert not (labels == FacadeClass.SHOP).any()
 
 
 def corner(width: float) -> Wall:
@@ -96,28 +96,30 @@ def corner(width: float) -> Wall:
 @pytest.mark.parametrize("width", [1.3, 2.1, 2.9])
 def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: Style, width: float) -> None:
     image, labels = on_wall(style, corner(width), metres_per_pixel=MPP)
-    shop = np.flatnonzero((labels == SHOP).any(axis=1))
+    shop = np.flatnonzero((labels == FacadeClass.SHOP).any(axis=1))
     assert len(shop)
     assert shop.min() * MPP > 16 - 4.6, "at the ground alone"
-    assert not np.isin(labels[:, [0, -1]], (SHOP, DOOR, WINDOW)).any(), "nothing is cut at its edges"
+    assert not np.isin(labels[:, [0, -1]], (FacadeClass.SHOP, FacadeClass.DOOR, FacadeClass.WINDOW)).any(), (
+        "nothing is cut at its edges"
+    )
     plain = style_of(*without_shops(style.image, style.labels))
     bare_image, bare = on_wall(plain, corner(width), like=style, metres_per_pixel=MPP)
-    assert not np.isin(bare, (SHOP, DOOR)).any()
+    assert not np.isin(bare, (FacadeClass.SHOP, FacadeClass.DOOR)).any()
     assert image.shape == bare_image.shape
 
 
 def test_what_is_too_narrow_for_a_shop_has_none(style: Style) -> None:
-    assert not np.isin(on_wall(style, corner(0.9), metres_per_pixel=MPP)[1], (SHOP, DOOR)).any()
+    assert not np.isin(on_wall(style, corner(0.9), metres_per_pixel=MPP)[1], (FacadeClass.SHOP, FacadeClass.DOOR)).any()
 
 
 def test_a_back_that_is_covered_at_the_ground_has_no_door(style: Style) -> None:
     wall = Wall(8, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 8, 10), door=True)
-    assert not (on_wall(style, wall, metres_per_pixel=MPP)[1] == DOOR).any()
+    assert not (on_wall(style, wall, metres_per_pixel=MPP)[1] == FacadeClass.DOOR).any()
 
 
 def doors_of(labels: np.ndarray) -> list[float]:
     """The middles of the doors, metres from the left."""
-    parts, _ = ndimage.label(labels == DOOR)
+    parts, _ = ndimage.label(labels == FacadeClass.DOOR)
     return [(at[1].start + at[1].stop) / 2 * MPP for at in ndimage.find_objects(parts)]
 
 

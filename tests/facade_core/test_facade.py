@@ -11,8 +11,8 @@ import pytest
 
 import facade_core.facade.pipeline
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import SKY, WALL, WINDOW
-from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Parsing
 from facade_core.facade.pipeline import count_columns, from_exemplar, from_photo, prepare_exemplar
 from facade_core.facade.texture.building_walls import Wall, on_wall
@@ -30,8 +30,8 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
     assert not seen[PAINTED.occluded].any()
     assert made.occluded.mean() < PAINTED.occluded.mean() + 0.03, "what is seen is mostly not called a tree"
     np.testing.assert_array_equal(made.image[seen], PAINTED.image[seen])
-    assert (made.provenance[seen] == PHOTO).all()
-    assert (made.provenance[~seen] == INPAINTED).all()
+    assert (made.provenance[seen] == Provenance.PHOTO).all()
+    assert (made.provenance[~seen] == Provenance.INPAINTED).all()
     assert (made.image[~seen] != PAINTED.image[~seen]).any(axis=1).mean() > 0.8
     assert made.completion is not None
     assert made.told is not None
@@ -54,7 +54,7 @@ def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style
     windows = [e for e in made.elements if e.label == "window"]
     assert windows
     for e in windows:
-        assert (made.labels[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] == WINDOW).mean() > 0.75
+        assert (made.labels[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] == FacadeClass.WINDOW).mean() > 0.75
         assert e.confidence < 1, "what the parser reads is not certain"
 
 
@@ -112,7 +112,7 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
         style_of(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5), (270, 334), metres_per_pixel=0.06, seed=3
     )
     assert made.image.shape == (270, 334, 3)
-    assert (made.provenance == SYNTHESISED).all()
+    assert (made.provenance == Provenance.SYNTHESISED).all()
     assert not made.occluded.any()
     assert sum(e.label == "window" for e in made.elements) >= 15
     assert made.floors == 5
@@ -125,10 +125,10 @@ def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ..
     style, wall = style_of(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5)
     usual = from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, seed=3)
     painted = from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, colour=np.array(colour), seed=3)
-    on = usual.labels == WALL
+    on = usual.labels == FacadeClass.WALL
     np.testing.assert_array_equal(painted.labels, usual.labels)
     np.testing.assert_allclose(lit_colour(painted.image[on]), colour, atol=6)
-    inside = cv2.erode((usual.labels == WINDOW).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    inside = cv2.erode((usual.labels == FacadeClass.WINDOW).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     assert inside.any()
     np.testing.assert_array_equal(painted.image[inside], usual.image[inside])
 
@@ -161,8 +161,8 @@ def test_an_exemplar_is_measured_and_measured() -> None:
     prepared = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2)
     assert prepared.metres_per_pixel == pytest.approx(0.05, rel=0.2)
     assert prepared.floors == 4
-    assert (prepared.labels[0] == SKY).mean() < 0.5
-    assert (prepared.labels == WALL).any()
+    assert (prepared.labels[0] == FacadeClass.SKY).mean() < 0.5
+    assert (prepared.labels == FacadeClass.WALL).any()
 
 
 def test_a_fine_exemplar_with_labels_is_counted_like_a_coarse_one_and_kept_as_fine() -> None:
@@ -212,7 +212,7 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
     assert made.masked == ((40, 150, 90, 200),)
     assert made.occluded[149:201, 39:91].all()
     assert not made.occluded[:100].any()
-    assert (made.provenance[160:190, 50:80] == INPAINTED).all()
+    assert (made.provenance[160:190, 50:80] == Provenance.INPAINTED).all()
     np.testing.assert_array_equal(made.image[~made.occluded], clean.image[~made.occluded])
 
 

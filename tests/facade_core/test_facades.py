@@ -10,7 +10,7 @@ import pytest
 import shapely
 from scipy import ndimage
 
-from facade_core.core.labels import DOOR, SHOP, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
 from facade_core.facade.texture.building_walls import Wall, on_wall
 from facade_core.facade.texture.retargeting import Style, style_of
@@ -107,7 +107,10 @@ def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: Style) -> None:
         front = max(on(plan, building, (0, -1)), key=lambda i: begins[i])
         wall = wall_of(plan.scene, facades, front)
         assert wall.street
-        assert np.isin(on_wall(style, wall, metres_per_pixel=MPP)[1], (DOOR, SHOP)).any() == entered, building
+        assert (
+            np.isin(on_wall(style, wall, metres_per_pixel=MPP)[1], (FacadeClass.DOOR, FacadeClass.SHOP)).any()
+            == entered
+        ), building
 
 
 def test_what_is_round_is_one(plan: Plan) -> None:
@@ -126,7 +129,7 @@ def test_what_is_round_is_one(plan: Plan) -> None:
 
 
 def windows(labels: np.ndarray) -> list[tuple[slice, slice]]:
-    return ndimage.find_objects(ndimage.label(labels == WINDOW)[0])
+    return ndimage.find_objects(ndimage.label(labels == FacadeClass.WINDOW)[0])
 
 
 def shown(plan: Plan, style: Style, facade: int) -> tuple[Wall, np.ndarray]:
@@ -138,13 +141,13 @@ def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Styl
     facades = plan.facades
     for facade in np.flatnonzero(facades.run == np.arange(len(facades))).tolist():
         wall, labels = shown(plan, style, facade)
-        assert not (labels[:, [0, -1]] == WINDOW).any(), facades.id[facade]
+        assert not (labels[:, [0, -1]] == FacadeClass.WINDOW).any(), facades.id[facade]
         for rows, columns in windows(labels):
             box = shapely.box(*(MPP * np.array([columns.start, rows.start, columns.stop, rows.stop])))
             assert wall.free.buffer(2 * MPP).covers(box), facades.id[facade]
         if wall.plain:
-            assert not (labels == SHOP).any()
-            assert wall.door or not (labels == DOOR).any()
+            assert not (labels == FacadeClass.SHOP).any()
+            assert wall.door or not (labels == FacadeClass.DOOR).any()
     (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(facades.width[i] - 10) < 0.1]
     assert windows(shown(plan, style, east)[1]), "above the neighbour it has some"
 
@@ -157,7 +160,7 @@ def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
     for street, plain in ((True, False), (False, True)):
         labels = on_wall(style, replace(wall, street=street, plain=plain), metres_per_pixel=MPP)[1]
         at = np.rint(np.array(seams) / MPP).astype(int)
-        assert not (labels[:, at] == WINDOW).any()
+        assert not (labels[:, at] == FacadeClass.WINDOW).any()
         assert len(windows(labels)) >= 20
 
 

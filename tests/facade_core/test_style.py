@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.core.labels import DOOR, SHOP, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.ground_floor import without_shops
 from facade_core.facade.texture.tint import tinted
 from facade_core.parsing.floor_structure import storeys
@@ -87,20 +87,20 @@ def test_shops_are_where_the_map_has_them() -> None:
 
 def test_a_ground_floor_without_shops_keeps_its_door() -> None:
     painted = facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
-    assert (painted.labels == SHOP).any()
+    assert (painted.labels == FacadeClass.SHOP).any()
     image, labels = without_shops(painted.image, painted.labels)
-    assert not (labels == SHOP).any()
-    assert (labels == DOOR).any()
+    assert not (labels == FacadeClass.SHOP).any()
+    assert (labels == FacadeClass.DOOR).any()
     assert storeys(labels) == 4
     ground = slice(-60, None)
-    assert (labels[ground] == WINDOW).mean() > 0.1
+    assert (labels[ground] == FacadeClass.WINDOW).mean() > 0.1
     changed = (image != painted.image).any(axis=(1, 2))
     assert not changed[: len(changed) // 2].any()
 
 
 def test_walls_of_one_exemplar_differ_by_house() -> None:
     painted = facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
-    wall, window = painted.labels == WALL, painted.labels == WINDOW
+    wall, window = painted.labels == FacadeClass.WALL, painted.labels == FacadeClass.WINDOW
     one, same, other = (
         tinted(painted.image, painted.labels, house=h, seed=s).astype(float) for h, s in ((1, 1), (1, 2), (2, 1))
     )

@@ -12,7 +12,7 @@ import zarr
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import open_repository
 from facade_core.core.errors import InputError
-from facade_core.core.provenance import TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from tasks.history import after_viewpoint
 
 
@@ -25,15 +25,15 @@ def test_texels_come_with_the_viewpoints_and_end_as_they_are_stored(undisturbed:
     count = len(first.plan.of_street([one.id for one in first.plan.streets].index(street)))
     end = after_viewpoint(out, street, count - 1)
     assert first.charts() == end.charts()
-    known = [int((moment.window.provenance > UNSEEN).sum()) for moment in (first, end)]
+    known = [int((moment.window.provenance > Provenance.UNSEEN).sum()) for moment in (first, end)]
     assert 0 < known[0] < known[1]
     placement = end.plan.scene.placement
     for chart in end.window.writable.tolist():
         colour, provenance = end.raster(chart)
         y, x = int(placement.y[chart]), int(placement.x[chart])
         at = (int(placement.page[chart]), slice(y, y + colour.shape[0]), slice(x, x + colour.shape[1]))
-        translated = provenance == TRANSLATED
-        np.testing.assert_array_equal(translated, group["atlas/provenance"][at] == TRANSLATED)
+        translated = provenance == Provenance.TRANSLATED
+        np.testing.assert_array_equal(translated, group["atlas/provenance"][at] == Provenance.TRANSLATED)
         np.testing.assert_array_equal(colour[translated], group["atlas/street"][at][translated])
 
 

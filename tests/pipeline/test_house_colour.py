@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from facade_core.atlas.store import open_repository, open_root
-from facade_core.core.labels import WALL
-from facade_core.core.provenance import PHOTO
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.facade.wall_material import lit_colour
 from facade_core.synth.exemplars import exemplars
 from tasks.units.context import plan_of_run
@@ -42,8 +42,8 @@ def walls(run) -> dict[str, tuple[np.ndarray, float]]:
         image, labels, evidence = (
             np.asarray(group[array][part]) for array in ("atlas/seed", "facade_maps/labels", "atlas/seed_evidence")
         )
-        if (labels == WALL).any():
-            found[name] = lit_colour(image[labels == WALL]), float((evidence == PHOTO).mean())
+        if (labels == FacadeClass.WALL).any():
+            found[name] = lit_colour(image[labels == FacadeClass.WALL]), float((evidence == Provenance.PHOTO).mean())
     return found
 
 

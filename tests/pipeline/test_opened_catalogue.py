@@ -17,8 +17,8 @@ from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.snapshot import open_atlas
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
-from facade_core.core.labels import BALCONY, DOOR, SHOP, WINDOW
-from facade_core.core.provenance import PHOTO
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.imagery.privacy import CELL_M
 from facade_core.parsing.segmenter import parse
 from tasks.keys.runs import run_of
@@ -40,7 +40,7 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     assert float(facade.x[-1] + facade.x[0]) == pytest.approx(row["width_m"], abs=0.2)
     assert float(facade.y[-1] + facade.y[0]) == pytest.approx(row["height_m"], abs=0.2)
     assert float(facade.occluded.mean()) == pytest.approx(row["occluded"], abs=1e-3)
-    assert float((facade.provenance == PHOTO).mean()) == pytest.approx(row["photo"], abs=1e-3)
+    assert float((facade.provenance == Provenance.PHOTO).mean()) == pytest.approx(row["photo"], abs=1e-3)
     assert sum(e[0] == "window" for e in json.loads(facade.attrs["elements"])) == row["windows"]
     seen = ~facade.occluded.values
     assert np.abs(facade.evidence.values[seen].astype(int) - facade.texture.values[seen]).mean() < 1
@@ -67,24 +67,24 @@ def test_labels_layout_and_picture_of_a_facade_agree(undisturbed: tuple[Path, di
     for _, row in fronts.iterrows():
         facade = catalogue.facade(row["id"])
         labels, texture = facade.labels.values, facade.texture.values
-        assert float((labels == WINDOW).mean()) == pytest.approx(row["window_to_wall"], abs=1e-3)
-        assert float((labels == SHOP).any(axis=0).mean()) == pytest.approx(row["shop_width"], abs=1e-3)
+        assert float((labels == FacadeClass.WINDOW).mean()) == pytest.approx(row["window_to_wall"], abs=1e-3)
+        assert float((labels == FacadeClass.SHOP).any(axis=0).mean()) == pytest.approx(row["shop_width"], abs=1e-3)
         found = json.loads(facade.attrs["elements"])
         in_boxes = np.zeros(labels.shape, bool)
         for name, x0, y0, x1, y1, _ in found:
             box = np.s_[max(0, round(y0)) : round(y1), max(0, round(x0)) : round(x1)]
             if name == "window":
                 # a balcony may hide a part of it, and the box of a door beside reach into it
-                assert np.isin(labels[box], (WINDOW, BALCONY, DOOR)).mean() > 0.8, (
+                assert np.isin(labels[box], (FacadeClass.WINDOW, FacadeClass.BALCONY, FacadeClass.DOOR)).mean() > 0.8, (
                     f"a window of {row['id']} without its label"
                 )
                 in_boxes[box] = True
-        windows = labels == WINDOW
+        windows = labels == FacadeClass.WINDOW
         assert (in_boxes & windows).sum() > 0.8 * windows.sum(), f"{row['id']} has windows that are no elements"
         if parsed < 2 and windows.any():
             parsed += 1
             again = parse(texture).labels
-            both = (again == WINDOW) & windows
+            both = (again == FacadeClass.WINDOW) & windows
             assert both.sum() > 0.6 * windows.sum(), f"where {row['id']} is labelled window its texture shows one"
     assert parsed
 

@@ -17,7 +17,7 @@ import zarr
 from PIL import Image
 
 from facade_core.atlas.store import open_repository
-from facade_core.core.provenance import PHOTO
+from facade_core.core.provenance import Provenance
 from facade_core.synth.exemplars import exemplars
 from tests.pipeline.runs import run
 
@@ -172,7 +172,7 @@ def test_own_textures_and_panoramas_are_photos_and_the_rest_is_synthesised(done:
     assert len(roof) == 1, "one roof has a texture of its own"
     page, y, x = (int(charts[name][roof[0]]) for name in ("page", "y", "x"))
     height, width = int(charts["height"][roof[0]]), int(charts["width"][roof[0]])
-    assert (group["atlas/provenance"][page, y : y + height, x : x + width] == PHOTO).mean() > 0.98
+    assert (group["atlas/provenance"][page, y : y + height, x : x + width] == Provenance.PHOTO).mean() > 0.98
 
 
 def test_a_wall_that_is_no_facade_is_taken_from_the_panorama(done: Any) -> None:
@@ -190,7 +190,7 @@ def test_a_wall_that_is_no_facade_is_taken_from_the_panorama(done: Any) -> None:
     (wall,) = [c for c, number in enumerate(charts["id"][:].tolist()) if f"{number:016x}" in record["digests"]]
     page, y, x = (int(charts[name][wall]) for name in ("page", "y", "x"))
     here = (page, slice(y, y + int(charts["height"][wall])), slice(x, x + int(charts["width"][wall])))
-    pictured = group["atlas/provenance"][here] == PHOTO
+    pictured = group["atlas/provenance"][here] == Provenance.PHOTO
     np.testing.assert_array_equal(group["facade_maps/camera"][here], pictured)
     assert pictured.any()
 

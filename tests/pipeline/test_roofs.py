@@ -11,8 +11,8 @@ import zarr
 from PIL import Image
 
 from facade_core.atlas.store import open_repository
-from facade_core.core.provenance import PHOTO, TRANSLATED
-from facade_core.geometry.charts import ROOF
+from facade_core.core.provenance import Provenance
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import raster_points
 from facade_core.plan.plan_tables import read_plan
 from tasks.stages.publish import publish_block
@@ -61,19 +61,19 @@ def test_roofs_hold_the_picture_where_it_reaches(above: tuple[Path, dict[str, An
     plan = read_plan(session)
     scene, placement = plan.scene, plan.scene.placement
     photographed = bare = 0
-    for chart in np.flatnonzero(scene.charts.kind == ROOF).tolist():
+    for chart in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist():
         height, width = int(placement.height[chart]), int(placement.width[chart])
         y, x = int(placement.y[chart]), int(placement.x[chart])
         at = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
         colour, provenance = group["atlas/colour"][at], group["atlas/provenance"][at]
         points = raster_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
-        known = provenance == PHOTO
+        known = provenance == Provenance.PHOTO
         assert (points[..., 0][known] < reach).all()
         # a texel takes the mean of its own width of the picture
         expected = 250 - 4 * np.floor(reach - points[..., 0])
         assert np.abs(colour[known][:, 0] - np.clip(expected, 0, 255)[known]).max(initial=0) <= 4
         assert (colour[known][:, 1:] == 0).all()
-        photographed, bare = photographed + known.sum(), bare + (provenance <= TRANSLATED).sum()
+        photographed, bare = photographed + known.sum(), bare + (provenance <= Provenance.TRANSLATED).sum()
     assert photographed > 500
     assert bare > 500
 
@@ -86,13 +86,13 @@ def test_the_others_take_the_material(above: tuple[Path, dict[str, Any], float])
     scene, placement = plan.scene, plan.scene.placement
     pages = sorted((out / "published" / (out / "current").read_text().strip() / "pages").iterdir())
     checked = 0
-    for chart in np.flatnonzero(scene.charts.kind == ROOF).tolist():
+    for chart in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist():
         height, width = int(placement.height[chart]), int(placement.width[chart])
         y, x, page = int(placement.y[chart]), int(placement.x[chart]), int(placement.page[chart])
         box = (slice(y, y + height), slice(x, x + width))
         points = raster_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
         # so far from the picture's edge nothing is levelled to it
-        bare = (group["atlas/provenance"][(page, *box)] <= TRANSLATED) & (points[..., 0] > reach + 10)
+        bare = (group["atlas/provenance"][(page, *box)] <= Provenance.TRANSLATED) & (points[..., 0] > reach + 10)
         red, green, blue = np.asarray(Image.open(pages[page]))[box][bare].astype(int).T
         assert (green > 2 * red).all()
         assert (green > 2 * blue).all()

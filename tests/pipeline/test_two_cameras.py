@@ -15,7 +15,7 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.refined_poses import read_posed
 from facade_core.atlas.store import open_repository
-from facade_core.core.provenance import PHOTO
+from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.facade import facade as paint
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
@@ -88,7 +88,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     chart = int(np.flatnonzero(plan.ids == int(ground["unit"].removeprefix("ground-"), 16))[0])
     one = Rasters.of(plan.scene.placement, [chart])
     seed, evidence = (read_rasters(group[f"atlas/{name}"], plan.scene.placement, one) for name in SEEDED)
-    shown = evidence == PHOTO
+    shown = evidence == Provenance.PHOTO
     assert shown.mean() > 0.2
     size = (int(plan.scene.placement.height[chart]), int(plan.scene.placement.width[chart]))
     rows, columns = (at.ravel() for at in np.indices(size))

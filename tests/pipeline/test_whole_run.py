@@ -23,7 +23,7 @@ from facade_core.atlas.journal import VOLATILE, atlas_digest
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
-from facade_core.core.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED, TRANSLATED
+from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tasks.kinds.order import STAGES
 from tasks.stages.publish import publish_block
@@ -55,8 +55,14 @@ def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> N
     group, placement = zarr.open_group(session.store, mode="r"), read_plan(session).scene.placement
     charts = Rasters.of(placement, range(len(placement.page)))
     colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, charts) for name in ("colour", "provenance"))
-    assert set(np.unique(provenance)) == {MATERIAL, TRANSLATED, SYNTHESISED, INPAINTED, PHOTO}
-    for rank in (MATERIAL, TRANSLATED):
+    assert set(np.unique(provenance)) == {
+        Provenance.MATERIAL,
+        Provenance.TRANSLATED,
+        Provenance.SYNTHESISED,
+        Provenance.INPAINTED,
+        Provenance.PHOTO,
+    }
+    for rank in (Provenance.MATERIAL, Provenance.TRANSLATED):
         assert colour[provenance == rank].std() > 10
     assert atlas_digest(group) == summary["atlas_digest"]
 
@@ -83,7 +89,7 @@ def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> No
 def test_photo_texels_are_the_photos(undisturbed: Run) -> None:
     out, _ = undisturbed
     group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
-    photo = group["atlas/seed_evidence"][:] == PHOTO
+    photo = group["atlas/seed_evidence"][:] == Provenance.PHOTO
     np.testing.assert_array_equal(group["atlas/colour"][:][photo], group["facade_maps/evidence"][:][photo])
 
 
@@ -181,7 +187,11 @@ def test_walls_left_to_the_translator(tmp_path: Path, translator: str) -> None:
     summary = publish_block.fn(made.run, block)
     assert summary["facades_failed"] == 0
     group = zarr.open_group(open_repository(tmp_path / "out" / "store").readonly_session("main").store, mode="r")
-    assert set(np.unique(group["atlas/provenance"][:])) >= {MATERIAL, TRANSLATED, PHOTO}
+    assert set(np.unique(group["atlas/provenance"][:])) >= {
+        Provenance.MATERIAL,
+        Provenance.TRANSLATED,
+        Provenance.PHOTO,
+    }
     assert set(query(tmp_path / "out", where="photo is null")["source"]) == {"translator"}
 
 

@@ -27,7 +27,7 @@ from facade_core.export.bodies.patches import (
     split,
 )
 from facade_core.export.models.textured_parts import Textured
-from facade_core.geometry.charts import METAL
+from facade_core.geometry.charts import ChartKind
 
 # What is open no higher above the lowest corner is the foot of a building.
 FOOT_M = 2.0
@@ -85,7 +85,7 @@ def _surfaces(
     for chart in np.unique(chart_of).tolist():
         for side in (False, True):
             own = mesh.triangles[triangles[(chart_of == chart) & (apart == side)]]
-            if charts.kind[chart] == METAL:  # bent about its chart: no plane polygon but its triangles
+            if charts.kind[chart] == ChartKind.METAL:  # bent about its chart: no plane polygon but its triangles
                 polygons += [[corners] for corners in mesh.vertices[own]]
                 of += [chart] * len(own)
                 continue

@@ -19,7 +19,7 @@ from facade_core.export.bodies.patches import Patch, Patches, components, joined
 from facade_core.export.bodies.recess import cut
 from facade_core.export.city_models.cityjson import Face
 from facade_core.export.models.textured_parts import Drawn
-from facade_core.geometry.charts import KINDS, ROOF, WALL, WINDOW
+from facade_core.geometry.charts import KINDS, ChartKind
 
 SEMANTICS = {
     "wall": "WallSurface",
@@ -91,7 +91,7 @@ def modelled(
     semantics: dict[int, int] = {}
     for chart in np.unique(mesh.chart[triangles]).tolist():
         own_kind = int(source.charts.kind[chart])
-        kind = SEMANTICS[KINDS[ROOF if assumed and own_kind == WINDOW else own_kind]]
+        kind = SEMANTICS[KINDS[ChartKind.ROOF if assumed and own_kind == ChartKind.WINDOW else own_kind]]
         semantics[chart] = surfaces.own(kind, facade=facades[chart]) if chart in facades else surfaces.shared(kind)
     ground, closing = surfaces.shared("GroundSurface"), surfaces.shared("WallSurface")
     body = body_of(source, triangles, semantics, ground, origin)
@@ -101,7 +101,7 @@ def modelled(
     behind = [_triangles(body.shell)] if layouts else []
     for patch in body.shell.patches:
         chart, elements = patch.chart, layouts.get(patch.chart, ())
-        if elements and source.charts.kind[chart] == WALL:
+        if elements and source.charts.kind[chart] == ChartKind.WALL:
             wall = _in_frame(drawn, [body.shell.points[list(ring)] for ring in patch.rings], chart)
             before = balconies_on(wall, elements) if wall.is_valid else []
             faces += _opened(drawn, body.shell, patch, behind_railings(elements, before), surfaces, behind)

@@ -8,7 +8,7 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.grouping import grouped
 from facade_core.export.models.textured_parts import Textured
-from facade_core.geometry.charts import CEILING, ROOF
+from facade_core.geometry.charts import ChartKind
 
 # Corners are put on a grid of this many metres, so that edges that nearly meet do.
 GRID_M = 0.001
@@ -20,9 +20,9 @@ def footprint(source: Textured, triangles: np.ndarray) -> list[Polygon]:
     """What the roofs among some triangles of the mesh cover, from above, where no ceiling faces down below them as under eaves;
     all of it where one does everywhere, and that of all triangles where none is a roof."""
     kind = source.charts.kind[source.mesh.chart[triangles]]
-    roof = triangles[kind == ROOF]
+    roof = triangles[kind == ChartKind.ROOF]
     covered = _covered(source, roof if len(roof) else triangles)
-    open_below = _covered(source, triangles[kind == CEILING])
+    open_below = _covered(source, triangles[kind == ChartKind.CEILING])
     standing = _parts(shapely.difference(covered, open_below, grid_size=GRID_M)) if len(roof) else []
     return standing or _parts(covered)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.labels import ROOF, WALL
+from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import linear
 
 # What is lower is a moulding (a cornice, a string course, a plinth's edge), metres.
@@ -42,7 +42,7 @@ class Band:
 
 def free_of(labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float) -> np.ndarray:
     """The wall (h, w) bool of labels (h, w) beside boxes (x0, y0, x1, y1), metres."""
-    free = np.isin(labels, (WALL, ROOF))
+    free = np.isin(labels, (FacadeClass.WALL, FacadeClass.ROOF))
     for x0, y0, x1, y1 in boxes:
         left, top = (max(0, int((low - BESIDE_M) * density)) for low in (x0, y0))
         right, foot = (int(np.ceil((high + BESIDE_M) * density)) for high in (x1, y1))

@@ -15,7 +15,7 @@ from facade_core.export.factored.wall import Piece, Pieces
 from facade_core.export.models.pages import scaled
 from facade_core.export.models.textured_parts import Frame, Textured
 from facade_core.export.tiles.tile_pages import tile_pages
-from facade_core.geometry.charts import DOOR, GROUND, WINDOW
+from facade_core.geometry.charts import ChartKind
 
 # What is no facade has this share of its texels a metre, which are fewer the farther off streets pass (ADR 0063); at most, and
 # no fewer than so many: ground, and all else (roofs, walls between houses).
@@ -90,9 +90,9 @@ def rest(
     triangles_of: the mesh's by chart."""
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
-    share, most = np.where((kind == GROUND)[:, None], (GROUND_SHARE, GROUND_MOST), (REST_SHARE, REST_MOST)).T
+    share, most = np.where((kind == ChartKind.GROUND)[:, None], (GROUND_SHARE, GROUND_MOST), (REST_SHARE, REST_MOST)).T
     most = np.clip(share * density, LEAST, most)
-    share = np.where(np.isin(kind, (WINDOW, DOOR)), 1.0, np.minimum(1.0, most / density))
+    share = np.where(np.isin(kind, (ChartKind.WINDOW, ChartKind.DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
 
     def raster(chart: int) -> np.ndarray:

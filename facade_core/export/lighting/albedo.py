@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import WALL
+from facade_core.core.labels import FacadeClass
 
 # Cells whose median counts, metres; fewer of them say nothing. How strongly the field is held to be flat.
 CELL_M, LEAST_CELLS, STIFF = 0.5, 24, 0.005
@@ -26,7 +26,7 @@ def shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarra
     rows, columns = labels.shape[0] // side, labels.shape[1] // side
     cells = (rows, side, columns, side)
     grey = colour.mean(axis=2)[: rows * side, : columns * side].reshape(cells)
-    wall = (labels == WALL)[: rows * side, : columns * side].reshape(cells)
+    wall = (labels == FacadeClass.WALL)[: rows * side, : columns * side].reshape(cells)
     mostly = wall.mean(axis=(1, 3)) > 0.5 if rows and columns else np.zeros((0, 0), bool)
     if mostly.sum() < LEAST_CELLS:
         return None

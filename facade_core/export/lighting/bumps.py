@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import BALCONY, SHOP, WALL
+from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.substances import RELIEF
 from facade_core.street.materials.relief import depth_of
 
@@ -31,7 +31,9 @@ def heights(
     out = np.clip((grey / mean - 1) / DARKEST, -1, 0.5) * RELIEF[substance]
     if labels is not None:
         # balconies and shops have ragged edges: their steps would glitter
-        out += depth_of(np.where(np.isin(labels, (BALCONY, SHOP)), WALL, labels), density)
+        out += depth_of(
+            np.where(np.isin(labels, (FacadeClass.BALCONY, FacadeClass.SHOP)), FacadeClass.WALL, labels), density
+        )
         out[frames] += np.float32(FRAME_M)
     return out.astype(np.float32)
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.labels import WINDOW as WINDOW_LABEL
+from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb
-from facade_core.core.provenance import SYNTHESISED, TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Ground, Sun
 from facade_core.export.lighting.albedo import shading, without
 from facade_core.export.lighting.bumps import heights, normals, sunk
@@ -21,7 +21,7 @@ from facade_core.export.lighting.substances import BRICK, OF_MATERIAL, PHOTOGRAP
 from facade_core.export.models.pages import Maps, scaled
 from facade_core.export.models.textured_parts import Textured
 from facade_core.facade.wall_material import wall_material
-from facade_core.geometry.charts import GROUND, WINDOW
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import LEAST
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact import contact
@@ -81,20 +81,20 @@ class _Charts:
         light = np.ones((*shape, 1), np.float32)
         if known.sun is not None:
             light = (SKY_LIGHT + sunlight(self.scene, chart, known.sun)[..., None] * SUN_LIGHT).astype(np.float32)
-        painted = (provenance > UNSEEN) & (provenance <= TRANSLATED)
+        painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
         if painted.any():
             clear, left = self.sky(chart, shape), contact(self.scene, chart)
             own = shade(self.scene.charts.normal()[chart]) * (1 - SHADOW * (1 - clear))
             own = own if left is None else own * left
             light = light * np.where(painted, own, np.float32(1))[..., None]
-        pictured = provenance > SYNTHESISED
+        pictured = provenance > Provenance.SYNTHESISED
         if labels is not None and pictured.any():
             field = shading(without(colour, light), labels, self.density(chart))
             if field is not None:
                 light = light * np.where(pictured, field, np.float32(1))[..., None]
         found = without(colour, light)
         if seed is not None:
-            made = provenance == SYNTHESISED
+            made = provenance == Provenance.SYNTHESISED
             found[made] = seed[made]
         return found
 
@@ -132,17 +132,17 @@ class _Charts:
             whole = of_labels(labels, of_wall, panes)
             roughness, substance = scaled(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]
             share = scaled(panes.astype(np.float32)[..., None], size)[..., 0]
-            opening = labels[::2, ::2] == WINDOW_LABEL
+            opening = labels[::2, ::2] == FacadeClass.WINDOW
             frames, turn = opening & (share < 0.5), leans[::2, ::2] * (share > 0.5)[..., None]
             shown = None if lit is None else scaled(lit, size)
         else:
-            on_ground = self.scene.charts.kind[chart] == GROUND
+            on_ground = self.scene.charts.kind[chart] == ChartKind.GROUND
             substance = (
                 grounds.substance(self.scene.charts, chart, half) if on_ground else np.full(half, made, np.uint8)
             )
             roughness = ROUGHNESS[substance]
-            if self.scene.charts.kind[chart] == WINDOW:
-                pane = Opening(WINDOW_LABEL, 0, 0, *size)
+            if self.scene.charts.kind[chart] == ChartKind.WINDOW:
+                pane = Opening(FacadeClass.WINDOW, 0, 0, *size)
                 shown = glow(pane, density / 2, float(self.scene.charts.size[chart, 1]), self.chances(chart))
         coarse = None if labels is None else labels[::2, ::2]
         height = heights(coarse, substance, small, frames, density / 2)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.labels import CLASSES, DOOR, ELEMENT_CLASSES, SHOP, WALL, WINDOW
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.export.lighting.interiors import interior
 from facade_core.parsing.elements import elements
 
@@ -63,9 +63,11 @@ def squared(labels: np.ndarray) -> np.ndarray:
     import cv2
 
     found = labels.copy()
-    glazed = np.isin(labels, (WINDOW, SHOP, DOOR)).astype(np.uint8)
+    glazed = np.isin(labels, (FacadeClass.WINDOW, FacadeClass.SHOP, FacadeClass.DOOR)).astype(np.uint8)
     _, of = cv2.connectedComponents(glazed, connectivity=4, ltype=cv2.CV_32S)
-    for number in np.setdiff1d(np.intersect1d(of[labels == SHOP], of[labels != SHOP]), [0]).tolist():
+    for number in np.setdiff1d(
+        np.intersect1d(of[labels == FacadeClass.SHOP], of[labels != FacadeClass.SHOP]), [0]
+    ).tolist():
         here = of == number
         found[here] = np.bincount(labels[here]).argmax()
     kinds = [CLASSES.index(name) for name in ELEMENT_CLASSES]
@@ -76,7 +78,7 @@ def squared(labels: np.ndarray) -> np.ndarray:
     for place in places:
         known[of[place]] = True
     known[0] = False
-    found[known[of]] = WALL
+    found[known[of]] = FacadeClass.WALL
     for (label, _), place in zip(boxes, places, strict=True):
         found[place] = label
     return found
@@ -92,7 +94,7 @@ def openings(labels: np.ndarray) -> Iterator[Opening]:
             found = Opening(CLASSES.index(one.label), *(int(side) for side in (one.x0, one.y0, one.x1, one.y1)))
             taken[found.box] = True
             yield found
-    for label in (WINDOW, SHOP):  # too small to be told as elements
+    for label in (FacadeClass.WINDOW, FacadeClass.SHOP):  # too small to be told as elements
         left = ((labels == label) & ~taken).astype(np.uint8)
         _, _, boxes, _ = cv2.connectedComponentsWithStats(left, connectivity=4, ltype=cv2.CV_32S)
         for x, y, width, height, _ in boxes[1:].tolist():
@@ -105,7 +107,7 @@ def glass(opening: Opening, grey: np.ndarray, density: float) -> np.ndarray:
 
     inside = np.ones(opening.shape, bool)
     height = len(inside)
-    if opening.label == SHOP:
+    if opening.label == FacadeClass.SHOP:
         panes = _panes_of_shop(height)
         inside[: panes.start] = False
         inside[panes.stop :] = False
@@ -113,7 +115,7 @@ def glass(opening: Opening, grey: np.ndarray, density: float) -> np.ndarray:
     eroded = cv2.erode(np.pad(inside, frame).astype(np.uint8), np.ones((2 * frame + 1,) * 2, np.uint8))
     found: np.ndarray = eroded[frame:-frame, frame:-frame] > 0
     bar = round(BAR_M * density)
-    if bar < 2 or opening.label == SHOP:  # too coarse to show any; a shop's goods have edges too
+    if bar < 2 or opening.label == FacadeClass.SHOP:  # too coarse to show any; a shop's goods have edges too
         return found
     part = np.ascontiguousarray(grey[opening.box])
     kernel = np.ones((bar + 1, bar + 1), np.uint8)
@@ -170,7 +172,7 @@ def glow(opening: Opening, density: float, height_m: float, chances: Chances) ->
     at = _place(opening, density)
     over = height_m - (opening.top + opening.bottom) / (2 * density)
     storey = int(over / STOREY_M)
-    if opening.label == SHOP:
+    if opening.label == FacadeClass.SHOP:
         return _of_shop(opening, density, at, chances)
     high, wide = opening.shape
     x, y = ((np.arange(n, dtype=np.float32) + np.float32(0.5)) / n for n in (wide, high))
@@ -216,7 +218,7 @@ def through(opening: Opening, light: np.ndarray, grey: np.ndarray, clear: np.nda
     if not clear.any():
         return light
     part = grey[opening.box].astype(np.float32)
-    share = SHOP_SHOWS if opening.label == SHOP else SHOWS
+    share = SHOP_SHOWS if opening.label == FacadeClass.SHOP else SHOWS
     relative = np.clip(part / max(float(part[clear].mean()), 1.0), 0.2, 1.8)
     return (light * (1 - share + share * relative)[..., None]).astype(np.float32)
 

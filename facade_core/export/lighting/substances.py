@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, WINDOW
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.street.materials import field_kernels as field
 
 
@@ -46,7 +46,13 @@ ROUGHNESS = np.array([one.roughness for one in SUBSTANCES], np.float32)
 RELIEF = np.array([one.relief for one in SUBSTANCES], np.float32)
 
 # Of what is a facade's label, its wall left out: panes lie in windows and shops, in the frames that `panes` leaves.
-OF_LABEL = {WINDOW: FRAME, SHOP: FRAME, DOOR: WOOD, BALCONY: RAILING, ROOF: SHEET}
+OF_LABEL = {
+    FacadeClass.WINDOW: FRAME,
+    FacadeClass.SHOP: FRAME,
+    FacadeClass.DOOR: WOOD,
+    FacadeClass.BALCONY: RAILING,
+    FacadeClass.ROOF: SHEET,
+}
 # Of a chart by its material, as `Materials.field.charts.made` has it; ground is by its surfaces.
 OF_MATERIAL = {
     field.SOIL: ASPHALT,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from facade_core.export.models.textured_parts import Textured
-from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 
 # Walls are looked at from this far before the shell, and as far behind it.
@@ -49,7 +49,7 @@ def bake(
         # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
         x, y = (np.clip(v, EDGE_M, side - EDGE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
         points = charts.points(chart, x[None], y[:, None])
-        wall = charts.kind[chart] == WALL
+        wall = charts.kind[chart] == ChartKind.WALL
         before = BEFORE_M if wall else highest - charts.origin[chart, 2] + 1.0
         ahead = -normals[chart]
         origins = points - before * ahead

@@ -14,7 +14,7 @@ from facade_core.export.bodies.footprints import footprint
 from facade_core.export.models.pages import Maps, scaled
 from facade_core.export.models.textured_parts import Textured, shown_area
 from facade_core.export.tiles.baking import bake
-from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces
+from facade_core.geometry.charts import ChartKind, Charts, Mesh, Pieces
 from facade_core.geometry.ground.ground_charts import add_level, add_planar
 
 # Corners nearer than this to their neighbours' line are left out of an outline.
@@ -91,7 +91,7 @@ def _plain(glow: np.ndarray) -> Maps:
 def _body(source: Textured, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:
     """Outlines, base and top of a building's shell, and how far it leaves the roofs; None where it would leave them too far."""
     mesh = source.mesh
-    roof = triangles[source.charts.kind[mesh.chart[triangles]] == ROOF]
+    roof = triangles[source.charts.kind[mesh.chart[triangles]] == ChartKind.ROOF]
     if not len(roof):
         return None
     corners = mesh.vertices[mesh.triangles[roof]]
@@ -120,9 +120,17 @@ def _extrude(pieces: Pieces, building: int, outline: Polygon, base: float, top: 
         for a, b in zip(corners[:-1], corners[1:], strict=True):
             length = float(np.hypot(*(b - a)))
             along = np.append((b - a) / length, 0.0)
-            add_planar(pieces, WALL, building, np.array([*a, top]), along, _DOWN, shapely.box(0, 0, length, top - base))
+            add_planar(
+                pieces,
+                ChartKind.WALL,
+                building,
+                np.array([*a, top]),
+                along,
+                _DOWN,
+                shapely.box(0, 0, length, top - base),
+            )
             pieces.surfaces += 1
-    add_level(pieces, ROOF, building, outline, top, np.inf, np.inf)
+    add_level(pieces, ChartKind.ROOF, building, outline, top, np.inf, np.inf)
 
 
 def _nothing() -> tuple[Charts, Mesh]:

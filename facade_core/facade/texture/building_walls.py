@@ -10,7 +10,7 @@ import shapely
 from numpy.lib.stride_tricks import sliding_window_view
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import BALCONY, SHOP, WALL
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.entrances import DOOR_M, door_place, put_door, turn_corner
 from facade_core.facade.texture.genetic import POPULATION
@@ -134,7 +134,7 @@ def _enter(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, gro
     if not len(doors):
         return
     cuts, band = style.exemplar.bay_cuts, slice(style.exemplar.ground_top, style.exemplar.bottom)
-    shop = [(style.labels[band, a:b] == SHOP).any() for a, b in pairwise(cuts)]
+    shop = [(style.labels[band, a:b] == FacadeClass.SHOP).any() for a, b in pairwise(cuts)]
     entered = np.array([*(style.doors | np.array(shop)), False])  # the last: bare wall
     for place in wall.entrances:
         own = int(np.clip(np.searchsorted(across[3::3], place), 0, source.shape[2] // 3 - 1))
@@ -189,7 +189,7 @@ def _plain_bays(style: Style, plain: int) -> np.ndarray:
     """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
     others."""
     rows, cuts = style.grid.rows, style.exemplar.bay_cuts
-    band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == BALCONY
+    band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == FacadeClass.BALCONY
     adorned = np.add.reduceat(band.mean(axis=0), cuts[:-1]) / np.diff(cuts)
     plainest = np.flatnonzero(adorned <= adorned.min() + 0.002)
     inner = plainest[(plainest > 0) & (plainest < len(adorned) - 1)]
@@ -241,7 +241,7 @@ def _bare(style: Style, plain: int) -> tuple[int, int]:
     """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
     which, pixels."""
     rows = style.grid.rows[3 * plain : 3 * plain + 4]
-    wall = (style.labels[rows[0] : rows[-1]] == WALL).mean(axis=0)
+    wall = (style.labels[rows[0] : rows[-1]] == FacadeClass.WALL).mean(axis=0)
     colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
     best, found = -np.inf, (0, len(wall))
     bay = float(np.diff(style.exemplar.bay_cuts).mean())
@@ -258,5 +258,8 @@ def _bare(style: Style, plain: int) -> tuple[int, int]:
 def _walled(style: Style, rows: np.ndarray, plain: int, least: float = WALLED) -> bool:
     """Whether more than a share of some rows (k,) of the exemplar's lattice is wall where its plainest floor is bare."""
     left, right = _bare(style, plain)
-    shown = [style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == WALL for row in rows.tolist()]
+    shown = [
+        style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == FacadeClass.WALL
+        for row in rows.tolist()
+    ]
     return float(np.mean([part.mean() for part in shown])) > least

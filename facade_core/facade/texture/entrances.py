@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.core.labels import DOOR, SHOP
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import Style
 from facade_core.parsing.floor_structure import Span, runs
 
@@ -49,18 +49,18 @@ def turn_corner(
 
 def _corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
     """From which column to which a ground floor's labels (h, w) show the shop for a corner so wide, metres; None where none."""
-    if width < LEAST_CORNER_M or not (labels == SHOP).any():
+    if width < LEAST_CORNER_M or not (labels == FacadeClass.SHOP).any():
         return None
     jamb = round(JAMB_M / scale)
     best: tuple[float, Span] | None = None
-    for left, right in runs(np.isin(labels, (SHOP, DOOR)).any(axis=0).astype(float), 0.5):
+    for left, right in runs(np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float), 0.5):
         span = max(0, left - jamb), min(labels.shape[1], right + jamb)
-        if not (labels[:, slice(*span)] == SHOP).any():
+        if not (labels[:, slice(*span)] == FacadeClass.SHOP).any():
             continue
         off = abs(np.log(max(span[1] - span[0], 1) * scale / width))
         if off > np.log(STRETCH):
             continue
-        cost = off - ENTERED * bool((labels[:, slice(*span)] == DOOR).any())
+        cost = off - ENTERED * bool((labels[:, slice(*span)] == FacadeClass.DOOR).any())
         if best is None or cost < best[0]:
             best = cost, span
     return None if best is None else best[1]
@@ -107,7 +107,7 @@ def put_door(
     light = image[at].mean() / 150.0  # a door in a dark picture is dark
     door = plain_door(labels[at].shape, metres_per_pixel, rng)
     image[at] = np.clip(np.rint(door * np.clip(light, 0.6, 1.15)), 0, 255).astype(np.uint8)
-    labels[at] = DOOR
+    labels[at] = FacadeClass.DOOR
 
 
 def plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> np.ndarray:

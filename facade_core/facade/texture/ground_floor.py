@@ -7,7 +7,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from facade_core.core.labels import BALCONY, DOOR, SHOP
+from facade_core.core.labels import FacadeClass
 from facade_core.parsing.floor_structure import structure
 
 # Wall that stays beside a door, as a share of the ground floor's height.
@@ -23,15 +23,15 @@ def without_shops(image: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np
     """
     found = structure(labels)
     middle = [] if found is None else [i for i, kind in enumerate(found.kinds) if kind == "middle"]
-    if found is None or not middle or not (labels == SHOP).any():
+    if found is None or not middle or not (labels == FacadeClass.SHOP).any():
         return image, labels
     storeys = [slice(*found.floor_cuts[i : i + 2]) for i in (middle[1:] or middle)[::-1]]
-    storey = min(storeys, key=lambda rows: float((labels[rows] == BALCONY).mean()))
+    storey = min(storeys, key=lambda rows: float((labels[rows] == FacadeClass.BALCONY).mean()))
     top, bottom = found.ground_top, found.bottom
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
-    plain = [not (labels[storey, bay] == BALCONY).any() for bay in bays]
+    plain = [not (labels[storey, bay] == FacadeClass.BALCONY).any() for bay in bays]
     rim = round(_JAMB * (bottom - top))
-    door = (labels[top:bottom] == DOOR).any(axis=0).astype(np.uint8)[None]
+    door = (labels[top:bottom] == FacadeClass.DOOR).any(axis=0).astype(np.uint8)[None]
     free = cv2.dilate(door, np.ones((1, 2 * rim + 1), np.uint8))[0] == 0
     new_image, new_labels = image.copy(), labels.copy()
     for number, bay in enumerate(bays):

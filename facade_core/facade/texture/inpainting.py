@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.levelling import spread
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_inpainting import fill_by_floors
@@ -72,9 +72,9 @@ def _guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Eleme
     """
     guide = np.full(mask.shape, UNKNOWN, np.uint8) if labels is None else np.where(mask, UNKNOWN, labels)
     free = mask | (labels is None)
-    drawn = [(e, WALL, _WALL_AROUND) for e in elements if e.label not in _ON_GROUND]
+    drawn = [(e, FacadeClass.WALL, _WALL_AROUND) for e in elements if e.label not in _ON_GROUND]
     for name in reversed(ELEMENT_CLASSES):
-        drawn += [(e, CLASSES.index(name), 0.0) for e in elements if e.label == name]
+        drawn += [(e, FacadeClass(CLASSES.index(name)), 0.0) for e in elements if e.label == name]
     for e, label, margin in drawn:
         x, y = margin * e.width, margin * e.height
         rows, columns = (e.y0 - y, e.y1 + y), (e.x0 - x, e.x1 + x)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import DOOR
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
 from facade_core.facade.texture.genetic import POPULATION, evolve
 from facade_core.facade.texture.shortest_walks import cheapest_walk, jump_costs
@@ -102,7 +102,7 @@ def style_of(image: np.ndarray, labels: np.ndarray) -> Style:
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
     floor_price = jump_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
     floor_price[:, 0] += _EAVES
-    street = (labels[exemplar.ground_top :] == DOOR).sum(0)
+    street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0)
     door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
     centres = np.array([piece.mean() for piece in pieces])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import DOOR, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.validation import check_image, check_labels
 from facade_core.parsing.floor_structure import window_spans
 
@@ -23,11 +23,11 @@ def exemplar_scale(image: np.ndarray, labels: np.ndarray, *, storey: float = 3.2
     check_labels(image, labels)
     if not storey > 0:
         raise ImageError(f"exemplar_scale: storey is {storey}; pass a height in metres above 0")
-    spans = window_spans(labels == WINDOW)
+    spans = window_spans(labels == FacadeClass.WINDOW)
     middles = np.array([(a + b) / 2 for a, b in spans])
     if len(middles) >= 2:
         return storey / _pitch(np.diff(middles))
-    door = (labels == DOOR).any(1).sum()
+    door = (labels == FacadeClass.DOOR).any(1).sum()
     if door:
         return DOOR_HEIGHT / float(door)
     if len(spans) == 1:

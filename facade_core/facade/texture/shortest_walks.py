@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import BALCONY, DOOR, SHOP, WINDOW
+from facade_core.core.labels import FacadeClass
 
 _REACH = 4  # px on either side of a cut that are compared
 _JUMP = 0.03  # price of any jump, in mean absolute colour difference (0-1)
@@ -33,7 +33,8 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
             kept = [colour[:, :_REACH]] * (start > 0) + [colour[:, _REACH:]] * (end < count)
             differ = float(np.mean([part.mean() for part in kept])) if kept else 0.5
             joint = (before[end] != label[start]) & (
-                np.isin(before[end], (BALCONY, WINDOW, DOOR)) | np.isin(label[start], (BALCONY, WINDOW, DOOR))
+                np.isin(before[end], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
+                | np.isin(label[start], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
             )
             broken = max(_broken(before[end], label[end]), _broken(before[start], label[start]))
             price[a, b] = _JUMP + differ + _MISMATCH * joint.mean() + _CUT * broken + _REVISIT * (a == b)
@@ -44,7 +45,10 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
 def _broken(before: np.ndarray, after: np.ndarray) -> float:
     """Share of a cut that runs through one window, door or shop."""
     same = before == after
-    return float((same & np.isin(before, (WINDOW, DOOR))).mean() + 0.05 * (same & (before == SHOP)).mean())
+    return float(
+        (same & np.isin(before, (FacadeClass.WINDOW, FacadeClass.DOOR))).mean()
+        + 0.05 * (same & (before == FacadeClass.SHOP)).mean()
+    )
 
 
 def cheapest_walk(

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.core.labels import BALCONY
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import Style, rows_of, shown_storeys
 from facade_core.geometry.walls import STOREY_M
 
@@ -71,7 +71,7 @@ def plainest(style: Style) -> int:
     middle = [k for k, kind in enumerate(exemplar.kinds) if kind == "middle"]
     cuts = exemplar.floor_cuts
     ends = {middle[0]: 2.0, middle[-1]: 1.0}
-    adorned = [ends.get(k, 0.0) + (style.labels[cuts[k] : cuts[k + 1]] == BALCONY).mean() for k in middle]
+    adorned = [ends.get(k, 0.0) + (style.labels[cuts[k] : cuts[k + 1]] == FacadeClass.BALCONY).mean() for k in middle]
     return middle[int(np.argmin(adorned))]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.labels import BALCONY, ROOF, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 
 # How far paint differs between houses of one colour: the logarithm of its light, and of each band of it.
 _LIGHT, _HUE = 0.035, 0.010
@@ -22,16 +22,23 @@ def tinted(
     a house share, seed that of its panes. paint: factors (3,) of its walls' colour where that is known, instead of a shade."""
     shade = np.random.default_rng(house)
     gain = np.exp(_LIGHT * np.clip(shade.standard_normal(), -2, 2) + _HUE * np.clip(shade.standard_normal(3), -2, 2))
-    walled = np.isin(labels, (WALL, BALCONY, ROOF) if paint is None else (WALL, BALCONY)).astype(np.float32)
+    walled = np.isin(
+        labels,
+        (FacadeClass.WALL, FacadeClass.BALCONY, FacadeClass.ROOF)
+        if paint is None
+        else (FacadeClass.WALL, FacadeClass.BALCONY),
+    ).astype(np.float32)
     share = cv2.GaussianBlur(walled, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE)[..., None]
     light = 1 + share * ((gain if paint is None else paint).astype(np.float32) - 1)
     rng = np.random.default_rng(seed)
-    count, _, boxes, _ = cv2.connectedComponentsWithStats((labels == WINDOW).astype(np.uint8), connectivity=4)
+    count, _, boxes, _ = cv2.connectedComponentsWithStats(
+        (labels == FacadeClass.WINDOW).astype(np.uint8), connectivity=4
+    )
     for x, y, width, height, _ in boxes[1:count].tolist():
         pane = np.exp(_PANE * rng.standard_normal() + _SLOPE * rng.standard_normal() * np.linspace(-0.5, 0.5, height))
         warm = _WARM if rng.random() < _LAMPS else np.ones(3, np.float32)
         at = np.s_[y : y + height, x : x + width]
         # Frames keep their colour: what is lighter than any room is taken for one.
-        own = ((labels[at] == WINDOW) & (image[at].min(axis=-1) < _FRAME))[..., None]
+        own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < _FRAME))[..., None]
         light[at] = np.where(own, light[at] * pane.astype(np.float32)[:, None, None] * warm, light[at])
     return np.clip(np.rint(image * light), 0, 255).astype(np.uint8)

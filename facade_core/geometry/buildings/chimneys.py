@@ -10,7 +10,7 @@ from shapely import Polygon
 
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import Faces, Trim
-from facade_core.geometry.charts import ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 
 # Roofs of pitched shapes over this many square metres have one, in this share of all cases; from the third figure on two.
 LEAST_M2, SHARE, TWO_M2 = 60.0, 0.7, 900.0
@@ -56,14 +56,14 @@ def _build(faces: Faces, rng: np.random.Generator, roof: Facets, place: np.ndarr
     top = np.column_stack([corners, np.full(4, under[-1] + high)])
     for k in range(4):
         after = (k + 1) % 4
-        faces.add(WALL, [low[k], low[after], top[after], top[k]])
-    faces.add(ROOF, list(top))
+        faces.add(ChartKind.WALL, [low[k], low[after], top[after], top[k]])
+    faces.add(ChartKind.ROOF, list(top))
     return True
 
 
 def _heights(roof: Facets, places: np.ndarray) -> np.ndarray:
     """How high a roof is at places (k, 2), metres; NaN beside it."""
-    upper = roof.kind[roof.facet] == ROOF
+    upper = roof.kind[roof.facet] == ChartKind.ROOF
     corners = roof.vertices[roof.triangles[upper]]
     found = np.full(len(places), np.nan)
     tree = shapely.STRtree(shapely.polygons(corners[..., :2]))

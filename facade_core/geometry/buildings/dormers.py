@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import Faces, Trim
 from facade_core.geometry.buildings.roof_edges import Around, Edge, free_pieces, roof_edges
-from facade_core.geometry.charts import ROOF, WALL, WINDOW
+from facade_core.geometry.charts import ChartKind
 
 # Of the roofs that are steep enough (metres a metre) these shares have dormers and rooflights; of the lower part of mansards
 # the third has dormers. Flatter than the last figure a roof has neither.
@@ -23,7 +23,7 @@ DORMERS, ROOFLIGHTS, ON_MANSARDS = 0.35, 0.3, 0.9
 # No row has more, no house more than so many rows.
 MOST, ROWS = 8, 5
 # From the middle of one to that of the next, and from the end of the eaves.
-STEP_M, ASIDE_M = {WALL: (3.4, 5.2), WINDOW: (4.0, 8.0)}, 1.2
+STEP_M, ASIDE_M = {ChartKind.WALL: (3.4, 5.2), ChartKind.WINDOW: (4.0, 8.0)}, 1.2
 # A dormer's width, the height of its front, at least the second figure, and where that begins over the eaves and behind them.
 WIDE_M, HIGH_M, LEAST_HIGH_M, OVER_M, BEHIND_M = (1.1, 1.5), (1.2, 1.5), 1.0, (0.35, 0.6), 0.2
 # Half of the houses have gables on them, so high; the roofs of other dormers fall by so much a metre, to the front.
@@ -67,7 +67,7 @@ def dormers(id: str, roof: Facets, outline: Polygon, around: Around, taken: Trim
         low, most = STEP_M[kind]
         built = False
         for middle in _middles(edge, low + spacing * (most - low)):
-            if kind == WINDOW:
+            if kind == ChartKind.WINDOW:
                 built |= _light(faces, edge, middle, LIGHT_OVER_M[0] + spacing * np.ptp(LIGHT_OVER_M), free)
             else:
                 built |= _dormer(faces, edge, middle, wide, high, over, rise, gabled, free)
@@ -75,13 +75,13 @@ def dormers(id: str, roof: Facets, outline: Polygon, around: Around, taken: Trim
     return faces.trim() if rows else None
 
 
-def _kind(fall: float, chance: float) -> int | None:
+def _kind(fall: float, chance: float) -> ChartKind | None:
     """What a roof that falls so much a metre has: dormers (WALL), rooflights (WINDOW), nothing."""
     if fall > MANSARD:
-        return WALL if chance < ON_MANSARDS else None
+        return ChartKind.WALL if chance < ON_MANSARDS else None
     if chance < DORMERS:
-        return WALL if fall > STEEP else None
-    return WINDOW if chance < DORMERS + ROOFLIGHTS else None
+        return ChartKind.WALL if fall > STEEP else None
+    return ChartKind.WINDOW if chance < DORMERS + ROOFLIGHTS else None
 
 
 def _middles(edge: Edge, step: float) -> np.ndarray:
@@ -140,17 +140,19 @@ def _dormer(
     if gabled:
         apex, ridge = at(middle, front, top + gable), at(middle, back, top + gable)
         face.insert(3, apex)
-        faces.add(ROOF, [at(right, front, top), at(right, level, top), ridge, apex])
-        faces.add(ROOF, [at(left, level, top), at(left, front, top), apex, ridge])
+        faces.add(ChartKind.ROOF, [at(right, front, top), at(right, level, top), ridge, apex])
+        faces.add(ChartKind.ROOF, [at(left, level, top), at(left, front, top), apex, ridge])
     else:
-        faces.add(ROOF, [at(left, front, top), at(right, front, top), at(right, back, end), at(left, back, end)])
-    faces.add(WALL, face)
-    faces.add(WALL, [at(left, level, end), at(left, front, low), at(left, front, top)], along=out)
-    faces.add(WALL, [at(right, front, low), at(right, level, end), at(right, front, top)], along=-out)
+        faces.add(
+            ChartKind.ROOF, [at(left, front, top), at(right, front, top), at(right, back, end), at(left, back, end)]
+        )
+    faces.add(ChartKind.WALL, face)
+    faces.add(ChartKind.WALL, [at(left, level, end), at(left, front, low), at(left, front, top)], along=out)
+    faces.add(ChartKind.WALL, [at(right, front, low), at(right, level, end), at(right, front, top)], along=-out)
     sides, ahead = (left + JAMB_M, right - JAMB_M), front - OUT_M
     sill, head = foot + SILL_M, top - HEAD_M
     faces.add(
-        WINDOW,
+        ChartKind.WINDOW,
         [at(sides[0], ahead, sill), at(sides[1], ahead, sill), at(sides[1], ahead, head), at(sides[0], ahead, head)],
     )
     return True
@@ -165,5 +167,5 @@ def _light(faces: Faces, edge: Edge, middle: float, over: float, free: BaseGeome
     corners = ((left, low), (right, low), (right, up), (left, up))
     if not free.contains(Polygon([at(along, behind, 0)[:2] for along, behind in corners])):
         return False
-    faces.add(WINDOW, [at(along, behind, behind * fall + OUT_M) for along, behind in corners])
+    faces.add(ChartKind.WINDOW, [at(along, behind, behind * fall + OUT_M) for along, behind in corners])
     return True

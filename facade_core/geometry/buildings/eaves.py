@@ -13,7 +13,7 @@ from shapely import Polygon
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import Faces, Trim, normal_of
 from facade_core.geometry.buildings.roof_edges import OPEN, TOUCH_M, Around, Edge, free_pieces, roof_edges
-from facade_core.geometry.charts import CEILING, ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 
 # How far a roof reaches beyond a wall below its eaves, and beyond a gable; how far below the edge its cove meets the wall.
 OVERHANG_M, VERGE_M, THICK_M = 0.4, 0.2, 0.22
@@ -60,11 +60,11 @@ def overhang(roof: Facets, outline: Polygon, around: Around) -> Overhang:
                 normals.append(normal_of(*strips[-1][:3]))
         else:
             facet.append(edge.facet)
-        faces.add(CEILING, [edge.start - below, edge.end - below, right, left])
+        faces.add(ChartKind.CEILING, [edge.start - below, edge.end - below, right, left])
         if edge.before < 0:
-            faces.add(WALL, [edge.start - below, left, edge.start])
+            faces.add(ChartKind.WALL, [edge.start - below, left, edge.start])
         if edge.after < 0:
-            faces.add(WALL, [right, edge.end - below, edge.end])
+            faces.add(ChartKind.WALL, [right, edge.end - below, edge.end])
     drawn = _with_strips(roof, np.array(strips), np.array(facet), np.array(normals))
     return Overhang(drawn, faces.trim(), edges, offsets, float(below[2]))
 
@@ -84,12 +84,12 @@ def parapet(outline: Polygon, top: float, around: Around) -> Trim | None:
     faces = Faces()
     high = np.array([0.0, 0.0, PARAPET_M])
     for edge, (left, right) in zip(edges, offsets, strict=True):
-        faces.add(WALL, [edge.start, edge.end, edge.end + high, edge.start + high])
-        faces.add(ROOF, [edge.start + high, edge.end + high, right, left])
+        faces.add(ChartKind.WALL, [edge.start, edge.end, edge.end + high, edge.start + high])
+        faces.add(ChartKind.ROOF, [edge.start + high, edge.end + high, right, left])
         if edge.before < 0:
-            faces.add(WALL, [left, edge.start, edge.start + high])
+            faces.add(ChartKind.WALL, [left, edge.start, edge.start + high])
         if edge.after < 0:
-            faces.add(WALL, [edge.end, right, edge.end + high])
+            faces.add(ChartKind.WALL, [edge.end, right, edge.end + high])
     return faces.trim()
 
 
@@ -181,6 +181,6 @@ def _with_strips(roof: Facets, strips: np.ndarray, facet: np.ndarray, normals: n
         facet=of[order],
         texture=np.concatenate([roof.texture, np.full(more, -1, np.int32)])[order],
         uv=np.concatenate([roof.uv, np.zeros((more, 3, 2), np.float32)])[order],
-        kind=np.concatenate([roof.kind, np.full(len(normals) - len(roof.kind), ROOF, np.uint8)]),
+        kind=np.concatenate([roof.kind, np.full(len(normals) - len(roof.kind), ChartKind.ROOF, np.uint8)]),
         normal=normals,
     )

@@ -12,7 +12,7 @@ from shapely import Polygon
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_shapes import GRID_M
 from facade_core.geometry.buildings.shells import SKIRT_M, add_facets
-from facade_core.geometry.charts import CEILING, ROOF, WALL, Pieces
+from facade_core.geometry.charts import ChartKind, Pieces
 from facade_core.geometry.cutting import SHORTEST_WALL_M, line_cuts
 from facade_core.geometry.ground.ground_charts import FINER, add_level, add_planar
 from facade_core.geometry.ground.terrain import Terrain
@@ -41,9 +41,9 @@ def add_extruded(
     for a, b in edges:
         _wall(pieces, index, a, b, foot, eaves, largest, grid, joints)
     if roof is None:
-        add_level(pieces, ROOF, index, outline, eaves, largest, grid)
+        add_level(pieces, ChartKind.ROOF, index, outline, eaves, largest, grid)
     if raised > 0:
-        add_level(pieces, CEILING, index, outline, foot, largest, grid)
+        add_level(pieces, ChartKind.CEILING, index, outline, foot, largest, grid)
     else:
         _skirt(pieces, index, edges, base, terrain, largest, grid)
     if roof is not None:
@@ -120,13 +120,15 @@ def _rectangle(
 ) -> None:
     """A wall's chart of the current surface, with corners at `met` (k,) metres from the left on its upper edge too."""
     if not len(met):
-        add_planar(pieces, WALL, index, origin, along, _DOWN, shapely.box(0, 0, width, height))
+        add_planar(pieces, ChartKind.WALL, index, origin, along, _DOWN, shapely.box(0, 0, width, height))
         return
     x = np.concatenate([[0.0, width, width], met[::-1], [0.0]])
     y = np.concatenate([[height, height], np.zeros(len(met) + 2)])
     fan = np.arange(1, len(x) - 1)
     triangles = np.column_stack([np.zeros(len(fan), np.int64), fan, fan + 1])
-    one = [np.array([value]) for value in (WALL, pieces.surfaces, index, origin, along, _DOWN, (width, height))]
+    one = [
+        np.array([value]) for value in (ChartKind.WALL, pieces.surfaces, index, origin, along, _DOWN, (width, height))
+    ]
     vertices = origin + x[:, None] * along + y[:, None] * _DOWN
     pieces.add_charts(tuple(one), (vertices, triangles, np.zeros(len(fan), np.int64), np.zeros(len(x), np.int64)))
 

@@ -11,7 +11,7 @@ from shapely import MultiPolygon, Polygon
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SEMANTICS, Shell
-from facade_core.geometry.charts import CEILING, DOOR, ROOF, WALL, WINDOW
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.surface_crossings import Crossings
 
 WELD_M = 1e-3
@@ -28,7 +28,13 @@ ASIDE_M = 0.05
 # What faces down this near to the lowest point of a building is its underside.
 UNDERSIDE_M = 0.5
 
-_KIND = {"wall": WALL, "roof": ROOF, "window": WINDOW, "door": DOOR, "ceiling": CEILING}
+_KIND = {
+    "wall": ChartKind.WALL,
+    "roof": ChartKind.ROOF,
+    "window": ChartKind.WINDOW,
+    "door": ChartKind.DOOR,
+    "ceiling": ChartKind.CEILING,
+}
 _GROUND, _ROOF, _CEILING, _UNKNOWN, _WALL = (
     SEMANTICS.index(s) for s in ("ground", "roof", "ceiling", "unknown", "wall")
 )
@@ -198,10 +204,10 @@ def _outward(
 
 def _kinds(what: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Kinds (f,) int64 of facets: what the source says; else by slope and place; -1 for the underside of a building."""
-    level = np.where(outward[:, 2] > 0, ROOF, np.where(low < UNDERSIDE_M, -1, CEILING))
+    level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < UNDERSIDE_M, -1, ChartKind.CEILING))
     told = np.array([_KIND.get(name, -1) for name in SEMANTICS])[what]
-    kind = np.where((what == _UNKNOWN) | (what == _WALL), np.where(upright, WALL, level), told)
-    return np.where((what == _ROOF) & ~upright & (outward[:, 2] < 0), CEILING, kind)
+    kind = np.where((what == _UNKNOWN) | (what == _WALL), np.where(upright, ChartKind.WALL, level), told)
+    return np.where((what == _ROOF) & ~upright & (outward[:, 2] < 0), ChartKind.CEILING, kind)
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.geometry.buildings.eaves import Overhang, mitre
 from facade_core.geometry.buildings.roof_details import Faces, Trim
 from facade_core.geometry.buildings.roof_edges import Edge
-from facade_core.geometry.charts import METAL
+from facade_core.geometry.charts import ChartKind
 
 # A building has gutters in this share of all cases; shorter eaves have none, and eaves are as level as the third figure says.
 SHARE, SHORTEST_M, LEVEL_M = 0.92, 1.5, 0.02
@@ -65,8 +65,8 @@ def _trough(faces: Faces, over: Overhang, number: int, beside: list[int]) -> Non
         tip = ends[1] + down
         outside += [[belly1, tip, rim1], [back1, tip, belly1]]
     along = np.append(edge.ahead, 0.0)
-    faces.bend(METAL, outside, along)
-    faces.bend(METAL, [[rim0, rim1, in1, in0]], along)
+    faces.bend(ChartKind.METAL, outside, along)
+    faces.bend(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
 
 
 def _section(over: Overhang, number: int, other: int, after: int) -> list[np.ndarray]:
@@ -144,4 +144,4 @@ def _pipe(faces: Faces, over: Overhang, number: int, at_end: bool, foot: Callabl
     ]
     for low, high in zip(rings[:-1], rings[1:], strict=True):
         sides = [[low[k], low[k + 1], high[k + 1], high[k]] for k in range(len(SECTION) - 1)]
-        faces.bend(METAL, sides, low[1] - high[1])
+        faces.bend(ChartKind.METAL, sides, low[1] - high[1])

@@ -11,7 +11,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import ChartKind
 
 # Shorter pieces are left out.
 SHORTEST_M = 0.6
@@ -93,7 +93,7 @@ def roof_edges(roof: Facets, outline: Polygon) -> list[Edge]:
 def _outer_edges(roof: Facets, outline: Polygon) -> tuple[np.ndarray, np.ndarray]:
     """The ends (e, 2) of the sides of a roof's triangles that are no other's too and lie on the outline, vertices; and the
     facet (e,) of each."""
-    upper = roof.kind[roof.facet] == ROOF
+    upper = roof.kind[roof.facet] == ChartKind.ROOF
     triangles, facet = roof.triangles[upper], np.tile(roof.facet[upper], 3)
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     count = len(roof.vertices)

@@ -10,7 +10,7 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.types import Shell
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.charts import WALL, Pieces, frames
+from facade_core.geometry.charts import ChartKind, Pieces, frames
 from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles
 from facade_core.geometry.ground.terrain import Terrain
 from facade_core.geometry.neighbours import OUTLINE_M
@@ -116,7 +116,7 @@ def add_skirt(
         facet=np.repeat(chart, 2),
         texture=np.full(2 * n, -1, np.int32),
         uv=np.zeros((2 * n, 3, 2), np.float32),
-        kind=np.full(len(of_facet), WALL, np.uint8),
+        kind=np.full(len(of_facet), ChartKind.WALL, np.uint8),
         normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
     )
     add_facets(pieces, index, skirt, largest, grid)

@@ -14,7 +14,7 @@ from facade_core.geometry.buildings.eaves import PARAPET_M
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_details import Faces, Trim
 from facade_core.geometry.buildings.roof_edges import SEEN_M, Around, Edge, free_pieces, roof_edges
-from facade_core.geometry.charts import METAL
+from facade_core.geometry.charts import ChartKind
 
 # This share of roofs has vents, so many at most, and one for so many metres of edge.
 SHARE, MOST, EVERY_M = 0.7, 4, 7.0
@@ -109,8 +109,8 @@ def _build(faces: Faces, edge: Edge, middle: np.ndarray, behind: float, rise: fl
     for k in (0, 2):
         left, corner, right = turns[k], turns[(k + 1) % 4], turns[(k + 2) % 4]
         sides = [[foot + one, foot + other, top + other, top + one] for one, other in ((left, corner), (corner, right))]
-        faces.bend(METAL, sides, right - left)
-    faces.add(METAL, [top + turn for turn in turns])
+        faces.bend(ChartKind.METAL, sides, right - left)
+    faces.add(ChartKind.METAL, [top + turn for turn in turns])
 
 
 def _places(facets: Facets) -> list[BaseGeometry]:

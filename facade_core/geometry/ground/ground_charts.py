@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.geometry.charts import CEILING, GROUND, Pieces, frames
+from facade_core.geometry.charts import ChartKind, Pieces, frames
 from facade_core.geometry.cutting import cells
 from facade_core.geometry.ground.terrain import Terrain
 
@@ -25,7 +25,7 @@ def add_ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, gr
     """Ground cut on the grid: level ground as it is, uneven ground draped over the terrain."""
     if terrain.level:
         for polygon in polygons:
-            add_level(pieces, GROUND, -1, polygon, float(terrain.heights[0, 0]), 0.0, grid)
+            add_level(pieces, ChartKind.GROUND, -1, polygon, float(terrain.heights[0, 0]), 0.0, grid)
         return
     cut = [_fine(polygon, terrain, grid) for polygon in polygons]
     lines = _lines([part for pieces_of in cut for part, _ in pieces_of])
@@ -35,7 +35,7 @@ def add_ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, gr
         before = np.cumsum([0, *map(len, vertices)])
         chart = np.arange(len(parts))
         pieces.add(
-            np.full(len(parts), GROUND),
+            np.full(len(parts), ChartKind.GROUND),
             np.zeros(len(parts), np.int64),
             -1,
             *frames(np.array(normal)),
@@ -120,7 +120,7 @@ def _drape(part: Polygon, terrain: Terrain) -> _Draped:
 def add_level(pieces: Pieces, kind: int, index: int, polygon: Polygon, z: float, largest: float, grid: float) -> None:
     """A horizontal surface, facing up but for a ceiling, cut on the grid when it is longer than `largest`; the chart's up is
     north, of a ceiling south."""
-    down = kind == CEILING
+    down = kind == ChartKind.CEILING
     west, south, east, north = polygon.bounds
     for part in cells(polygon, grid) if max(east - west, north - south) > largest else [polygon]:
         if part.area < 1e-3:

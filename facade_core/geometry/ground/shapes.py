@@ -14,7 +14,7 @@ import shapely
 from shapely import LineString
 
 from facade_core.core.types import SURFACES, Area, Ground, Way
-from facade_core.geometry.charts import GROUND, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.layers import carriageways, layers_of
 from facade_core.geometry.ground.marks import marks
 
@@ -83,7 +83,7 @@ class Squares:
         self._ground = ground
         middle = charts.at_shares(np.arange(len(charts)), np.array([[0.5, 0.5]]))[:, 0, :2]
         self._square = np.floor(middle / SQUARE_M).astype(np.int64)
-        self._is_ground = charts.kind == GROUND
+        self._is_ground = charts.kind == ChartKind.GROUND
         self._digests: dict[tuple[int, ...], bytes] = {}
         self._drawn: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import in_view, position, shares
@@ -50,7 +50,7 @@ def look_down(scene: Scene, image: np.ndarray, pose: Pose) -> Ground:
 
     place = position(pose)
     below, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
-    if chart[0] == MISS or scene.charts.kind[chart[0]] != GROUND:
+    if chart[0] == MISS or scene.charts.kind[chart[0]] != ChartKind.GROUND:
         return Ground(None, [])
     latitude = np.radians(-np.linspace(FLAT_DEG, STEEP_DEG, STEPS))[:, None]
     longitude = (np.arange(AROUND) + 0.5)[None] / AROUND * 2 * np.pi
@@ -66,7 +66,7 @@ def look_down(scene: Scene, image: np.ndarray, pose: Pose) -> Ground:
     away = depth * np.hypot(rays[:, 0], rays[:, 1])
     share = shares(rays, pose)
     usable = (hit != MISS) & (away >= NEAR_M) & (away <= FAR_M) & in_view(share, pose)
-    usable[usable] = scene.charts.kind[hit[usable]] == GROUND
+    usable[usable] = scene.charts.kind[hit[usable]] == ChartKind.GROUND
     if not usable.any():
         return Ground(round(float(below[0]), 3), [])
     left, top, wide, high = pose.view

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from facade_core.core.labels import SKY
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import basis
 from facade_core.geometry.raycast import MISS
@@ -100,7 +100,7 @@ def _around(
         at = (y[inside].astype(np.intp), x[inside].astype(np.intp))
         found[inside] |= remove_small_objects(parsing.occluded & shown, max_size=LEAST)[at]
         if sky:
-            beyond[inside] |= ((parsing.labels == SKY) & shown)[at]
+            beyond[inside] |= ((parsing.labels == FacadeClass.SKY) & shown)[at]
     rim = 2 * round(RIM_DEG * FINE) + 1
     around = np.pad(found, ((0, 0), (rim, rim)), mode="wrap").astype(np.uint8)
     found = cv2.dilate(around, np.ones((rim, rim), np.uint8))[:, rim:-rim] > 0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.labels import SHOP
+from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect.text import Line
 
 # Signs are in the shop front or at most so far above it, and stand at least by half in that zone.
@@ -36,7 +36,9 @@ def shop_names(
 
     above = max(1, round(ABOVE_M * texels_per_metre))
     # the anchor at the top: a texel is of the zone where there is a shop at it or below
-    zone = cv2.dilate((labels == SHOP).astype(np.uint8), np.ones((above + 1, 1), np.uint8), anchor=(0, 0)).astype(bool)
+    zone = cv2.dilate(
+        (labels == FacadeClass.SHOP).astype(np.uint8), np.ones((above + 1, 1), np.uint8), anchor=(0, 0)
+    ).astype(bool)
     names: dict[str, str] = {}
     for line in sorted(lines, key=lambda line: tuple(line.box[:2])):
         text = " ".join(line.text.split()).strip(" .,:;-_|/\\'\"*·")

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_from_world, position
 
@@ -97,7 +97,9 @@ def _edges(scene: Scene, place: np.ndarray) -> np.ndarray:
     """Ends (k, 2, 3) of the outlines of surfaces other than the ground near a place."""
     mesh, charts = scene.mesh, scene.charts
     corners = mesh.vertices[mesh.triangles]
-    near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < REACH_M) & (charts.kind[mesh.chart] != GROUND)
+    near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < REACH_M) & (
+        charts.kind[mesh.chart] != ChartKind.GROUND
+    )
     triangles, surface = corners[near], charts.surface[mesh.chart[near]]
     sides = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 3)
     _, index = np.unique(np.round(sides.reshape(-1, 3) * 100).astype(np.int64), axis=0, return_inverse=True)
@@ -133,7 +135,9 @@ def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.nd
         np.abs(plane[one] - plane[other]) < SAME_M
     )
     same = (one >= 0) & (other >= 0) & alike & (charts.building[one] == charts.building[other])
-    ground = ((one >= 0) & (charts.kind[one] == GROUND)) | ((other >= 0) & (charts.kind[other] == GROUND))
+    ground = ((one >= 0) & (charts.kind[one] == ChartKind.GROUND)) | (
+        (other >= 0) & (charts.kind[other] == ChartKind.GROUND)
+    )
     return seen & ~same & ~ground & (distance < REACH_M) & (distance > 1.0), (one < 0) | (other < 0)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import in_view, position, shares
@@ -72,7 +72,7 @@ def _walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
     rays = directions(np.array([0.0, 1.0]), LOOK)
     distance, chart = scene.caster.cast(position(pose), rays)
     facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normal()[chart])
-    usable = (chart >= 0) & (scene.charts.kind[chart] == WALL) & (facing > np.sin(np.radians(FACING_DEG)))
+    usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(FACING_DEG)))
     usable &= in_view(shares(rays, pose), pose)
     area = np.cos((0.5 - (np.arange(LOOK // 2) + 0.5) / (LOOK // 2)) * np.pi)[:, None] * np.ones((1, LOOK))
     share = np.bincount(chart[usable], area[usable], minlength=len(scene.charts)) / area.sum()

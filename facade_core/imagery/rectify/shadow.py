@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import ndimage
 
-from facade_core.core.labels import WALL
+from facade_core.core.labels import FacadeClass
 
 # The wall is looked at in so many cells along the picture's longer side, of which so much must be wall.
 _CELLS, _LEAST_WALL = 48, 0.2
@@ -27,7 +27,7 @@ def shaded_share(image: np.ndarray, labels: np.ndarray) -> float:
     """
     height, width = labels.shape
     side = max(4, math.ceil(max(height, width) / _CELLS))
-    luminance = np.where(labels == WALL, np.log(np.maximum(image @ _LUMINANCE, _DARKEST)), np.nan)
+    luminance = np.where(labels == FacadeClass.WALL, np.log(np.maximum(image @ _LUMINANCE, _DARKEST)), np.nan)
     padded = np.pad(luminance, ((0, -height % side), (0, -width % side)), constant_values=np.nan)
     cells = padded.reshape(padded.shape[0] // side, side, -1, side).swapaxes(1, 2).reshape(-1, side * side)
     wall = (np.isfinite(cells).mean(1) >= _LEAST_WALL).reshape(padded.shape[0] // side, -1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.types import Sun
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import ASIDE_M, INSIDE, LIFT_M, hemisphere, spread
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sun import LIFT_M as OFF_M
@@ -47,7 +47,7 @@ def ambient(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]
     free, land = far & up, far & ~up
     behind = ~far & (np.einsum("prk,prk->pr", normals[met], rays) > 0)
     normal = np.where(land[..., None], [0.0, 0.0, 1.0], normals[met])
-    back = np.where(land | (charts.kind[met] == GROUND), GROUND_BACK, BACK)
+    back = np.where(land | (charts.kind[met] == ChartKind.GROUND), GROUND_BACK, BACK)
     sky = np.where(free, 1.0, SEES * back * (0.5 + 0.5 * normal[..., 2]))
     cosine = np.where(free, 0.0, np.maximum(normal @ direction(sun), 0.0))
     asked = ~far & ~behind & (cosine > 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 
 # How much of the light is lost at the line, on the ground and on the wall, and metres within which two thirds of that is gone.
@@ -20,9 +20,9 @@ BITS = 4
 def contact(scene: Scene, chart: int) -> np.ndarray | None:
     """The share of light (h, w) float32 that is left on the texels of a piece of ground or of a wall; None where all is."""
     kind = scene.charts.kind[chart]
-    if kind == GROUND:
+    if kind == ChartKind.GROUND:
         return _on_ground(scene, chart)
-    return _on_wall(scene, chart) if kind == WALL else None
+    return _on_wall(scene, chart) if kind == ChartKind.WALL else None
 
 
 def _on_ground(scene: Scene, chart: int) -> np.ndarray | None:
@@ -30,7 +30,7 @@ def _on_ground(scene: Scene, chart: int) -> np.ndarray | None:
 
     charts, density = scene.charts, scene.placement.texels_per_metre[chart]
     near = charts.near(chart, REACH_M)
-    walls = near[charts.kind[near] == WALL]
+    walls = near[charts.kind[near] == ChartKind.WALL]
     ends = charts.at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
     over = (ends - charts.origin[chart]) @ charts.normal()[chart]
     # also walls that go on below the ground, and end above it
@@ -65,7 +65,7 @@ def _stands(scene: Scene, chart: int) -> bool:
     foot = charts.at_shares(np.array([chart]), np.array([[0.5, 1.0]]))[0, 0]
     above = foot + 0.1 * charts.normal()[chart] + [0.0, 0.0, OFF_M]
     depth, hit = scene.caster.cast(above, np.array([[0.0, 0.0, -1.0]]))
-    return bool(hit[0] >= 0 and charts.kind[hit[0]] == GROUND and depth[0] < 2 * OFF_M)
+    return bool(hit[0] >= 0 and charts.kind[hit[0]] == ChartKind.GROUND and depth[0] < 2 * OFF_M)
 
 
 def _left(away: np.ndarray, lost: float) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import WALL
+from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Sun
 from facade_core.geometry.scene import Scene
@@ -37,7 +37,7 @@ def in_its_light(
     tones = stains(colour, labels, density, (float(origin @ along), float(origin @ down)), seed)
     above, back = ambient(scene, chart, sun)
     out = np.empty_like(colour)
-    laid_over(colour, made, labels == WALL, light.astype(np.float32), above, back, tones, out)
+    laid_over(colour, made, labels == FacadeClass.WALL, light.astype(np.float32), above, back, tones, out)
     return out
 
 

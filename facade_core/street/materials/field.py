@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.types import Finish, Ground, Street
 from facade_core.facade.wall_material import WallMaterial
-from facade_core.geometry.charts import DOOR, ROOF, WALL, WINDOW
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.carriageways import ways_of
 from facade_core.geometry.ground.kinds import kinds_of
 from facade_core.geometry.ground.shapes import Squares
@@ -203,13 +203,13 @@ class Materials:
 def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     charts, mesh = scene.charts, scene.mesh
     own = mesh.vertex_chart
-    wall = charts.kind[own] == WALL
+    wall = charts.kind[own] == ChartKind.WALL
     # where each building's walls begin
     foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
     np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
     normal = charts.normal()
     made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
-    roof = charts.kind == ROOF
+    roof = charts.kind == ChartKind.ROOF
     # models that were measured from above have steps of roofs as steep roofs; no tile lies on one
     steep = roof & (np.abs(normal[:, 2]) < STEEP)
     made[steep] = PLASTER
@@ -252,7 +252,7 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
             known = np.isin(made, materials) & np.isfinite(colour[:, 0])
             tint[known] = colour[known]
     start = np.column_stack([np.einsum("ij,ij->i", charts.origin, axis) for axis in (charts.axis_u, charts.axis_v)])
-    start[np.isin(charts.kind, (WINDOW, DOOR))] = 0.0
+    start[np.isin(charts.kind, (ChartKind.WINDOW, ChartKind.DOOR))] = 0.0
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
     # a surface sees the sky above the horizon
     sky = np.maximum(0.5 + 0.5 * normal[:, 2], LEAST_OPEN)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import BALCONY, DOOR, SHOP, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 
 # Metres that openings lie back, and that a balcony's slab and a sill stand out; how high these two are, metres.
@@ -20,11 +20,15 @@ AROUND_M = 1.6
 
 def depth_of(labels: np.ndarray, density: float) -> np.ndarray:
     """Metres (h, w) float32 that the texels of a facade with labels (h, w) stand out."""
-    depth = np.where(np.isin(labels, (WINDOW, DOOR, SHOP, BALCONY)), np.float32(-BACK_M), np.float32(0))
-    wall = labels == WALL
-    for name, high, out in ((BALCONY, SLAB_HIGH_M, SLAB_M), (WINDOW, SILL_HIGH_M, SILL_M)):
+    depth = np.where(
+        np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR, FacadeClass.SHOP, FacadeClass.BALCONY)),
+        np.float32(-BACK_M),
+        np.float32(0),
+    )
+    wall = labels == FacadeClass.WALL
+    for name, high, out in ((FacadeClass.BALCONY, SLAB_HIGH_M, SLAB_M), (FacadeClass.WINDOW, SILL_HIGH_M, SILL_M)):
         here, rows = labels == name, max(1, round(high * density))
-        if name == BALCONY:  # its lowest rows: below it is something else
+        if name == FacadeClass.BALCONY:  # its lowest rows: below it is something else
             depth[:-rows][here[:-rows] & ~here[rows:]] = out
         else:  # the wall right below it
             depth[rows:][wall[rows:] & here[:-rows]] = out

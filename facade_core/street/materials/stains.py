@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import WALL
+from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.patterns import add_noise
 
 # Wavelengths, metres; a band of one is what a Gaussian of the first share of it keeps and one of the second takes away.
@@ -65,7 +65,7 @@ def stains(colour: np.ndarray, labels: np.ndarray, density: float, start: tuple[
     x, y = np.meshgrid(start[0] + step * (np.arange(columns) + 0.5), start[1] + step * (np.arange(rows) + 0.5))
     tone, side = np.ones(rows * columns), np.full(rows * columns, step)
     for number, (cell, weight) in enumerate(
-        zip(CELLS_M, weights(deviations(grey, labels == WALL, density)).tolist(), strict=True)
+        zip(CELLS_M, weights(deviations(grey, labels == FacadeClass.WALL, density)).tolist(), strict=True)
     ):
         if weight > 0:
             add_noise(x.ravel(), y.ravel(), side, (cell, cell), weight, seed + 121 + number, tone)

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
-from facade_core.core.provenance import TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.geometry.equirectangular import basis
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -236,8 +236,8 @@ def _propagate(
                             value += w10 * rgb[below_at, left_at, band] + w11 * rgb[below_at, right_at, band]
                             colour[band] = int(value * share + 0.5)
                         add_view(state, t, d, d <= gate, view.id, colour)
-                        if provenance[t] <= TRANSLATED:
-                            provenance[t] = TRANSLATED
+                        if provenance[t] <= Provenance.TRANSLATED:
+                            provenance[t] = Provenance.TRANSLATED
                             blend_texel(state, t, resolved)
 
 
@@ -270,7 +270,7 @@ def _see(
                     wide = min(TILE, width[c] - left)
                     bare = False
                     for k in range(wide):
-                        bare |= provenance[t + k] == UNSEEN and views[t + k] == 0
+                        bare |= provenance[t + k] == Provenance.UNSEEN and views[t + k] == 0
                     if not bare:
                         continue
                     x, y = (left + 0.5) * step, (j + 0.5) * step
@@ -278,7 +278,7 @@ def _see(
                         first[axis] = o[axis] + x * u[axis] + y * v[axis]
                     _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)
                     for k in range(wide):
-                        if provenance[t + k] != UNSEEN or views[t + k]:
+                        if provenance[t + k] != Provenance.UNSEEN or views[t + k]:
                             continue
                         down = first[1] + k * along[1]
                         if levels[k] + down * down > charts.farthest[c] * charts.farthest[c]:

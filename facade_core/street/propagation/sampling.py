@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.core.provenance import TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 
 # Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
 MOST_SAMPLES = 16
@@ -78,9 +78,9 @@ def lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndar
 @njit(cache=True, inline="always")
 def _known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
     """Whether a texel shows what it is; where the view is near, not by a stand-in."""
-    if near and provenance[texel] == TRANSLATED and texel < len(views) and views[texel] == 0:
+    if near and provenance[texel] == Provenance.TRANSLATED and texel < len(views) and views[texel] == 0:
         return False
-    return provenance[texel] > UNSEEN
+    return provenance[texel] > Provenance.UNSEEN
 
 
 @njit(cache=True, nogil=True)

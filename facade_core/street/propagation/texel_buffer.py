@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.atlas.rasters import Rasters
-from facade_core.core.provenance import UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.geometry.chart_packing import Placement
 from facade_core.street.propagation.blend import BlendState
 
@@ -51,5 +51,5 @@ class TexelBuffer:
         the scene whose views it takes."""
         total = int((placement.width[writable].astype(np.int64) * placement.height[writable]).sum())
         state = BlendState.empty(total, farthest=round(1000 * visibility_range))
-        colour = np.where((evidence > UNSEEN)[:, None], seed, np.uint8(0))
+        colour = np.where((evidence > Provenance.UNSEEN)[:, None], seed, np.uint8(0))
         return cls(rasters, writable, colour, evidence.copy(), state)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
-from facade_core.core.provenance import PHOTO, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.scene import Scene
@@ -84,7 +84,7 @@ def write_shown(
     for chart, one in found.items():
         texels = rasters.slice(placement, chart)
         seed[texels] = one.rgb.reshape(-1, 3)
-        evidence[texels] = np.where(one.shown, PHOTO, UNSEEN).reshape(-1)
+        evidence[texels] = np.where(one.shown, Provenance.PHOTO, Provenance.UNSEEN).reshape(-1)
         # the first is none
         of_chart = np.array([0, *(numbers.get(panorama, 0) for panorama in used[chart])], np.uint16)
         camera[texels] = of_chart[one.camera.astype(np.int64) + 1].reshape(-1)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.core.labels import WALL
-from facade_core.core.provenance import PHOTO
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import LEAST_M2, lit_colour
 from facade_core.plan.plan import Plan
@@ -29,7 +29,7 @@ def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) ->
         step = max(1, round((height * width / LOOKED_AT) ** 0.5))
         part = (int(placement.page[chart]), slice(y, y + height, step), slice(x, x + width, step))
         labels, evidence = (np.asarray(group[name][part]) for name in ("facade_maps/labels", "atlas/seed_evidence"))
-        on = (labels == WALL) & (evidence == PHOTO)
+        on = (labels == FacadeClass.WALL) & (evidence == Provenance.PHOTO)
         shown = float(on.sum()) * (step / float(placement.texels_per_metre[chart])) ** 2
         if shown > largest:
             largest, found = shown, lit_colour(np.asarray(group["atlas/seed"][part])[on])

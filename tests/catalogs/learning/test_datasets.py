@@ -19,7 +19,7 @@ from catalogs.learning.datasets import (
     swiss,
 )
 from facade_core.core.errors import ImageError, InputError
-from facade_core.core.labels import BALCONY, DOOR, ROOF, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import UNKNOWN, FacadeClass
 
 ANY = 0b1111111
 
@@ -38,8 +38,8 @@ def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
     first, second = ecp(tmp_path)
     assert (first.name, second.name) == ("a", "b")
     assert first.image.shape == (3, 2, 3)
-    assert second.labels.tolist() == [[WINDOW, ROOF], [UNKNOWN, ROOF]]
-    assert second.possible.tolist() == [[1 << WINDOW, 1 << ROOF], [ANY, 1 << ROOF]]
+    assert second.labels.tolist() == [[FacadeClass.WINDOW, FacadeClass.ROOF], [UNKNOWN, FacadeClass.ROOF]]
+    assert second.possible.tolist() == [[1 << FacadeClass.WINDOW, 1 << FacadeClass.ROOF], [ANY, 1 << FacadeClass.ROOF]]
     assert second.occluder.tolist() == [[0, 0], [UNKNOWN, 0]]
     assert second.outside.tolist() == [[0, 0], [UNKNOWN, 0]]
 
@@ -47,10 +47,13 @@ def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
 def test_ids_that_may_be_one_of_several_classes(tmp_path):
     write(tmp_path, "a", np.array([[1, 2, 3, 4], [5, 7, 8, 9]], np.uint8))
     (facade,) = read(CMP, tmp_path)
-    assert facade.labels.tolist() == [[UNKNOWN, WALL, WINDOW, DOOR], [UNKNOWN, BALCONY, UNKNOWN, WALL]]
+    assert facade.labels.tolist() == [
+        [UNKNOWN, FacadeClass.WALL, FacadeClass.WINDOW, FacadeClass.DOOR],
+        [UNKNOWN, FacadeClass.BALCONY, UNKNOWN, FacadeClass.WALL],
+    ]
     assert facade.possible[0, 0] == ANY
-    assert facade.possible[1, 0] == 1 << WALL | 1 << ROOF
-    assert facade.possible[1, 2] == 1 << WALL | 1 << WINDOW
+    assert facade.possible[1, 0] == 1 << FacadeClass.WALL | 1 << FacadeClass.ROOF
+    assert facade.possible[1, 2] == 1 << FacadeClass.WALL | 1 << FacadeClass.WINDOW
     assert (facade.occluder == UNKNOWN).all()
     assert facade.outside.tolist() == [[1, 0, 0, 0], [0, 0, 0, 0]]
 
@@ -58,12 +61,23 @@ def test_ids_that_may_be_one_of_several_classes(tmp_path):
 def test_the_ids_of_street_photos(tmp_path):
     write(tmp_path, "a", np.arange(8, dtype=np.uint8)[None])
     (facade,) = read(RUEMONGE, tmp_path)
-    assert facade.labels.tolist() == [[UNKNOWN, WINDOW, WALL, BALCONY, DOOR, ROOF, SKY, 5]]
+    assert facade.labels.tolist() == [
+        [
+            UNKNOWN,
+            FacadeClass.WINDOW,
+            FacadeClass.WALL,
+            FacadeClass.BALCONY,
+            FacadeClass.DOOR,
+            FacadeClass.ROOF,
+            FacadeClass.SKY,
+            5,
+        ]
+    ]
     write(tmp_path, "a", np.array([[0, 1, 2, 5, 6, 7]], np.uint8))
     (photo,) = read(LABELMEFACADE, tmp_path)
     assert photo.occluder.tolist() == [[UNKNOWN, 0, 1, 0, 0, 1]]
     assert photo.outside.tolist() == [[UNKNOWN, 0, UNKNOWN, 1, 1, UNKNOWN]]
-    assert photo.labels.tolist() == [[UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, SKY, UNKNOWN]]
+    assert photo.labels.tolist() == [[UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, FacadeClass.SKY, UNKNOWN]]
 
 
 def polygon(number, category, x0, y0, x1, y1):
@@ -97,10 +111,13 @@ def test_polygons_small_over_large(swiss_folder):
     assert photo.name == "one"
     assert (photo.labels[22, 25], photo.occluder[22, 25]) == (UNKNOWN, 1)  # the tree
     assert (photo.labels[27, 22], photo.occluder[27, 22]) == (
-        WINDOW,
+        FacadeClass.WINDOW,
         UNKNOWN,
     )  # a window over the tree: which is in front?
-    assert (photo.possible[15, 5], photo.occluder[15, 5]) == (1 << WALL | 1 << ROOF | 1 << DOOR, 0)
+    assert (photo.possible[15, 5], photo.occluder[15, 5]) == (
+        1 << FacadeClass.WALL | 1 << FacadeClass.ROOF | 1 << FacadeClass.DOOR,
+        0,
+    )
     assert (photo.possible[5, 5], photo.occluder[5, 5], photo.outside[5, 5]) == (ANY, 0, 1)  # nothing drawn
     assert (photo.outside[15, 5], photo.outside[22, 25]) == (0, UNKNOWN)
 
@@ -195,7 +212,7 @@ def test_every_real_set_fits_its_table(data):
         shown = {
             label for facade in islice(read(RECIPES[name], data / folder), 8) for label in np.unique(facade.labels)
         }
-        assert {WINDOW, UNKNOWN} <= shown
+        assert {FacadeClass.WINDOW, UNKNOWN} <= shown
     photos = list(islice(swiss(data / "streetphotos" / "swiss" / "test"), 12))
     assert np.mean([(photo.occluder == 1).mean() for photo in photos]) > 0.02
-    assert all((photo.labels == WINDOW).any() for photo in photos)
+    assert all((photo.labels == FacadeClass.WINDOW).any() for photo in photos)

@@ -26,7 +26,7 @@ from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters, writ
 from facade_core.atlas.store import PAGES_A_MANIFEST, commit, expire, new_root, open_repository, open_root
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from facade_core.core.provenance import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, resolve
+from facade_core.core.provenance import Provenance, resolve
 from facade_core.geometry.chart_packing import pack
 
 TEXELS = np.array([[300, 200], [20, 30], [25, 12], [140, 128], [60, 60]])
@@ -182,10 +182,18 @@ def test_records_are_read_by_unit_and_forgotten(repository) -> None:
 
 
 def test_ranks() -> None:
-    evidence = np.array([PHOTO, INPAINTED, SYNTHESISED, UNSEEN, UNSEEN], np.uint8)
+    evidence = np.array(
+        [Provenance.PHOTO, Provenance.INPAINTED, Provenance.SYNTHESISED, Provenance.UNSEEN, Provenance.UNSEEN], np.uint8
+    )
     views = np.array([1, 1, 1, 2, 0], np.uint16)
     colour, provenance = resolve(np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views)
-    assert provenance.tolist() == [PHOTO, INPAINTED, SYNTHESISED, TRANSLATED, UNSEEN]
+    assert provenance.tolist() == [
+        Provenance.PHOTO,
+        Provenance.INPAINTED,
+        Provenance.SYNTHESISED,
+        Provenance.TRANSLATED,
+        Provenance.UNSEEN,
+    ]
     assert colour[:, 0].tolist() == [10, 10, 10, 20, 0]
 
 

@@ -16,7 +16,7 @@ from facade_core.atlas.rasters import Rasters, chart_digests
 from facade_core.atlas.snapshot import Atlas, open_atlas
 from facade_core.atlas.store import commit, new_root, open_repository, open_root
 from facade_core.core.errors import FormatError, InputError, StoreError
-from facade_core.core.provenance import PHOTO, SYNTHESISED
+from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tests.facade_core.atlas.stores import FORMAT_4, unpack
 
@@ -82,7 +82,7 @@ def test_a_facade_says_what_is_known_of_it(atlas: Atlas) -> None:
     assert facade.attrs["width"] == pytest.approx(12, abs=0.01)
     assert '"window"' in facade.attrs["elements"]
     assert float(facade.x[-1] + facade.x[0]) == pytest.approx(12, abs=1 / TEXELS_PER_METRE)
-    assert (facade.provenance == SYNTHESISED).all()  # an exemplar's
+    assert (facade.provenance == Provenance.SYNTHESISED).all()  # an exemplar's
     assert "grid_mapping" not in atlas["atlas/colour"].attrs  # a page lies nowhere in the world
 
 
@@ -92,7 +92,9 @@ def test_attributes_are_those_of_cf(atlas: Atlas) -> None:
     assert labels.attrs["flag_meanings"].split()[:2] == ["wall", "window"]
     provenance = atlas["atlas/provenance"].attrs
     assert (
-        dict(zip(provenance["flag_values"].tolist(), provenance["flag_meanings"].split(), strict=True))[PHOTO]
+        dict(zip(provenance["flag_values"].tolist(), provenance["flag_meanings"].split(), strict=True))[
+            Provenance.PHOTO
+        ]
         == "photo"
     )
     assert atlas["charts/origin"].attrs["units"] == "m"

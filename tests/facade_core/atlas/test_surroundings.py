@@ -10,7 +10,7 @@ from facade_core.atlas.surroundings import pieces_around, surrounded
 from facade_core.core.levelling import level
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.charts import ROOF, WALL, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.terrain import terrain_of
 
 DENSITY = 10.0
@@ -42,7 +42,7 @@ def reader(charts: Charts):
     return read
 
 
-@pytest.mark.parametrize("kind", [WALL, ROOF])
+@pytest.mark.parametrize("kind", [ChartKind.WALL, ChartKind.ROOF])
 def test_what_is_around_lies_where_it_is(charts: Charts, kind: int) -> None:
     margin = 25
     checked = 0
@@ -66,7 +66,7 @@ def test_what_is_around_lies_where_it_is(charts: Charts, kind: int) -> None:
 
 
 def test_another_surface_is_not_around(charts: Charts) -> None:
-    alone = np.flatnonzero((charts.kind == WALL) & (charts.building == 1))
+    alone = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 1))
     assert len(alone) > 0
     for chart in alone.tolist():
         assert (charts.surface[pieces_around(charts, chart, 5.0)] == charts.surface[chart]).all()
@@ -74,7 +74,7 @@ def test_another_surface_is_not_around(charts: Charts) -> None:
 
 def test_a_seam_at_the_border_of_two_charts_goes(charts: Charts) -> None:
     """One piece is known, the one beside it was guessed darker: both pieces' facing columns meet."""
-    fronts = np.flatnonzero((charts.kind == WALL) & (charts.building == 0) & (charts.size[:, 0] > 5)).tolist()
+    fronts = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 0) & (charts.size[:, 0] > 5)).tolist()
     chart, other = next((c, int(o)) for c in fronts for o in pieces_around(charts, c, 1.0) if int(o) in fronts)
     along = (charts.origin[other] - charts.origin[chart]) @ charts.axis_u[chart]
 

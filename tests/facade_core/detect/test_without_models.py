@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.core.labels import SHOP, WALL
+from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect import detection as seen
 from facade_core.imagery.detect import models
 from facade_core.imagery.detect.detection import Seen, look, look_around, looked_for
@@ -87,8 +87,8 @@ def test_a_sign_is_no_plate(text: str) -> None:
 
 
 def test_names_are_read_over_shops_without_numbers_addresses_and_titles() -> None:
-    labels = np.full((200, 300), WALL, np.uint8)
-    labels[150:, 20:280] = SHOP
+    labels = np.full((200, 300), FacadeClass.WALL, np.uint8)
+    labels[150:, 20:280] = FacadeClass.SHOP
     hidden = np.zeros(labels.shape, bool)
     hidden[150:, 200:] = True
     lines = [
@@ -110,7 +110,7 @@ def test_names_are_read_over_shops_without_numbers_addresses_and_titles() -> Non
     ]
     plates = np.array([lines[8].box])
     assert shop_names(lines, labels, hidden, plates, 20.0) == ["Fleurs", "GREEN SPRING"]
-    assert shop_names(lines, np.full_like(labels, WALL), hidden, plates, 20.0) == []
+    assert shop_names(lines, np.full_like(labels, FacadeClass.WALL), hidden, plates, 20.0) == []
 
 
 def test_what_is_hidden_is_larger_than_what_is_found_and_moves_with_the_picture() -> None:

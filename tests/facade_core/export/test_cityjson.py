@@ -17,7 +17,7 @@ from facade_core.export.bodies.buildings import ground_faces, modelled
 from facade_core.export.bodies.openings import openings_in, outlines
 from facade_core.export.city_models.cityjson import Face, Pool, geometry_of
 from facade_core.export.models.textured_parts import Drawn, Textured, layout_of
-from facade_core.geometry.charts import ROOF, WALL, WINDOW
+from facade_core.geometry.charts import ChartKind
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ def test_windows_go_on_behind_the_railing_of_a_balcony() -> None:
 
 def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, coloured: Textured) -> None:
     triangles = grouped(coloured.charts.building[coloured.mesh.chart])[0]
-    wall = next(c for c in np.flatnonzero(coloured.charts.building == 0) if coloured.charts.kind[c] == WALL)
+    wall = next(c for c in np.flatnonzero(coloured.charts.building == 0) if coloured.charts.kind[c] == ChartKind.WALL)
     layout = [Element("window", 1.0, 2.0, 2.5, 4.0), Element("balcony", 4.0, 3.0, 7.0, 4.0)]
     made = modelled(drawn, triangles, {wall: "a-0"}, {wall: layout}, ORIGIN)
     assert made.body.solid
@@ -124,9 +124,9 @@ def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, co
 
 def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: Drawn, coloured: Textured) -> None:
     triangles = grouped(coloured.charts.building[coloured.mesh.chart])[0]
-    roof = np.flatnonzero((coloured.charts.building == 0) & (coloured.charts.kind == ROOF))[:1]
+    roof = np.flatnonzero((coloured.charts.building == 0) & (coloured.charts.kind == ChartKind.ROOF))[:1]
     kind = coloured.charts.kind.copy()
-    kind[roof] = WINDOW
+    kind[roof] = ChartKind.WINDOW
     with_pane = replace(drawn, source=replace(drawn.source, charts=replace(drawn.source.charts, kind=kind)))
     for assumed, named in ((False, "Window"), (True, "RoofSurface")):
         body = modelled(with_pane, triangles, {}, {}, ORIGIN, assumed=assumed).body

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.labels import WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Lattice, Street
 from facade_core.export.models.pages import between_charts
 from facade_core.export.pictures.camera import Camera, aerial
@@ -15,7 +15,7 @@ from facade_core.export.pictures.hidden import draw_cut, overlay_hidden
 from facade_core.export.pictures.picture import aim, draw_facade, perspective
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import CORNERS, WALL
+from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sky import backdrop, sky
@@ -75,7 +75,7 @@ def test_what_is_finer_than_pixels_is_seen_as_its_mean_and_what_is_coarser_witho
     for at in ([10.0, -400, 3], [-60.0, -6, 5]):
         camera = Camera(np.array(at), np.array([10.0, 0, 5]), 2.0, (60, 80))
         picture = aim(scene, camera, samples=1)
-        walls = scene.charts.kind[picture.chart] == WALL
+        walls = scene.charts.kind[picture.chart] == ChartKind.WALL
         picture.paint({chart: chequered(chart) for chart in picture.seen.tolist()})
         shown = picture.rgb.reshape(-1, 3)[picture.pixel[walls]]
         assert walls.sum() > 500
@@ -130,7 +130,7 @@ def test_nothing_that_a_picture_shows_is_said_to_be_out_of_sight(scene: Scene) -
 def test_the_aerial_camera_sees_the_whole_building(scene: Scene) -> None:
     camera = aerial(scene, (90, 144))
     forward = (camera.target - camera.position) / np.linalg.norm(camera.target - camera.position)
-    walls = scene.mesh.vertices[scene.charts.kind[scene.mesh.vertex_chart] == WALL]
+    walls = scene.mesh.vertices[scene.charts.kind[scene.mesh.vertex_chart] == ChartKind.WALL]
     right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
     relative = walls - camera.position
     depth = relative @ forward
@@ -142,7 +142,7 @@ def test_the_aerial_camera_sees_the_whole_building(scene: Scene) -> None:
 
 
 def test_stage_pictures() -> None:
-    labels = np.full((20, 30), WINDOW, np.uint8)
+    labels = np.full((20, 30), FacadeClass.WINDOW, np.uint8)
     drawn = draw_facade(labels, Lattice((0, 10, 20), (0, 30)))
     assert (drawn[10] == 255).all()
     assert (drawn[5, 5] != 255).any()

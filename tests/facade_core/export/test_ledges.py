@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.labels import WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.export.bodies.ledges import DEPTH_M, LABEL, ledge, ledges_of, ledges_on
 
@@ -20,11 +20,11 @@ def painted(course: int) -> tuple[np.ndarray, np.ndarray, list[Element]]:
     image[96:104] = course
     image[104:] = 110
     image += rng.normal(0, 3, image.shape[:2])[..., None]
-    labels = np.full(image.shape[:2], WALL, np.uint8)
+    labels = np.full(image.shape[:2], FacadeClass.WALL, np.uint8)
     elements = [Element("window", 2, 1, 3, 2.5), Element("window", 5, 4, 6, 5.5)]
     for e in elements:
         box = tuple(slice(round(a * DENSITY), round(b * DENSITY)) for a, b in ((e.y0, e.y1), (e.x0, e.x1)))
-        image[box], labels[box] = 40, WINDOW
+        image[box], labels[box] = 40, FacadeClass.WINDOW
     return np.clip(image, 0, 255).astype(np.uint8), labels, elements
 
 

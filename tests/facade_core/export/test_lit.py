@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from facade_core.core.labels import WALL, WINDOW
-from facade_core.core.provenance import MATERIAL, PHOTO, SYNTHESISED
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Ground, Sun, Way
 from facade_core.export.lighting.albedo import shading, without
 from facade_core.export.lighting.bumps import STEEPEST, SUNK_SEES, heights, normals, sunk
@@ -25,8 +25,7 @@ from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import glb_bytes
 from facade_core.export.models.gltf_materials import NIGHT, STRENGTH, Time, look_of
 from facade_core.export.models.textured_parts import Textured, layout_of, local_frame, nodes_of, page_pictures
-from facade_core.geometry.charts import GROUND
-from facade_core.geometry.charts import WALL as WALL_CHART
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sun import lit as in_light
 from facade_core.street.lighting.sun import sunlight
@@ -40,12 +39,12 @@ SUN = Sun(160.0, 40.0)
 
 def facade(windows: int = 12) -> tuple[np.ndarray, np.ndarray]:
     """A wall of 12 x 9 m at 20 texels a metre with rows of windows with a bright bar, its colour and labels."""
-    labels = np.full((180, 240), WALL, np.uint8)
+    labels = np.full((180, 240), FacadeClass.WALL, np.uint8)
     colour = np.full((180, 240, 3), 170, np.uint8)
     for k in range(windows):
         row, column = divmod(k, 4)
         y, x = 15 + 60 * row, 20 + 60 * column
-        labels[y : y + 30, x : x + 24] = WINDOW
+        labels[y : y + 30, x : x + 24] = FacadeClass.WINDOW
         colour[y : y + 30, x : x + 24] = 50
         colour[y : y + 30, x + 11 : x + 13] = 220
     return colour, labels
@@ -91,8 +90,8 @@ def test_a_smooth_light_is_taken_out_and_a_dark_plinth_stays() -> None:
     rng = np.random.default_rng(5)
     wall = np.full((180, 240, 3), 150.0) * rng.normal(1, 0.03, (180, 240, 1))
     wall[130:] *= 0.6
-    labels = np.full((180, 240), WALL, np.uint8)
-    labels[20:50, 30:60] = WINDOW
+    labels = np.full((180, 240), FacadeClass.WALL, np.uint8)
+    labels[20:50, 30:60] = FacadeClass.WINDOW
     ramp = np.exp(np.linspace(-0.3, 0.3, 240))[None, :, None]
     seen = np.clip(wall * ramp, 0, 255).astype(np.uint8)
     found = shading(seen, labels, 20.0)
@@ -101,7 +100,7 @@ def test_a_smooth_light_is_taken_out_and_a_dark_plinth_stays() -> None:
     before, after = (np.log(one[60:120, 200:].mean() / one[60:120, :40].mean()) for one in (seen.astype(float), flat))
     assert abs(after) < 0.15 * before
     assert flat[140:].mean() / flat[60:120].mean() == pytest.approx(0.6, abs=0.1), "a material is no light"
-    assert shading(seen, np.full(labels.shape, WINDOW, np.uint8), 20.0) is None
+    assert shading(seen, np.full(labels.shape, FacadeClass.WINDOW, np.uint8), 20.0) is None
 
 
 def test_panes_lie_within_frames_and_between_bars() -> None:
@@ -124,7 +123,7 @@ def test_windows_are_lit_by_who_they_are() -> None:
             assert (was is None) == (light is None)
             assert was is None or np.array_equal(was, light)
     one_less = labels.copy()
-    one_less[15:45, 20:44] = WALL
+    one_less[15:45, 20:44] = FacadeClass.WALL
     for opening in openings(one_less):
         was, light = everything[opening.left, opening.top], glow(opening, 20.0, 9.0, Chances(3, 4))
         assert (was is None) == (light is None), "whatever becomes of its neighbours"
@@ -138,7 +137,7 @@ def test_windows_are_lit_by_who_they_are() -> None:
 
 def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
     charts = houses.charts
-    (piece,) = np.flatnonzero(charts.kind == GROUND)[:1]
+    (piece,) = np.flatnonzero(charts.kind == ChartKind.GROUND)[:1]
     way = Way("w", STREET.line, "road", 4.0, "asphalt", pavement=(2.0, 2.0))
     found = Grounds(Ground((way,))).substance(charts, int(piece), (200, 200))
     x, y = ((np.arange(200) + 0.5) / 200 * size for size in charts.size[piece])
@@ -150,16 +149,16 @@ def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
     assert (found[along & (away > 4.5)] == GRAVEL).all()
 
 
-def lighting(scene: Scene, sun: Sun | None, provenance: int = PHOTO) -> Lighting:
-    made = np.array([field.PLASTER, field.SHEET, field.SOIL], np.uint8)[np.minimum(scene.charts.kind, GROUND)]
+def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> Lighting:
+    made = np.array([field.PLASTER, field.SHEET, field.SOIL], np.uint8)[np.minimum(scene.charts.kind, ChartKind.GROUND)]
     place = scene.placement
 
     def texels(chart: int) -> Texels:
         shape = (int(place.height[chart]), int(place.width[chart]))
-        if scene.charts.kind[chart] != WALL_CHART or provenance == MATERIAL:
+        if scene.charts.kind[chart] != ChartKind.WALL or provenance == Provenance.MATERIAL:
             return Texels(np.full(shape, provenance, np.uint8), None, None)
-        labels = np.full(shape, WALL, np.uint8)
-        labels[shape[0] // 4 : shape[0] // 2, shape[1] // 4 : shape[1] // 2] = WINDOW
+        labels = np.full(shape, FacadeClass.WALL, np.uint8)
+        labels[shape[0] // 4 : shape[0] // 2, shape[1] // 4 : shape[1] // 2] = FacadeClass.WINDOW
         return Texels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
 
     return Lighting(
@@ -176,8 +175,10 @@ def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: Textu
         found = relit(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
         assert np.abs(found.astype(int) - raster).max() <= 2
     walls = coloured.chosen(np.array([0]))
-    wall = int(walls[coloured.charts.kind[walls] == WALL_CHART][0])
-    assert (relit(coloured, lighting(houses, SUN, SYNTHESISED)).raster(wall) == 90).all(), "as the facade stage left it"
+    wall = int(walls[coloured.charts.kind[walls] == ChartKind.WALL][0])
+    assert (relit(coloured, lighting(houses, SUN, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
+        "as the facade stage left it"
+    )
 
 
 def model(source: Textured, time: Time) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.core.labels import DOOR, SHOP, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.interiors import interior
 from facade_core.export.lighting.panes import Chances, glass, glow, openings, squared, through
 
@@ -14,20 +14,20 @@ DENSITY = 20.0
 
 def shop_front() -> np.ndarray:
     """Three shops 3 m wide, the second of which a parser took for a door here and there, and a door beside."""
-    labels = np.full((140, 320), WALL, np.uint8)
+    labels = np.full((140, 320), FacadeClass.WALL, np.uint8)
     for left in (20, 100, 180):
-        labels[60:138, left : left + 60] = SHOP
+        labels[60:138, left : left + 60] = FacadeClass.SHOP
     rng = np.random.default_rng(2)
-    labels[60:64, 20:80][:, rng.random(60) < 0.5] = WALL
-    labels[100:138, 120:150] = DOOR
-    labels[60:66, 100:135] = WINDOW
-    labels[70:138, 270:300] = DOOR
+    labels[60:64, 20:80][:, rng.random(60) < 0.5] = FacadeClass.WALL
+    labels[100:138, 120:150] = FacadeClass.DOOR
+    labels[60:66, 100:135] = FacadeClass.WINDOW
+    labels[70:138, 270:300] = FacadeClass.DOOR
     return labels
 
 
 def test_a_shop_has_the_box_of_what_hangs_together_whatever_its_rim() -> None:
     found = sorted(openings(squared(shop_front())), key=lambda one: one.left)
-    assert [one.label for one in found] == [SHOP] * 3
+    assert [one.label for one in found] == [FacadeClass.SHOP] * 3
     assert [(one.left, one.right, one.bottom) for one in found] == [(20, 80, 138), (100, 160, 138), (180, 240, 138)]
     assert all(60 <= one.top <= 64 for one in found)
     for one in found:
@@ -38,45 +38,49 @@ def test_a_shop_has_the_box_of_what_hangs_together_whatever_its_rim() -> None:
 
 def test_what_is_no_shop_is_its_box_and_specks_stay() -> None:
     labels = shop_front()
-    labels[20:40, 100:124] = WINDOW
-    labels[20:24, 100:104] = WALL
-    labels[5, 5] = WINDOW
+    labels[20:40, 100:124] = FacadeClass.WINDOW
+    labels[20:24, 100:104] = FacadeClass.WALL
+    labels[5, 5] = FacadeClass.WINDOW
     found = squared(labels)
-    assert (found[20:40, 100:124] == WINDOW).all()
-    assert found[5, 5] == WINDOW
-    assert (found[70:138, 270:300] == DOOR).all()
+    assert (found[20:40, 100:124] == FacadeClass.WINDOW).all()
+    assert found[5, 5] == FacadeClass.WINDOW
+    assert (found[70:138, 270:300] == FacadeClass.DOOR).all()
     assert (found == squared(found)).all(), "boxes stay"
     assert (1, 5, 5) in {(one.label, one.left, one.top) for one in openings(found)}
 
 
 def test_a_window_that_holds_a_patch_of_shop_stays_a_window() -> None:
-    labels = np.full((60, 80), WALL, np.uint8)
-    labels[10:50, 20:60] = WINDOW
-    labels[20:35, 30:44] = SHOP
+    labels = np.full((60, 80), FacadeClass.WALL, np.uint8)
+    labels[10:50, 20:60] = FacadeClass.WINDOW
+    labels[20:35, 30:44] = FacadeClass.SHOP
     (found,) = openings(squared(labels))
-    assert (found.label, found.left, found.top, found.right, found.bottom) == (WINDOW, 20, 10, 60, 50)
+    assert (found.label, found.left, found.top, found.right, found.bottom) == (FacadeClass.WINDOW, 20, 10, 60, 50)
 
 
 def test_shops_are_no_more_than_twice_as_light_as_flats_warm_and_uneven() -> None:
-    shops, windows = np.full((80, 64), WALL, np.uint8), np.full((80, 64), WALL, np.uint8)
-    shops[10:78, 2:62], windows[20:50, 20:44] = SHOP, WINDOW
+    shops, windows = np.full((80, 64), FacadeClass.WALL, np.uint8), np.full((80, 64), FacadeClass.WALL, np.uint8)
+    shops[10:78, 2:62], windows[20:50, 20:44] = FacadeClass.SHOP, FacadeClass.WINDOW
     picture = np.full((80, 64), 80, np.uint8)
-    means: dict[int, list[float]] = {SHOP: [], WINDOW: []}
+    means: dict[int, list[float]] = {FacadeClass.SHOP: [], FacadeClass.WINDOW: []}
     red, blue, uneven = 0.0, 0.0, []
-    for labels, kind in ((shops, SHOP), (windows, WINDOW)):
+    for labels, kind in ((shops, FacadeClass.SHOP), (windows, FacadeClass.WINDOW)):
         (one,) = openings(labels)
         clear = glass(one, picture, DENSITY)
         for building in range(120):
-            light = glow(one, DENSITY, 4.0 if kind == SHOP else 9.0, Chances(building, 1))
+            light = glow(one, DENSITY, 4.0 if kind == FacadeClass.SHOP else 9.0, Chances(building, 1))
             if light is None:
                 continue
             shown = through(one, light, picture, clear)[clear]
             means[kind].append(float(shown.mean()))
             assert shown.max() <= 1.3
-            if kind == SHOP and shown.mean() > 0.08:
+            if kind == FacadeClass.SHOP and shown.mean() > 0.08:
                 red, blue = red + shown[:, 0].mean(), blue + shown[:, 2].mean()
                 uneven.append(float(shown.std() / shown.mean()))
-    assert np.mean(means[WINDOW]) < np.mean([m for m in means[SHOP] if m > 0.08]) < 2 * np.mean(means[WINDOW])
+    assert (
+        np.mean(means[FacadeClass.WINDOW])
+        < np.mean([m for m in means[FacadeClass.SHOP] if m > 0.08])
+        < 2 * np.mean(means[FacadeClass.WINDOW])
+    )
     assert red > 1.5 * blue
     assert min(uneven) > 0.2, "none is a flat white"
 

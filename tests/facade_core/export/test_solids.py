@@ -16,7 +16,7 @@ from facade_core.export.bodies.patches import Patch, Patches, components, flatte
 from facade_core.export.bodies.recess import cut, meets_box
 from facade_core.export.models.textured_parts import Textured
 from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 
 ORIGIN = np.array([386000.0, 6671900.0, 0.0])
@@ -100,7 +100,7 @@ def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) 
 
 def test_openings_are_as_deep_as_there_is_room(coloured: Textured) -> None:
     charts = coloured.charts
-    chart = int(np.flatnonzero((charts.building == 0) & (charts.kind == WALL))[0])
+    chart = int(np.flatnonzero((charts.building == 0) & (charts.kind == ChartKind.WALL))[0])
     wall = charts.at_shares(np.array([chart]), np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]]))[0]
     opening = shapely.orient_polygons(shapely.box(1, 2, 2.5, 4), exterior_cw=True)
     out = charts.normal()[chart]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.labels import BALCONY, CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import SURFACES
 from facade_core.export.lighting import substances
 from facade_core.export.lighting.substances import (
@@ -23,16 +23,16 @@ from facade_core.street.materials import field_kernels as field
 def test_every_label_material_and_surface_is_of_something() -> None:
     labels = np.array([[*range(len(CLASSES)), UNKNOWN]], np.uint8)
     found = of_labels(labels, BRICK, np.zeros(labels.shape, bool))
-    assert found[0, WALL] == found[0, -1] == BRICK
-    assert found[0, WINDOW] == FRAME
-    assert found[0, BALCONY] == RAILING
+    assert found[0, FacadeClass.WALL] == found[0, -1] == BRICK
+    assert found[0, FacadeClass.WINDOW] == FRAME
+    assert found[0, FacadeClass.BALCONY] == RAILING
     assert len(OF_SURFACE) == len(SURFACES)
     assert set(OF_MATERIAL) == set(range(field.FITTING + 1)), "all that charts are made of"
     assert len(substances.SUBSTANCES) == len({one.name for one in substances.SUBSTANCES})
 
 
 def test_panes_are_glass_and_smoother_than_all_but_water() -> None:
-    labels = np.full((3, 3), WINDOW, np.uint8)
+    labels = np.full((3, 3), FacadeClass.WINDOW, np.uint8)
     panes = np.zeros((3, 3), bool)
     panes[1, 1] = True
     found = of_labels(labels, BRICK, panes)

@@ -20,7 +20,7 @@ from facade_core.export.models.textured_parts import Textured, local_frame
 from facade_core.export.tiles import overview
 from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
 from facade_core.export.tiles.tile_model import COARSER, Earlier, TileModel, coarse_rasters, coarse_size, tile_model
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from tests.facade_core.export.conftest import colour_of
 
 NAMES = {0: "a", 1: "b"}
@@ -107,7 +107,7 @@ def test_every_triangle_of_a_tile_shows_its_own_chart(coloured: Textured) -> Non
             assert any(abs((point - coloured.charts.origin[c]) @ normal[c]) < 0.01 for c in on)
             checked += 1
     assert checked == np.isin(coloured.mesh.chart, charts).sum()
-    walls = charts[coloured.charts.kind[charts] == WALL]
+    walls = charts[coloured.charts.kind[charts] == ChartKind.WALL]
     assert made.box[0] == pytest.approx([386000, 6671990, 0], abs=0.01)
     assert made.box[1] == pytest.approx([386020, 6672000, coloured.charts.size[walls, 1].max()], abs=0.01)
 

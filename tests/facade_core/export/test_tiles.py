@@ -28,7 +28,7 @@ from facade_core.export.tiles.cells import COARSE, quadtree
 from facade_core.export.tiles.earth import earth_frame
 from facade_core.export.tiles.far_shells import simplified_shells
 from facade_core.export.tiles.tileset import Tiled, count_tiles, scale_of_view, write_tileset
-from facade_core.geometry.charts import ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from tests.facade_core.export.conftest import colour_of
 from tests.facade_core.export.test_lit import lighting
@@ -59,7 +59,7 @@ def test_shells_look_like_their_buildings(coloured: Textured) -> None:
     shells = simplified_shells(coloured, 2.5)
     shown = shells.textured
     assert shells.kept.size == 0
-    assert (np.bincount(shown.charts.kind, minlength=2)[[WALL, ROOF]] == [8, 2]).all()
+    assert (np.bincount(shown.charts.kind, minlength=2)[[ChartKind.WALL, ChartKind.ROOF]] == [8, 2]).all()
     for chart in range(len(shown.charts)):
         raster = shown.raster(chart).astype(int)
         assert raster.shape[:2] == tuple(shown.texels[chart][::-1])

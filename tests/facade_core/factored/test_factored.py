@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.labels import BALCONY, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import linear, smoothed, srgb
 from facade_core.core.types import Element
 from facade_core.export.bodies.mouldings import bands_of, free_of, like
@@ -17,7 +17,7 @@ from facade_core.export.factored.pictures import MOST_DENSITY, held, pictures_of
 from facade_core.export.factored.units import units_of
 from facade_core.export.factored.wall import FAR, NEAR, Detail, Piece, Pieces, Plane, flat, lay
 from facade_core.export.factored.wall_units import Facade, Seen
-from facade_core.geometry.charts import WALL, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 
 DENSITY = 32.0
 
@@ -36,9 +36,9 @@ def painted() -> tuple[np.ndarray, np.ndarray, list[Element]]:
             x, y = 30 + 76 * column, 30 + 90 * row
             image[y : y + 56, x : x + 40] = (60, 70, 90) if (row + column) % 2 else (150, 130, 100)
             image[y + 26 : y + 30, x : x + 40] = 240
-            labels[y : y + 56, x : x + 40] = WINDOW
+            labels[y : y + 56, x : x + 40] = FacadeClass.WINDOW
             elements.append(Element("window", x, y, x + 40, y + 56))
-    image[66:90, 26:74], labels[66:90, 26:74] = (120, 120, 122), BALCONY
+    image[66:90, 26:74], labels[66:90, 26:74] = (120, 120, 122), FacadeClass.BALCONY
     elements.append(Element("balcony", 26, 66, 74, 90))
     return np.clip(image, 0, 255).astype(np.uint8), labels, elements
 
@@ -58,7 +58,7 @@ def facade() -> Facade:
 def laid(library: Library, detail: Detail = NEAR) -> tuple[Pieces, Plane]:
     """The wall, that stands on x to the east and looks south, under six tenths of its light."""
     charts = Charts(
-        np.array([WALL], np.uint8),
+        np.array([ChartKind.WALL], np.uint8),
         np.zeros(1, np.int32),
         np.zeros(1, np.int32),
         np.array([[0.0, 0.0, 9.5]]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.geometry.charts import CORNERS, ROOF, Charts, Mesh, Pieces, frames
+from facade_core.geometry.charts import CORNERS, ChartKind, Charts, Mesh, Pieces, frames
 from facade_core.geometry.cutting import cut_triangles
 
 
@@ -29,7 +29,15 @@ def test_pieces_split_shared_vertices_and_start_at_zero() -> None:
     normal = np.array([[0, 0, 1], second / np.linalg.norm(second)])
     pieces = Pieces()
     for _ in range(2):
-        pieces.add(np.array([ROOF, ROOF]), np.arange(2), 0, *frames(normal), vertices, triangles, np.array([0, 0, 1]))
+        pieces.add(
+            np.array([ChartKind.ROOF, ChartKind.ROOF]),
+            np.arange(2),
+            0,
+            *frames(normal),
+            vertices,
+            triangles,
+            np.array([0, 0, 1]),
+        )
     charts, mesh = pieces.values()
     assert charts.surface.tolist() == [0, 1, 2, 3]
     assert mesh.vertex_chart.tolist() == [0] * 4 + [1] * 3 + [2] * 4 + [3] * 3

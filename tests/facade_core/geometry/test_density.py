@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import Building, Street
-from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 
@@ -42,23 +42,23 @@ def densities(plan: Plan, building: str, kind: int) -> dict[tuple[int, int], flo
 
 def test_near_fronts_are_finest_and_what_turns_its_back_coarsest() -> None:
     plan = plan_of([house("a", 0, 0), house("far", 0, 30)])
-    walls = densities(plan, "a", WALL)
+    walls = densities(plan, "a", ChartKind.WALL)
     assert walls[0, -1] == 32
     assert walls[0, 1] == 8
-    assert densities(plan, "far", WALL)[0, -1] == 16  # 38 m from the street
-    assert set(densities(plan, "a", ROOF).values()) == {8.0}
+    assert densities(plan, "far", ChartKind.WALL)[0, -1] == 16  # 38 m from the street
+    assert set(densities(plan, "a", ChartKind.ROOF).values()) == {8.0}
     placement, charts = plan.scene.placement, plan.scene.charts
-    assert (placement.texels_per_metre[charts.kind == GROUND].max()) == 32
+    assert (placement.texels_per_metre[charts.kind == ChartKind.GROUND].max()) == 32
     texels = np.column_stack([placement.width, placement.height])
     assert (np.abs(texels - (charts.size.T * placement.texels_per_metre).T) <= 1).all()
 
 
 def test_party_walls_are_coarse_and_other_houses_change_nothing() -> None:
-    alone = densities(plan_of([house("a", 0, 0)]), "a", WALL)
+    alone = densities(plan_of([house("a", 0, 0)]), "a", ChartKind.WALL)
     assert alone[1, 0] == 32
-    beside = densities(plan_of([house("a", 0, 0), house("b", 12, 0)]), "a", WALL)
+    beside = densities(plan_of([house("a", 0, 0), house("b", 12, 0)]), "a", ChartKind.WALL)
     assert beside[1, 0] == 8
-    before = densities(plan_of([house("a", 0, 0), house("hides", 13, 0)]), "a", WALL)
+    before = densities(plan_of([house("a", 0, 0), house("hides", 13, 0)]), "a", ChartKind.WALL)
     assert before == alone
 
 
@@ -92,7 +92,7 @@ def test_ids_tell_densities_apart() -> None:
                 plan.scene.charts.kind,
                 strict=True,
             )
-            if kind == WALL and normal[1] > 0.9
+            if kind == ChartKind.WALL and normal[1] > 0.9
         )
         for plan in (before, after)
     )

@@ -10,7 +10,7 @@ import shapely
 
 from facade_core.core.types import Building, Roof, Street
 from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.charts import CEILING, METAL, WALL, WINDOW, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import terrain_of
 
 OUTLINE = shapely.box(0, 0, 30, 14)
@@ -28,14 +28,14 @@ def surfaces(id: str, roof: Roof) -> tuple[Charts, Mesh]:
 
 
 def panes(charts: Charts) -> np.ndarray:
-    return np.flatnonzero(charts.kind == WINDOW)
+    return np.flatnonzero(charts.kind == ChartKind.WINDOW)
 
 
 @pytest.mark.parametrize("shape", list(ROOFS))
 def test_they_stand_over_the_street_and_on_the_roof(shape: str) -> None:
     kinds = set()
     plain, mesh = surfaces("0", replace(ROOFS[shape], confidence=1.0))
-    bare = int((plain.kind[mesh.chart] != METAL).sum())
+    bare = int((plain.kind[mesh.chart] != ChartKind.METAL).sum())
     for id in map(str, range(16)):
         charts, mesh = surfaces(id, ROOFS[shape])
         found = panes(charts)
@@ -46,7 +46,7 @@ def test_they_stand_over_the_street_and_on_the_roof(shape: str) -> None:
         assert (charts.normal()[found, 1] < 0.1).all(), "nobody sees the back"
         assert shapely.contains_xy(OUTLINE, corners[:, 0], corners[:, 1]).all()
         assert len(corners) == 0 or (corners[:, 2].min() > 9 and corners[:, 2].max() < 9 + ROOFS[shape].height)
-        metal = int((charts.kind[mesh.chart] == METAL).sum())
+        metal = int((charts.kind[mesh.chart] == ChartKind.METAL).sum())
         more = len(mesh.triangles) - metal - bare
         assert more <= 20 + 11 * len(found), "beside a chimney, gutters and vents"
     assert kinds == ({"none", "dormers"} if shape == "mansard" else {"none", "dormers", "rooflights"})
@@ -60,14 +60,14 @@ def test_cheeks_end_on_the_roof_and_all_lies_on_its_chart(shape: str) -> None:
         charts, mesh = surfaces(id, ROOFS[shape])
         a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
         assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normal()[mesh.chart]) > 0).all()
-        own = np.isin(charts.kind[mesh.vertex_chart], (WALL, WINDOW))
+        own = np.isin(charts.kind[mesh.vertex_chart], (ChartKind.WALL, ChartKind.WINDOW))
         off = np.einsum(
             "ij,ij->i", mesh.vertices - charts.origin[mesh.vertex_chart], charts.normal()[mesh.vertex_chart]
         )
         assert np.abs(off[own]).max() < 1e-6
         found = panes(charts)
         front = (np.abs(charts.normal()[found, 2]) < 0.01) & (charts.normal()[found, 1] < -0.99)
-        aside = (charts.kind == WALL) & (np.abs(charts.normal()[:, 0]) > 0.99) & (charts.size[:, 1] < 1.7)
+        aside = (charts.kind == ChartKind.WALL) & (np.abs(charts.normal()[:, 0]) > 0.99) & (charts.size[:, 1] < 1.7)
         cheeks = [
             mesh.vertices[mesh.triangles[mesh.triangles_of(chart)[0]]]
             for chart in np.flatnonzero(aside).tolist()
@@ -95,6 +95,8 @@ def test_walls_and_their_order_are_those_of_a_house_without() -> None:
     stated = surfaces("0", replace(ROOFS["mansard"], confidence=1.0))[0]
     for id in map(str, range(4)):
         charts = surfaces(id, ROOFS["mansard"])[0]
-        first, other = (np.flatnonzero((one.building == 0) & (one.kind == WALL))[:4] for one in (charts, stated))
+        first, other = (
+            np.flatnonzero((one.building == 0) & (one.kind == ChartKind.WALL))[:4] for one in (charts, stated)
+        )
         np.testing.assert_array_equal(charts.origin[first], stated.origin[other])
-        assert (charts.kind == CEILING).sum() == (stated.kind == CEILING).sum()
+        assert (charts.kind == ChartKind.CEILING).sum() == (stated.kind == ChartKind.CEILING).sum()

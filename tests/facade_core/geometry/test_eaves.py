@@ -8,7 +8,7 @@ import shapely
 from facade_core.core.types import Building, Roof, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.buildings.eaves import OVERHANG_M, PARAPET_M
-from facade_core.geometry.charts import CEILING, METAL, ROOF, WALL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import terrain_of
 
 HOUSE = Building("a", shapely.box(0, 0, 20, 10), 9.0, "levels", roof=Roof("gabled", 2.0, pitch=25.0))
@@ -29,20 +29,20 @@ def corners(charts: Charts, mesh: Mesh, building: int, *kinds: int) -> np.ndarra
 
 def test_eaves_stand_out_towards_the_street_only() -> None:
     charts, mesh = surfaces(HOUSE)
-    roof = corners(charts, mesh, 0, ROOF)
+    roof = corners(charts, mesh, 0, ChartKind.ROOF)
     assert np.isclose(roof[:, 1].min(), -OVERHANG_M)
     assert roof[:, 1].max() < 10 + 1e-6, "nobody sees the back"
     assert 8.5 < roof[:, 2].min() < 9.0, "the slope goes on"
-    below = corners(charts, mesh, 0, CEILING)
+    below = corners(charts, mesh, 0, ChartKind.CEILING)
     assert len(below)
-    assert (charts.normal()[charts.kind == CEILING][:, 2] < 0).all()
+    assert (charts.normal()[charts.kind == ChartKind.CEILING][:, 2] < 0).all()
     assert below[:, 2].min() > 8.3
 
 
 def test_what_is_drawn_lies_on_its_chart() -> None:
     charts, mesh = surfaces(HOUSE)
     off = np.einsum("ij,ij->i", mesh.vertices - charts.origin[mesh.vertex_chart], charts.normal()[mesh.vertex_chart])
-    bent = charts.kind[mesh.vertex_chart] == METAL
+    bent = charts.kind[mesh.vertex_chart] == ChartKind.METAL
     assert np.abs(off[~bent]).max() < 1e-3
     assert 0 < np.abs(off[bent]).max() < 0.09, "gutters and pipes bend about theirs"
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
@@ -54,7 +54,7 @@ def test_no_eaves_over_a_neighbour_that_is_as_high_but_over_a_lower_one() -> Non
     front = shapely.box(8, -3, 20, 0)
     for height, reach in ((12.0, 8.0), (4.0, 20.0)):
         charts, mesh = surfaces(house, Building("b", front, height, "levels"))
-        roof = corners(charts, mesh, 0, ROOF)
+        roof = corners(charts, mesh, 0, ChartKind.ROOF)
         assert np.isclose(roof[roof[:, 1] < -0.1, 0].max(), reach, atol=0.3)
 
 
@@ -62,15 +62,15 @@ def test_walls_and_their_order_are_those_of_a_house_without_eaves() -> None:
     hidden = (Building("b", shapely.box(-30, -4, 50, -3), 30.0, "levels"),)
     open_, closed = surfaces(HOUSE)[0], surfaces(HOUSE, *hidden)[0]
     for one in (open_, closed):
-        first = np.flatnonzero((one.building == 0) & (one.kind == WALL))[:4]
+        first = np.flatnonzero((one.building == 0) & (one.kind == ChartKind.WALL))[:4]
         np.testing.assert_array_equal(one.size[first], [[10, 9], [20, 9], [10, 9], [20, 9]])
-    assert not (closed.kind[closed.building == 0] == CEILING).any()
+    assert not (closed.kind[closed.building == 0] == ChartKind.CEILING).any()
 
 
 def test_a_flat_roof_has_a_parapet_but_at_its_neighbour() -> None:
     flat = Building("a", shapely.box(0, 0, 20, 10), 9.0, "levels", roof=Roof("flat", 0.0))
     charts, mesh = surfaces(flat, Building("b", shapely.box(20, 0, 30, 10), 9.0, "levels", roof=Roof("flat", 0.0)))
-    top = corners(charts, mesh, 0, ROOF, WALL)
+    top = corners(charts, mesh, 0, ChartKind.ROOF, ChartKind.WALL)
     assert np.isclose(top[:, 2].max(), 9 + PARAPET_M)
     assert shapely.box(0, 0, 20, 10).buffer(1e-6).covers(shapely.multipoints(top[:, :2]))
     upper = top[top[:, 2] > 9.1]

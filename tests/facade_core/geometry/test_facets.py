@@ -9,7 +9,7 @@ import shapely
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, Shell
 from facade_core.geometry.buildings.facets import facets
-from facade_core.geometry.charts import CEILING, ROOF, WALL, WINDOW
+from facade_core.geometry.charts import ChartKind
 
 UNKNOWN = SEMANTICS.index("unknown")
 
@@ -41,7 +41,7 @@ def test_a_box_has_four_walls_and_a_roof_outward_in_any_winding(seed: int | None
         corners[turn] = corners[turn][:, ::-1]
         corners = corners[rng.permutation(12)]
     found = facets(shell(corners), shapely.box(0, 0, 20, 10))
-    assert sorted(found.kind.tolist()) == [WALL] * 4 + [ROOF]
+    assert sorted(found.kind.tolist()) == [ChartKind.WALL] * 4 + [ChartKind.ROOF]
     assert sorted(map(tuple, found.normal.round(6).tolist())) == [
         (-1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0)
     ]  # fmt: skip
@@ -76,7 +76,7 @@ def test_walls_inside_the_footprint_are_told_by_what_lies_on_both_sides() -> Non
     middle = np.array(
         [found.vertices[found.triangles[found.facet == f]].reshape(-1, 3).mean(axis=0) for f in range(len(found))]
     )
-    walls = found.kind == WALL
+    walls = found.kind == ChartKind.WALL
     assert walls.sum() == 8
     away = (middle - [9, 5, 0])[walls, :2]
     assert (np.einsum("ij,ij->i", away, found.normal[walls, :2]) > 0).all()
@@ -91,7 +91,7 @@ def test_a_party_wall_above_the_roof_faces_the_lower_house() -> None:
     found = facets(shell(np.concatenate([low[~west], wall])), shapely.box(0, 0, 20, 10))
     x = np.array([found.vertices[found.triangles[found.facet == f]][..., 0].max() for f in range(len(found))])
     assert found.normal[x == 0].round(6).tolist() == [[1, 0, 0]]
-    assert (found.kind == WALL).sum() == 4
+    assert (found.kind == ChartKind.WALL).sum() == 4
 
 
 def test_an_overhang_has_a_ceiling_and_the_underside_is_left_out() -> None:
@@ -100,10 +100,10 @@ def test_an_overhang_has_a_ceiling_and_the_underside_is_left_out() -> None:
     stem = trimesh.creation.box(bounds=[[0, 0, 0], [10, 10, 4]])
     slab = trimesh.creation.box(bounds=[[0, 0, 4.2], [14, 10, 8]])
     found = facets(shell(np.concatenate([stem.triangles, slab.triangles])), shapely.box(0, 0, 14, 10))
-    ceiling = found.kind == CEILING
+    ceiling = found.kind == ChartKind.CEILING
     assert ceiling.sum() == 1
     assert found.normal[ceiling][0].tolist() == [0, 0, -1]
-    assert (found.kind == ROOF).sum() == 2
+    assert (found.kind == ChartKind.ROOF).sum() == 2
     assert found.vertices[found.triangles][..., 2].max(axis=1).min() > 3.9
 
 
@@ -115,7 +115,7 @@ def test_semantics_keep_facets_apart_and_decide_their_kind() -> None:
     semantic[south[0]] = SEMANTICS.index("window")
     found = facets(shell(corners, semantic), shapely.box(0, 0, 20, 10))
     facing = found.normal[:, 1] < -0.9
-    assert sorted(found.kind[facing].tolist()) == [WALL, WINDOW]
+    assert sorted(found.kind[facing].tolist()) == [ChartKind.WALL, ChartKind.WINDOW]
 
 
 def test_slightly_bent_walls_are_one_facet_and_corners_are_not() -> None:

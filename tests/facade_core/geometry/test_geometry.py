@@ -10,7 +10,7 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.equirectangular import directions, project
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.streets import viewpoints
@@ -21,9 +21,9 @@ STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))
 
 def test_a_box_has_four_walls_a_roof_and_ground() -> None:
     charts, mesh, _ = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    walls = charts.kind == WALL
+    walls = charts.kind == ChartKind.WALL
     assert walls.sum() == 4
-    assert (charts.kind == ROOF).sum() == 1
+    assert (charts.kind == ChartKind.ROOF).sum() == 1
     assert sorted(map(tuple, charts.size[walls].tolist())) == [(10, 12), (10, 12), (20, 12), (20, 12)]
     inward = shapely.Point(10, 5)
     for normal, origin, along, size in zip(
@@ -40,10 +40,10 @@ def test_a_box_has_four_walls_a_roof_and_ground() -> None:
 
 def test_ground_is_cut_on_the_world_grid_and_leaves_out_the_building() -> None:
     charts, mesh, _ = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    ground = charts.kind == GROUND
+    ground = charts.kind == ChartKind.GROUND
     assert charts.size[ground].max() <= 32 + 1e-9
     assert len(set(charts.surface[ground])) == 1
-    triangles = mesh.vertices[mesh.triangles][charts.kind[mesh.chart] == GROUND][..., :2]
+    triangles = mesh.vertices[mesh.triangles][charts.kind[mesh.chart] == ChartKind.GROUND][..., :2]
     area = sum(shapely.Polygon(triangle).area for triangle in triangles)
     near, built = STREET.line.buffer(20, cap_style="square"), BOX.footprint
     assert near.difference(built).area <= area <= near.union(built.buffer(6.1)).difference(built).area + 1e-6
@@ -52,7 +52,7 @@ def test_ground_is_cut_on_the_world_grid_and_leaves_out_the_building() -> None:
 def test_long_walls_are_cut_and_keep_their_surface() -> None:
     long = Building("l", shapely.box(5, 0, 155, 10), 12.0, "height")
     charts, _, _ = block_surfaces([long], [], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    south = (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9)
+    south = (charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9)
     assert charts.size[south, 0].max() <= 32
     assert charts.size[south, 0].sum() == pytest.approx(150)
     assert len(set(charts.surface[south])) == 1

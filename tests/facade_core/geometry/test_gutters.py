@@ -11,7 +11,7 @@ import shapely
 from facade_core.core.types import SEMANTICS, Building, Roof, Shell, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.buildings.eaves import OVERHANG_M
-from facade_core.geometry.charts import METAL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import terrain_of
 
 OUTLINE = shapely.box(0, 0, 30, 12)
@@ -28,7 +28,7 @@ def surfaces(*buildings: Building, street: Street = STREET) -> tuple[Charts, Mes
 
 def metal(charts: Charts, mesh: Mesh, building: int = 0) -> np.ndarray:
     """The triangles of gutters, pipes and vents, (t, 3, 3)."""
-    own = (charts.kind[mesh.chart] == METAL) & (charts.building[mesh.chart] == building)
+    own = (charts.kind[mesh.chart] == ChartKind.METAL) & (charts.building[mesh.chart] == building)
     return mesh.vertices[mesh.triangles[own]]
 
 
@@ -78,7 +78,7 @@ def test_none_on_a_model() -> None:
     none = np.full(count, SEMANTICS.index("unknown"), np.uint8), np.full(count, -1, np.int32)
     shell = Shell(box, np.array(faces, np.int32), *none, np.zeros((count, 3, 2), np.float32))
     charts, _ = surfaces(Building("m", OUTLINE, 9.0, "model", shell=shell))
-    assert not (charts.kind == METAL).any()
+    assert not (charts.kind == ChartKind.METAL).any()
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Elevation, Roof, Shell, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.buildings.roof_shapes import roof_shell
-from facade_core.geometry.charts import CEILING, GROUND, ROOF, WALL, Charts, Mesh
+from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.ground.terrain import terrain_of
 
 BOX = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
@@ -59,9 +59,9 @@ def test_what_begins_above_the_ground_is_closed_below_and_the_ground_goes_on() -
     assert solid.volume == pytest.approx(10 * 10 * 8)
     low = mesh.vertices[own][..., 2].min()
     assert low == pytest.approx(20.0 + 4.0), "from the lowest ground of both"
-    ceiling = (charts.kind == CEILING) & (charts.building == 1)
+    ceiling = (charts.kind == ChartKind.CEILING) & (charts.building == 1)
     np.testing.assert_allclose(charts.normal()[ceiling], [[0, 0, -1]])
-    under = mesh.vertices[mesh.triangles[charts.kind[mesh.chart] == GROUND]][..., :2]
+    under = mesh.vertices[mesh.triangles[charts.kind[mesh.chart] == ChartKind.GROUND]][..., :2]
     covered = shapely.union_all(shapely.polygons(under), grid_size=1e-6)
     assert covered.covers(shapely.box(12, 2, 18, 8))
     assert not covered.intersects(shapely.box(2, 2, 8, 8))
@@ -69,7 +69,7 @@ def test_what_begins_above_the_ground_is_closed_below_and_the_ground_goes_on() -
 
 def test_ground_follows_the_terrain_and_stays_closed() -> None:
     charts, mesh = surfaces([BOX], [STREET], SLOPE)
-    ground = charts.kind == GROUND
+    ground = charts.kind == ChartKind.GROUND
     own = ground[mesh.vertex_chart]
     x = mesh.vertices[own, 0]
     np.testing.assert_allclose(mesh.vertices[own, 2], 0.1 * (x + 200), atol=1e-5)
@@ -86,18 +86,21 @@ def test_uneven_ground_is_cut_finer() -> None:
     rough = replace(SLOPE, heights=np.random.default_rng(0).uniform(0, 3, (41, 41)).astype(np.float32))
     level = surfaces([BOX], [STREET])[0]
     uneven = surfaces([BOX], [STREET], rough)[0]
-    assert (level.size[level.kind == GROUND].max(), uneven.size[uneven.kind == GROUND].max() < 13) == (32, True)
+    assert (
+        level.size[level.kind == ChartKind.GROUND].max(),
+        uneven.size[uneven.kind == ChartKind.GROUND].max() < 13,
+    ) == (32, True)
 
 
 def test_a_building_stands_on_the_lowest_ground_and_a_higher_one_has_a_skirt() -> None:
     charts, mesh = surfaces([BOX], [STREET], SLOPE)
-    walls = charts.kind == WALL
+    walls = charts.kind == ChartKind.WALL
     assert walls.sum() == 4
     assert mesh.vertices[walls[mesh.vertex_chart], 2].min() == pytest.approx(20)
     charts, mesh = surfaces([replace(BOX, base=23.0)], [STREET], SLOPE)
-    walls = charts.kind == WALL
+    walls = charts.kind == ChartKind.WALL
     assert walls.sum() == 8
-    assert (charts.kind[:5] == [WALL] * 4 + [ROOF]).all()
+    assert (charts.kind[:5] == [ChartKind.WALL] * 4 + [ChartKind.ROOF]).all()
     skirt = walls & (np.arange(len(charts)) >= 5)
     assert mesh.vertices[skirt[mesh.vertex_chart], 2].max() == pytest.approx(23)
     assert mesh.vertices[skirt[mesh.vertex_chart], 2].min() == pytest.approx(20)
@@ -107,8 +110,8 @@ def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
     far = replace(STREET, line=shapely.affinity.translate(STREET.line, 0, 500))  # eaves stand out where they are seen
     roofed = replace(BOX, roof=Roof("gabled", 4.0), base=23.0)
     charts, mesh = surfaces([roofed], [far], SLOPE)
-    assert (charts.kind == ROOF).sum() == 2
-    walls = (charts.kind == WALL)[mesh.chart]
+    assert (charts.kind == ChartKind.ROOF).sum() == 2
+    walls = (charts.kind == ChartKind.WALL)[mesh.chart]
     # 60 m around at 12 m, two gables, and the skirt down to the lowest ground under each wall
     assert shares(mesh, walls) == pytest.approx(60 * 12 + 40 + 3 * 10 + 1 * 10 + 2 * 3 * 20, abs=1e-3)
     flat = surfaces([replace(roofed, roof=None)], [far], SLOPE)[0]
@@ -116,7 +119,7 @@ def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
     whole = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
     edges = trimesh.grouping.group_rows(whole.edges_sorted, require_count=1)
     assert (whole.vertices[whole.edges[edges]][..., 2] < 23 + 1e-6).all(), "open below only"
-    normals = charts.normal()[charts.kind == ROOF]
+    normals = charts.normal()[charts.kind == ChartKind.ROOF]
     assert sorted(np.sign(normals[:, 1]).tolist()) == [-1, 1]
 
 
@@ -128,7 +131,7 @@ def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
     painted = Shell(shell.vertices, shell.triangles, shell.semantic, np.full(len(shell.triangles), 3, np.int32),
                     rng.random((len(shell.triangles), 3, 2)).astype(np.float32))  # fmt: skip
     charts, mesh = surfaces([replace(long, roof=None, shell=painted)])
-    assert (charts.kind == WALL).sum() + (charts.kind == ROOF).sum() == len(charts)
+    assert (charts.kind == ChartKind.WALL).sum() + (charts.kind == ChartKind.ROOF).sum() == len(charts)
     assert charts.size.max() < 56
     assert len(set(charts.surface)) == 8
     assert (mesh.texture == 3).all()
@@ -174,7 +177,7 @@ def test_the_ground_goes_on_under_a_canopy() -> None:
 
     def under(shell: Shell) -> bool:
         charts, mesh = surfaces([replace(BOX, shell=shell, base=0.0)], [STREET])
-        ground = mesh.triangles[charts.kind[mesh.chart] == GROUND]
+        ground = mesh.triangles[charts.kind[mesh.chart] == ChartKind.GROUND]
         plan = shapely.union_all(shapely.polygons(mesh.vertices[ground][..., :2]))
         return bool(shapely.contains_xy(plan, 10.1, 5.1))
 
@@ -210,7 +213,7 @@ def test_a_shell_may_stand_in_two_parts() -> None:
     house = replace(BOX, footprint=shapely.box(0, 0, 8, 10).union(shapely.box(20, 0, 28, 10)), shell=both, base=0.0)
     charts, _ = surfaces([house], [STREET])
     middle = charts.origin + (charts.axis_u * charts.size[:, :1] + charts.axis_v * charts.size[:, 1:]) / 2
-    wall = charts.kind == WALL
+    wall = charts.kind == ChartKind.WALL
     assert wall.sum() == 12, "eight walls and four gables"
     outside = shapely.points((middle + 0.5 * charts.normal())[wall, :2])
     assert not shapely.intersects(house.footprint, outside).any(), "walls of both parts face outward"
@@ -228,8 +231,8 @@ def test_lyon_roofs_face_up_and_walls_stand_up(data: Path) -> None:
                   np.zeros((n, 3, 2), np.float32))  # fmt: skip
     charts, mesh = surfaces([replace(BOX, footprint=outline.convex_hull, shell=shell)])
     normal = charts.normal()
-    assert (normal[charts.kind == ROOF, 2] > 0).all()
-    assert (np.abs(normal[charts.kind == WALL, 2]) < 0.7).all()
+    assert (normal[charts.kind == ChartKind.ROOF, 2] > 0).all()
+    assert (np.abs(normal[charts.kind == ChartKind.WALL, 2]) < 0.7).all()
     tri = mesh.vertices[mesh.triangles]
     facing = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
     assert (np.einsum("ij,ij->i", facing, normal[mesh.chart]) > -1e-9).all()
@@ -244,13 +247,13 @@ def test_only_the_ground_that_is_uneven_is_cut_finer_and_meets_what_is_beside_it
     sizes = {}
     for name, raster in (("slope", heights), ("bump", bumped)):
         charts, mesh = surfaces([BOX], [STREET], replace(SLOPE, heights=raster))
-        ground = np.flatnonzero(charts.kind == GROUND)
+        ground = np.flatnonzero(charts.kind == ChartKind.GROUND)
         sizes[name] = {tuple(np.round(charts.origin[c, :2], 6)): float(charts.size[c].max()) for c in ground.tolist()}
     assert max(sizes["bump"].values()) > 30
     assert min(sizes["bump"].values()) < 13
     whole = [place for place, size in sizes["slope"].items() if sizes["bump"].get(place) == size]
     assert len(whole) > len(sizes["slope"]) / 2
-    assert_meets(mesh, (charts.kind == GROUND)[mesh.chart])
+    assert_meets(mesh, (charts.kind == ChartKind.GROUND)[mesh.chart])
 
 
 def assert_meets(mesh: Mesh, chosen: np.ndarray) -> None:

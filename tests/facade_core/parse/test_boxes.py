@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import BALCONY, DOOR, SHOP, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing.elements import elements, per_window
 
 
 def wall(height=200, width=160):
-    return np.full((height, width), WALL, np.uint8)
+    return np.full((height, width), FacadeClass.WALL, np.uint8)
 
 
 def test_rectangles_come_back_exactly_and_in_reading_order():
@@ -20,7 +20,12 @@ def test_rectangles_come_back_exactly_and_in_reading_order():
         Element("door", 70, 150, 90, 200),
         Element("shop", 100, 140, 160, 200),
     ]
-    ids = {"window": WINDOW, "balcony": BALCONY, "door": DOOR, "shop": SHOP}
+    ids = {
+        "window": FacadeClass.WINDOW,
+        "balcony": FacadeClass.BALCONY,
+        "door": FacadeClass.DOOR,
+        "shop": FacadeClass.SHOP,
+    }
     for element in truth:
         labels[int(element.y0) : int(element.y1), int(element.x0) : int(element.x1)] = ids[element.label]
     assert elements(labels) == sorted(truth, key=lambda element: (element.y0, element.x0))
@@ -28,43 +33,43 @@ def test_rectangles_come_back_exactly_and_in_reading_order():
 
 def test_noise_is_dropped_and_a_ragged_edge_is_cleaned():
     labels = wall()
-    labels[40:80, 60:90] = WINDOW
-    labels[50, 90:97] = WINDOW  # a spike
-    labels[80:83, 70] = WINDOW
-    labels[45:48, 62:64] = WALL  # a hole
-    labels[150:152, 20:22] = WINDOW  # a speck
+    labels[40:80, 60:90] = FacadeClass.WINDOW
+    labels[50, 90:97] = FacadeClass.WINDOW  # a spike
+    labels[80:83, 70] = FacadeClass.WINDOW
+    labels[45:48, 62:64] = FacadeClass.WALL  # a hole
+    labels[150:152, 20:22] = FacadeClass.WINDOW  # a speck
     assert elements(labels) == [Element("window", 60, 40, 90, 80)]
 
 
 def test_windows_joined_by_a_bridge_are_parted():
     labels = wall()
-    labels[40:80, 20:40] = WINDOW
-    labels[40:80, 50:70] = WINDOW
-    labels[40:80, 80:100] = WINDOW
-    labels[55:61, 40:80] = WINDOW
+    labels[40:80, 20:40] = FacadeClass.WINDOW
+    labels[40:80, 50:70] = FacadeClass.WINDOW
+    labels[40:80, 80:100] = FacadeClass.WINDOW
+    labels[55:61, 40:80] = FacadeClass.WINDOW
     assert elements(labels) == [Element("window", x, 40, x + 20, 80) for x in (20, 50, 80)]
 
 
 def test_windows_joined_one_above_the_other_are_parted():
     labels = wall()
-    labels[20:60, 30:50] = WINDOW
-    labels[60:70, 38:42] = WINDOW
-    labels[70:110, 30:50] = WINDOW
+    labels[20:60, 30:50] = FacadeClass.WINDOW
+    labels[60:70, 38:42] = FacadeClass.WINDOW
+    labels[70:110, 30:50] = FacadeClass.WINDOW
     assert elements(labels) == [Element("window", 30, 20, 50, 60), Element("window", 30, 70, 50, 110)]
 
 
 def test_a_running_balcony_with_posts_stays_one():
     labels = wall()
-    labels[100:110, 10:150] = BALCONY
-    labels[90:100, 10:13] = BALCONY
-    labels[90:100, 147:150] = BALCONY
+    labels[100:110, 10:150] = FacadeClass.BALCONY
+    labels[90:100, 10:13] = FacadeClass.BALCONY
+    labels[90:100, 147:150] = FacadeClass.BALCONY
     assert elements(labels) == [Element("balcony", 10, 100, 150, 110)]
 
 
 def test_hidden_boxes_are_no_observation():
     labels = wall()
-    labels[20:50, 20:40] = WINDOW
-    labels[20:50, 100:120] = WINDOW
+    labels[20:50, 20:40] = FacadeClass.WINDOW
+    labels[20:50, 100:120] = FacadeClass.WINDOW
     occluded = np.zeros(labels.shape, bool)
     occluded[:, 90:112] = True  # more than half of the second
     confidence = np.full((*labels.shape, 7), 1 / 7, np.float32)
@@ -74,7 +79,7 @@ def test_hidden_boxes_are_no_observation():
 
 def test_small_and_empty_maps():
     assert elements(wall(1, 1)) == []
-    assert elements(np.full((1, 1), WINDOW, np.uint8)) == [Element("window", 0, 0, 1, 1)]
+    assert elements(np.full((1, 1), FacadeClass.WINDOW, np.uint8)) == [Element("window", 0, 0, 1, 1)]
     assert elements(np.full((5, 5), UNKNOWN, np.uint8)) == []
 
 
@@ -103,8 +108,8 @@ def floor_with_balcony():
     """Three windows over one balcony that runs before them all."""
     labels = wall()
     for x in (20, 65, 110):
-        labels[40:80, x : x + 20] = WINDOW
-    labels[70:90, 15:135] = BALCONY
+        labels[40:80, x : x + 20] = FacadeClass.WINDOW
+    labels[70:90, 15:135] = FacadeClass.BALCONY
     return labels
 
 
@@ -114,7 +119,7 @@ def test_a_balcony_that_runs_on_is_one_element():
 
 def test_balconies_that_have_grown_together_are_parted_between_their_windows():
     labels = floor_with_balcony()
-    labels[70:78, 50:60] = WALL  # half as high as before the windows
+    labels[70:78, 50:60] = FacadeClass.WALL  # half as high as before the windows
     found = [(e.x0, e.x1) for e in elements(labels) if e.label == "balcony"]
     assert len(found) == 2
     assert found[0][0] == 15
@@ -125,7 +130,7 @@ def test_balconies_that_have_grown_together_are_parted_between_their_windows():
 
 def test_a_notch_before_a_window_parts_nothing():
     labels = floor_with_balcony()
-    labels[70:78, 70:80] = WALL
+    labels[70:78, 70:80] = FacadeClass.WALL
     assert sum(e.label == "balcony" for e in elements(labels)) == 1
 
 
@@ -141,11 +146,11 @@ def test_per_window_gives_each_window_its_part_of_a_balcony():
 
 def test_confidence_is_the_mean_over_the_box():
     labels = wall()
-    labels[40:80, 60:90] = WINDOW
+    labels[40:80, 60:90] = FacadeClass.WINDOW
     confidence = np.zeros((*labels.shape, 7), np.float32)
-    confidence[..., WALL] = 1
+    confidence[..., FacadeClass.WALL] = 1
     confidence[40:80, 60:90] = 0
-    confidence[40:80, 60:75, WINDOW], confidence[40:80, 75:90, WINDOW] = 0.6, 1.0
+    confidence[40:80, 60:75, FacadeClass.WINDOW], confidence[40:80, 75:90, FacadeClass.WINDOW] = 0.6, 1.0
     parsing = Parsing(labels, confidence, np.zeros(labels.shape, bool))
     (window,) = elements(parsing)
     assert window.confidence == pytest.approx(0.8)

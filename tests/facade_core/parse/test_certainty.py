@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.elements import expected_error, held
 from facade_core.core.errors import ModelError
-from facade_core.core.labels import CLASSES, DOOR, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing import confidence as certainty
 from facade_core.parsing.confidence import COVERAGE, Certainty, Figures, Observed, observed, right, with_probabilities
@@ -19,8 +19,8 @@ def parsed(labels, chance=0.9):
 
 
 def facade():
-    labels = np.full((100, 80), WALL, np.uint8)
-    labels[20:40, 10:30] = labels[20:40, 50:70] = WINDOW
+    labels = np.full((100, 80), FacadeClass.WALL, np.uint8)
+    labels[20:40, 10:30] = labels[20:40, 50:70] = FacadeClass.WINDOW
     return labels
 
 
@@ -124,7 +124,7 @@ def test_the_less_is_seen_the_wider_the_interval():
         of = [[getattr(end, name) for end in (one.low, one.high)] for one in (sure, unsure)]
         assert of[1][0] <= of[0][0] <= getattr(value, name) <= of[0][1] < of[1][1], name
     assert low.window_share < sure.low.window_share < sure.high.window_share < high.window_share
-    bare = parsed(np.full((100, 80), WALL, np.uint8), 0.99)
+    bare = parsed(np.full((100, 80), FacadeClass.WALL, np.uint8), 0.99)
     assert told(bare, hidden).high.window_share > 0.04, "where none is seen some may be hidden"
     assert told(bare, hidden).value.floors == 0, "nothing tells"
 
@@ -139,7 +139,7 @@ def test_counts_are_whole_and_a_facade_has_a_storey():
 
 def test_half_of_the_windows_made_up_may_not_be_there():
     labels = facade()
-    labels[60:80, 10:30] = labels[60:80, 50:70] = WINDOW
+    labels[60:80, 10:30] = labels[60:80, 50:70] = FacadeClass.WINDOW
     hidden = np.zeros(labels.shape, bool)
     hidden[45:] = True
     value, low, high = told(parsed(labels), hidden, (0, 0, 0))
@@ -169,25 +169,25 @@ def test_windows_behind_blinds_are_counted_once_and_storeys_without_windows_too(
     truth = facade()
     truth[20:30, 10:30] = truth[34:40, 10:30] = UNKNOWN  # a window seen through a slit
     maybe = possible(truth)
-    maybe[truth == UNKNOWN] = 1 << WINDOW | 1 << WALL
+    maybe[truth == UNKNOWN] = 1 << FacadeClass.WINDOW | 1 << FacadeClass.WALL
     assert observed(parsed(facade()), truth, maybe).misses.windows == 0
     missed = facade()
-    missed[20:40, 50:70] = WALL
+    missed[20:40, 50:70] = FacadeClass.WALL
     assert observed(parsed(missed), truth, maybe).misses.windows == 1
     truth = facade()[:55]
     assert observed(parsed(facade()[:55]), truth, possible(truth)).misses.floors == 0
     truth = facade()
-    truth[70:, 30:50] = DOOR
+    truth[70:, 30:50] = FacadeClass.DOOR
     assert observed(parsed(facade()), truth, possible(truth)).misses.floors == 0
 
 
 def test_what_hides_windows_is_not_held_against_a_parse_either():
     labels = facade()
-    labels[60:80, 10:30] = labels[60:80, 50:70] = WINDOW
+    labels[60:80, 10:30] = labels[60:80, 50:70] = FacadeClass.WINDOW
     parsing = parsed(labels)
     parsing.occluded[:, 40:] = True
     truth = labels.copy()
-    truth[60:80, 50:70] = WALL
+    truth[60:80, 50:70] = FacadeClass.WALL
     seen = observed(parsing, truth, possible(truth))
     assert (seen.misses.windows, seen.unseen.windows) == (1, pytest.approx(1))
     assert certainty.fit([seen])["widths"]["windows"] == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ModelError
-from facade_core.core.labels import CLASSES, DOOR, ROOF, WALL
+from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.core.model_file import write_model
 from facade_core.parsing import network
 from facade_core.parsing.elements import elements
@@ -22,7 +22,11 @@ def tiny_network(inputs=("image", "place"), steep=1.0):
     across speaks for sky, weakly and only so that it is used."""
     outputs = len(CLASSES) + 2
     weights = np.zeros((outputs, 3, 1, 1), np.float32)
-    weights[WALL, 0], weights[[ROOF, network.OUTSIDE], 1], weights[network.IN_FRONT, 2] = steep, steep, steep
+    weights[FacadeClass.WALL, 0], weights[[FacadeClass.ROOF, network.OUTSIDE], 1], weights[network.IN_FRONT, 2] = (
+        steep,
+        steep,
+        steep,
+    )
     bias = np.zeros(outputs, np.float32)
     bias[[network.IN_FRONT, network.OUTSIDE]] = -128 * steep
     aside = np.zeros((outputs, 2, 1, 1), np.float32)
@@ -65,8 +69,8 @@ def two_colours(height=320, width=256):
 def test_a_network_parses_through_the_same_door(model):
     image = two_colours()
     found = parse(image, model=model)
-    assert (found.labels[:156] == ROOF).all()
-    assert (found.labels[164:] == WALL).all()
+    assert (found.labels[:156] == FacadeClass.ROOF).all()
+    assert (found.labels[164:] == FacadeClass.WALL).all()
     np.testing.assert_allclose(found.confidence.sum(2), 1, atol=1e-5)
     assert found.confidence.dtype == np.float32
     assert not found.occluded.any()
@@ -75,7 +79,7 @@ def test_a_network_parses_through_the_same_door(model):
 def test_the_doors_weight_in_training_is_taken_back(model):
     confidence = network.load(model).segment(np.zeros((64, 96, 3), np.uint8)).confidence
     shares = np.ones(len(CLASSES))
-    shares[DOOR] /= network.DOOR_WEIGHT
+    shares[FacadeClass.DOOR] /= network.DOOR_WEIGHT
     np.testing.assert_allclose(confidence, np.broadcast_to(shares / shares.sum(), confidence.shape), atol=1e-5)
 
 
@@ -111,8 +115,8 @@ def test_small_and_narrow_images(model, shape):
 def test_large_images_are_parsed_at_working_size(model):
     image = np.repeat(np.repeat(two_colours(), 12, 0), 12, 1)  # 11.8 megapixels
     found = parse(image, model=model)
-    assert (found.labels[: 12 * 156] == ROOF).all()
-    assert (found.labels[12 * 164 :] == WALL).all()
+    assert (found.labels[: 12 * 156] == FacadeClass.ROOF).all()
+    assert (found.labels[12 * 164 :] == FacadeClass.WALL).all()
 
 
 def test_logits_of_any_size_give_probabilities(tmp_path):

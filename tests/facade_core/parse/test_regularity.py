@@ -1,19 +1,19 @@
 import numpy as np
 import pytest
 
-from facade_core.core.labels import BALCONY, DOOR, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.parsing.regularity import _groups, draw_windows, window_boxes
 
 
 def facade():
     """Three floors of four windows, balconies under the middle one's, and a door."""
-    labels = np.full((220, 200), WALL, np.uint8)
+    labels = np.full((220, 200), FacadeClass.WALL, np.uint8)
     for y in (20, 80, 140):
         for x in (20, 66, 112, 158):
-            labels[y : y + 36, x : x + 22] = WINDOW
+            labels[y : y + 36, x : x + 22] = FacadeClass.WINDOW
             if y == 80:
-                labels[y + 26 : y + 40, x - 4 : x + 26] = BALCONY
-    labels[185:, 90:112] = DOOR
+                labels[y + 26 : y + 40, x - 4 : x + 26] = FacadeClass.BALCONY
+    labels[185:, 90:112] = FacadeClass.DOOR
     return labels
 
 
@@ -64,7 +64,7 @@ def test_confidence_is_exchanged_where_the_label_changes():
 @pytest.mark.parametrize("seed", range(3))
 def test_ragged_edges_become_straight(seed):
     labels = facade()
-    labels[labels == BALCONY] = WALL
+    labels[labels == FacadeClass.BALCONY] = FacadeClass.WALL
     confidence = ragged(labels, seed)
     before = (confidence.argmax(2) != labels)[:180].mean()  # the door is left as it is
     after = (regular_labels(confidence) != labels)[:180].mean()
@@ -75,38 +75,38 @@ def test_ragged_edges_become_straight(seed):
 def test_windows_of_a_floor_share_lines_unless_the_pixels_say_otherwise():
     labels = facade()
     seen = labels.copy()
-    seen[18:20, 66:88] = WINDOW  # two rows above the others', which nothing speaks strongly for
+    seen[18:20, 66:88] = FacadeClass.WINDOW  # two rows above the others', which nothing speaks strongly for
     confidence = confidence_of(seen)
     weak = confidence_of(seen, sure=0.18)
     confidence[18:20, 66:88] = weak[18:20, 66:88]
     assert (regular_labels(confidence) == labels).all()
     tall = labels.copy()
-    tall[8:20, 66:88] = WINDOW  # a taller window that is sure
+    tall[8:20, 66:88] = FacadeClass.WINDOW  # a taller window that is sure
     assert (regular_labels(confidence_of(tall)) == tall).all()
 
 
 def test_what_is_no_rectangle_is_left_alone():
-    labels = np.full((100, 100), WALL, np.uint8)
+    labels = np.full((100, 100), FacadeClass.WALL, np.uint8)
     y, x = np.mgrid[:100, :100]
-    labels[(x > y - 20) & (x < y) & (y > 20) & (y < 80)] = WINDOW  # slanting
+    labels[(x > y - 20) & (x < y) & (y > 20) & (y < 80)] = FacadeClass.WINDOW  # slanting
     found = regular_labels(confidence_of(labels))
-    assert ((found == WINDOW) & (labels == WALL)).mean() < 0.05
+    assert ((found == FacadeClass.WINDOW) & (labels == FacadeClass.WALL)).mean() < 0.05
 
 
 def test_windows_that_touch_are_not_drawn_as_one():
-    labels = np.full((120, 160), WALL, np.uint8)
+    labels = np.full((120, 160), FacadeClass.WALL, np.uint8)
     for x in (20, 66, 112):
-        labels[50:64, x : x + 34] = WINDOW
-    labels[56:62, 54:66] = WINDOW  # a bridge, of less than half the height
+        labels[50:64, x : x + 34] = FacadeClass.WINDOW
+    labels[56:62, 54:66] = FacadeClass.WINDOW  # a bridge, of less than half the height
     found = regular_labels(confidence_of(labels))
-    assert (found[50:55, 54:66] == WALL).all()
+    assert (found[50:55, 54:66] == FacadeClass.WALL).all()
     assert (found == labels).mean() > 0.995
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (3, 2)])
 def test_tiny_maps(shape):
-    labels = np.full(shape, WINDOW, np.uint8)
-    assert (regular_labels(confidence_of(labels)) == WINDOW).all()
+    labels = np.full(shape, FacadeClass.WINDOW, np.uint8)
+    assert (regular_labels(confidence_of(labels)) == FacadeClass.WINDOW).all()
 
 
 def test_groups_are_floors():

@@ -4,13 +4,15 @@ import pytest
 from benchmarks import in_front
 from benchmarks.parsing import confusion, f1, matches, measure_behind, measure_occluders, put_in_front, scores, unseen
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.core.labels import SHOP, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Element
 
 
 def test_scores_of_a_small_confusion():
-    truth = np.array([[WALL, WALL, WALL, WINDOW, UNKNOWN]], np.uint8)
-    parsed = np.array([[WALL, WALL, WINDOW, WINDOW, WINDOW]], np.uint8)
+    truth = np.array([[FacadeClass.WALL, FacadeClass.WALL, FacadeClass.WALL, FacadeClass.WINDOW, UNKNOWN]], np.uint8)
+    parsed = np.array(
+        [[FacadeClass.WALL, FacadeClass.WALL, FacadeClass.WINDOW, FacadeClass.WINDOW, FacadeClass.WINDOW]], np.uint8
+    )
     found = scores(confusion(truth, parsed))
     assert found["pixel_accuracy"] == 0.75
     assert found["mean_class_accuracy"] == pytest.approx((2 / 3 + 1) / 2, abs=1e-4)
@@ -54,7 +56,7 @@ def test_occluders_where_it_is_known():
 
 def test_what_is_guessed_behind_pieces_is_scored_apart():
     rng = np.random.default_rng(0)
-    labels = np.full((120, 90), WALL, np.uint8)
+    labels = np.full((120, 90), FacadeClass.WALL, np.uint8)
     labels[:60] = UNKNOWN
     facade = LabelledFacade("a", rng.integers(90, 160, (120, 90, 3), dtype=np.uint8), *[labels] * 4)
     pieces = [np.full((40, 20, 4), 255, np.uint8) for _ in range(3)]
@@ -76,8 +78,8 @@ def test_pieces_stand_on_the_bottom_and_show_their_own_pixels_only():
 
 
 def test_a_thing_is_found_where_half_of_its_box_is_hidden():
-    labels = np.full((100, 80), WALL, np.uint8)
-    labels[80:] = SHOP
+    labels = np.full((100, 80), FacadeClass.WALL, np.uint8)
+    labels[80:] = FacadeClass.SHOP
     possible = (1 << labels).astype(np.uint8)
     facade = LabelledFacade("one", np.zeros((100, 80, 3), np.uint8), labels, possible, *[np.zeros_like(labels)] * 2)
     boxes = {"one": [(0, 90, 20, 100, "car"), (30, 90, 50, 100, "van"), (60, 80, 70, 100, "person")]}
@@ -100,7 +102,7 @@ def test_a_thing_is_found_where_half_of_its_box_is_hidden():
 def test_a_box_is_measured_by_its_sides():
     from benchmarks import outline
 
-    labels = np.full((100, 80), WALL, np.uint8)
+    labels = np.full((100, 80), FacadeClass.WALL, np.uint8)
     beside = np.zeros_like(labels)
     beside[:10], beside[:, :8] = 1, 1
     facade = LabelledFacade(

@@ -4,32 +4,32 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError, ModelError
-from facade_core.core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.elements import elements
 from facade_core.parsing.segmenter import _in_front, parse
 
 COLOURS = {
-    WALL: (205, 190, 165),
-    WINDOW: (62, 70, 84),
-    BALCONY: (70, 66, 66),
-    DOOR: (104, 62, 40),
-    ROOF: (92, 98, 112),
-    SHOP: (40, 88, 70),
-    SKY: (196, 214, 236),
+    FacadeClass.WALL: (205, 190, 165),
+    FacadeClass.WINDOW: (62, 70, 84),
+    FacadeClass.BALCONY: (70, 66, 66),
+    FacadeClass.DOOR: (104, 62, 40),
+    FacadeClass.ROOF: (92, 98, 112),
+    FacadeClass.SHOP: (40, 88, 70),
+    FacadeClass.SKY: (196, 214, 236),
 }
 
 
 def painted_facade(seed=0, noise=4.0):
     """Five storeys of four windows under a roof and sky, over shops and a door: image and labels."""
-    labels = np.full((540, 330), WALL, np.uint8)
-    labels[:45], labels[45:100] = SKY, ROOF
+    labels = np.full((540, 330), FacadeClass.WALL, np.uint8)
+    labels[:45], labels[45:100] = FacadeClass.SKY, FacadeClass.ROOF
     for y in range(120, 440, 66):
         for x in range(30, 320, 76):
-            labels[y : y + 42, x : x + 26] = WINDOW
-            labels[y + 32 : y + 46, x - 4 : x + 30] = BALCONY
-    labels[455:] = SHOP
-    labels[455:, 140:190] = WALL
-    labels[470:, 150:180] = DOOR
+            labels[y : y + 42, x : x + 26] = FacadeClass.WINDOW
+            labels[y + 32 : y + 46, x - 4 : x + 30] = FacadeClass.BALCONY
+    labels[455:] = FacadeClass.SHOP
+    labels[455:, 140:190] = FacadeClass.WALL
+    labels[470:, 150:180] = FacadeClass.DOOR
     image = np.zeros((*labels.shape, 3))
     for label, colour in COLOURS.items():
         image[labels == label] = colour
@@ -60,7 +60,7 @@ def test_a_texture_without_sky_and_roof_has_none():
     image, truth = painted_facade()
     found = parse(image[112:])
     assert agreement(truth[112:], found.labels) > 0.75
-    assert np.isin(found.labels, (SKY, ROOF)).mean() < 0.05
+    assert np.isin(found.labels, (FacadeClass.SKY, FacadeClass.ROOF)).mean() < 0.05
 
 
 def test_equal_input_gives_equal_bits():
@@ -143,7 +143,7 @@ def test_windows_are_rectangles_at_any_size(scale):
     found = parse(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
     windows = [element for element in elements(found) if element.label == "window"]
     boxes = [found.labels[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] for e in windows]
-    assert np.mean([(box == WINDOW).all() for box in boxes]) >= 0.8
+    assert np.mean([(box == FacadeClass.WINDOW).all() for box in boxes]) >= 0.8
     assert (found.labels == found.confidence.argmax(2)).all()
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError, LayoutError
-from facade_core.core.labels import DOOR, ROOF, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.parsing.lattice import lattice
 
 
@@ -48,20 +48,20 @@ def test_agrees_with_the_plain_form_on_random_maps(seed):
 
 
 def test_lines_lie_on_the_borders_of_windows():
-    labels = np.full((60, 80), WALL, np.uint8)
-    labels[:10] = ROOF
+    labels = np.full((60, 80), FacadeClass.WALL, np.uint8)
+    labels[:10] = FacadeClass.ROOF
     for y in (16, 40):
         for x in (8, 32, 56):
-            labels[y : y + 12, x : x + 14] = WINDOW
+            labels[y : y + 12, x : x + 14] = FacadeClass.WINDOW
     found = lattice(labels, eta=0.0)
     assert found.rows == (0, 10, 16, 28, 40, 52, 60)
     assert found.columns == (0, 8, 22, 32, 46, 56, 70, 80)
 
 
 def test_first_line_and_stop_by_eta():
-    labels = np.full((10, 10), WALL, np.uint8)
-    labels[5:] = ROOF  # Eq. 1 = 1, distance 5: score 5
-    labels[0, 9] = DOOR  # column 9: score 1/10 * 1, row 1: score 1/10 * 1
+    labels = np.full((10, 10), FacadeClass.WALL, np.uint8)
+    labels[5:] = FacadeClass.ROOF  # Eq. 1 = 1, distance 5: score 5
+    labels[0, 9] = FacadeClass.DOOR  # column 9: score 1/10 * 1, row 1: score 1/10 * 1
     assert lattice(labels, eta=0.02 + 1e-9).rows == (0, 5, 10)
     assert lattice(labels, eta=0.02 + 1e-9).columns == (0, 10)
     found = lattice(labels, eta=0.02 - 1e-9)
@@ -85,12 +85,12 @@ def test_max_lines_counts_the_borders():
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (20, 30)])
 def test_a_uniform_map_has_its_borders_only(shape):
-    found = lattice(np.full(shape, WINDOW, np.uint8))
+    found = lattice(np.full(shape, FacadeClass.WINDOW, np.uint8))
     assert (found.rows, found.columns) == ((0, shape[0]), (0, shape[1]))
 
 
 def test_unknown_is_a_label_of_its_own():
-    labels = np.full((8, 8), WALL, np.uint8)
+    labels = np.full((8, 8), FacadeClass.WALL, np.uint8)
     labels[4:] = UNKNOWN
     assert lattice(labels).rows == (0, 4, 8)
 

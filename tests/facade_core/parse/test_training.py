@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError, ModelError
-from facade_core.core.labels import CLASSES, ROOF, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing import forest
 from facade_core.parsing.segmenter import parse
 
@@ -16,15 +16,20 @@ from facade_core.parsing import forest_training
 
 def facade(seed):
     rng = np.random.default_rng(seed)
-    labels = np.full((96, 80), WALL, np.uint8)
-    labels[:12] = SKY
-    labels[12:24] = ROOF
+    labels = np.full((96, 80), FacadeClass.WALL, np.uint8)
+    labels[:12] = FacadeClass.SKY
+    labels[12:24] = FacadeClass.ROOF
     for y in (32, 64):
         for x in (8, 32, 56):
-            labels[y : y + 20, x : x + 14] = WINDOW
+            labels[y : y + 20, x : x + 14] = FacadeClass.WINDOW
     labels[90:, :5] = UNKNOWN
     colour = np.zeros((256, 3))
-    colour[[WALL, WINDOW, ROOF, SKY]] = [[210, 190, 160], [50, 60, 90], [110, 60, 50], [190, 215, 240]]
+    colour[[FacadeClass.WALL, FacadeClass.WINDOW, FacadeClass.ROOF, FacadeClass.SKY]] = [
+        [210, 190, 160],
+        [50, 60, 90],
+        [110, 60, 50],
+        [190, 215, 240],
+    ]
     image = colour[labels] + rng.normal(0, 6, (96, 80, 3))
     return np.clip(image, 0, 255).astype(np.uint8), labels
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError, ModelError
-from facade_core.core.labels import CLASSES, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
 pytest.importorskip("torch", reason="torch is absent: make train-setup")
 
@@ -27,7 +27,7 @@ class Photo:
     outside: np.ndarray
 
 
-def photo(seed, classes=((WALL,), (WINDOW,), (SKY,))):
+def photo(seed, classes=((FacadeClass.WALL,), (FacadeClass.WINDOW,), (FacadeClass.SKY,))):
     rng = np.random.default_rng(seed)
     part = np.zeros((96, 80), np.intp)
     part[30:60, 20:60], part[:20] = 1, 2
@@ -140,7 +140,7 @@ def test_the_file_computes_what_the_network_does(weights, tmp_path):
 
 def test_it_learns(start):
     """A few steps on one photo bring the loss down, though one class is told as one of two."""
-    shown = {"facades": [photo(0, ((WALL,), (WINDOW, WALL), (SKY,)))]}
+    shown = {"facades": [photo(0, ((FacadeClass.WALL,), (FacadeClass.WINDOW, FacadeClass.WALL), (FacadeClass.SKY,)))]}
     course, losses = Course(12, {"facades": 2}, rate=5e-3), []
     backward = network_training._backward
 

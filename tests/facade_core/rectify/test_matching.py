@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.photo_matching import Taken, camera_before, likely_walls, taken_by
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
@@ -19,7 +19,7 @@ def street() -> SyntheticStreet:
 
 def walls_of(street: SyntheticStreet) -> np.ndarray:
     charts = street.scene.charts
-    return np.flatnonzero((charts.kind == WALL) & (charts.size.min(axis=1) > 3))
+    return np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size.min(axis=1) > 3))
 
 
 def test_a_camera_is_where_it_was() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.core.labels import WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.imagery.rectify.shadow import shaded_share
 from facade_core.synth.facade import facade as paint
 
@@ -29,13 +29,13 @@ def test_a_slanting_shadow_is_measured(share: float) -> None:
     height, width = PAINTED.labels.shape
     y, x = np.mgrid[0:height, 0:width]
     part = y > height * (1 - share) + 0.2 * (x - width / 2)
-    true = (part & (PAINTED.labels == WALL)).sum() / (PAINTED.labels == WALL).sum()
+    true = (part & (PAINTED.labels == FacadeClass.WALL)).sum() / (PAINTED.labels == FacadeClass.WALL).sum()
     assert shaded_share(shadowed(part), PAINTED.labels) == pytest.approx(true, abs=0.08)
     assert shaded_share(shadowed(part, left=0.85), PAINTED.labels) < 0.1, "hardly darker"
 
 
 def test_where_hardly_any_wall_is_seen_nothing_is_said() -> None:
-    labels = np.full(PAINTED.labels.shape, WINDOW, np.uint8)
+    labels = np.full(PAINTED.labels.shape, FacadeClass.WINDOW, np.uint8)
     assert shaded_share(PAINTED.image, labels) == 0
-    labels[:10, :10] = WALL
+    labels[:10, :10] = FacadeClass.WALL
     assert shaded_share(PAINTED.image, labels) == 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.types import Pose
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
 from facade_core.imagery.poses.panorama_camera import position
 from facade_core.imagery.poses.shared_walls import Steep, _agreement, _patches, _shift
@@ -36,7 +36,7 @@ def shots(street: SyntheticStreet) -> list[tuple[Pose, np.ndarray]]:
 
 
 def refined(street: SyntheticStreet, images: list[np.ndarray], alone: list[Alone]) -> list[Together]:
-    surfaces = np.flatnonzero(np.isin(street.scene.charts.kind, (WALL, GROUND))).tolist()
+    surfaces = np.flatnonzero(np.isin(street.scene.charts.kind, (ChartKind.WALL, ChartKind.GROUND))).tolist()
     return refine_together(street.scene, surfaces, iter(images), alone)
 
 

@@ -10,7 +10,7 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Ground, Street, Way
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import Materials
@@ -91,7 +91,7 @@ def test_kinds_lie_where_the_map_has_them() -> None:
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
     materials = Materials(scene, [], seed=1, ground=Ground((road,)))
     found = set()
-    for chart in np.flatnonzero(charts.kind == GROUND).tolist():
+    for chart in np.flatnonzero(charts.kind == ChartKind.GROUND).tolist():
         kinds = materials.kinds(chart, 12)
         height, width = int(placement.height[chart]), int(placement.width[chart])
         assert kinds.shape == (height + 24, width + 24)

@@ -8,13 +8,12 @@ import shapely
 
 from benchmarks.materials.plain import noise
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.labels import WALL as PLAIN
-from facade_core.core.labels import WINDOW
-from facade_core.core.provenance import SYNTHESISED
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street, Sun
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import hemisphere
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
@@ -48,7 +47,7 @@ def scene() -> Scene:
 def side(scene: Scene, building: int, north: float) -> int:
     charts = scene.charts
     (found,) = np.flatnonzero(
-        (charts.kind == WALL) & (charts.building == building) & (charts.normal()[:, 1] * north > 0.9)
+        (charts.kind == ChartKind.WALL) & (charts.building == building) & (charts.normal()[:, 1] * north > 0.9)
     )
     return int(found)
 
@@ -77,7 +76,7 @@ def test_light_is_that_of_single_rays(scene: Scene) -> None:
             continue
         far = depth > around.AROUND_M
         normal = np.array([0.0, 0.0, 1.0]) if far else normals[met]
-        share_back = around.GROUND_BACK if far or charts.kind[met] == GROUND else around.BACK
+        share_back = around.GROUND_BACK if far or charts.kind[met] == ChartKind.GROUND else around.BACK
         sky.append(around.SEES * share_back * (0.5 + 0.5 * normal[2]))
         sun = max(float(normal @ towards), 0.0)
         if not far and sun > 0:
@@ -108,7 +107,7 @@ def test_a_sunlit_house_across_the_street_lights_more_than_a_shaded_one(scene: S
 
 def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_nothing() -> None:
     even = np.full((240, 400, 3), 150, np.uint8)
-    labels = np.full((240, 400), PLAIN, np.uint8)
+    labels = np.full((240, 400), FacadeClass.WALL, np.uint8)
     tones = stains(even, labels, 16.0, (30.0, -12.0), seed=4)
     step = 1 / DENSITY
     x = 30 + step * (np.arange(tones.shape[1]) + 0.5)
@@ -137,7 +136,7 @@ def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
 
 
 def test_stains_go_on_where_the_next_wall_begins() -> None:
-    even, labels = np.full((160, 320, 3), 150, np.uint8), np.full((160, 320), PLAIN, np.uint8)
+    even, labels = np.full((160, 320, 3), 150, np.uint8), np.full((160, 320), FacadeClass.WALL, np.uint8)
     whole = stains(even, labels, 16.0, (0.0, 0.0), seed=4)
     right = stains(even[:, 160:], labels[:, 160:], 16.0, (10.0, 0.0), seed=4)
     np.testing.assert_array_equal(whole[:, 80:], right)
@@ -168,8 +167,8 @@ def test_light_is_laid_over_as_numpy_does() -> None:
 def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: Scene) -> None:
     materials, chart = Materials(scene, [STREET], seed=1), side(scene, 1, 1)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-    labels = np.full(size, PLAIN, np.uint8)
-    labels[40:80, 100:140] = WINDOW
+    labels = np.full(size, FacadeClass.WALL, np.uint8)
+    labels[40:80, 100:140] = FacadeClass.WINDOW
     colour = np.full((*size, 3), 150, np.uint8)
 
     def finished(rank: int) -> np.ndarray:
@@ -179,8 +178,8 @@ def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: S
         known = Known(read, (), ())
         return surface(scene, materials, chart, known, network=False, sun=NOON, labels=labels)[0]
 
-    np.testing.assert_array_equal(finished(SYNTHESISED + 1), lit(colour, sunlight(scene, chart, NOON)))
-    made = finished(SYNTHESISED).astype(float)
+    np.testing.assert_array_equal(finished(Provenance.SYNTHESISED + 1), lit(colour, sunlight(scene, chart, NOON)))
+    made = finished(Provenance.SYNTHESISED).astype(float)
     window, wall = made[45:75, 105:135, 0], made[45:75, 145:175, 0]
     assert wall.std() > 3 * window.std()
-    np.testing.assert_array_equal(finished(SYNTHESISED), finished(SYNTHESISED))
+    np.testing.assert_array_equal(finished(Provenance.SYNTHESISED), finished(Provenance.SYNTHESISED))

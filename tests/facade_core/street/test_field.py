@@ -13,7 +13,7 @@ from facade_core.core.types import Building, Finish, Ground, Roof, Street, Way
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import GRAIN, Materials
@@ -38,7 +38,7 @@ def of_kind(scene: Scene, kind: int) -> int:
     return int(np.flatnonzero(scene.charts.kind == kind)[0])
 
 
-@pytest.mark.parametrize("kind", [GROUND, ROOF, WALL])
+@pytest.mark.parametrize("kind", [ChartKind.GROUND, ChartKind.ROOF, ChartKind.WALL])
 def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> None:
     chart, rng = of_kind(scene, kind), np.random.default_rng(kind)
     whole = Materials(scene, [STREET], seed=1).raster(chart)
@@ -53,17 +53,17 @@ def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> Non
 
 
 def test_a_roof_as_steep_as_a_wall_is_of_what_its_walls_are(scene: Scene) -> None:
-    chart = of_kind(scene, WALL)
+    chart = of_kind(scene, ChartKind.WALL)
     kinds = scene.charts.kind.copy()
-    kinds[chart] = ROOF
+    kinds[chart] = ChartKind.ROOF
     called_roof = replace(scene, charts=replace(scene.charts, kind=kinds))
     of_wall, of_roof = (Materials(one, [STREET], seed=1).field.charts for one in (scene, called_roof))
-    assert of_roof.made[chart] == of_wall.made[chart] != of_wall.made[of_kind(scene, ROOF)]
+    assert of_roof.made[chart] == of_wall.made[chart] != of_wall.made[of_kind(scene, ChartKind.ROOF)]
     np.testing.assert_array_equal(of_roof.tint[chart], of_wall.tint[chart])
 
 
 def test_texels_that_lie_otherwise_in_memory_are_painted_by_the_same_kernel(scene: Scene) -> None:
-    chart, materials = of_kind(scene, WALL), Materials(scene, [STREET], seed=1)
+    chart, materials = of_kind(scene, ChartKind.WALL), Materials(scene, [STREET], seed=1)
     whole = materials.raster(chart)
     kernels = set(colour.signatures)
     chosen = np.zeros(whole.shape[:2], bool)
@@ -75,7 +75,7 @@ def test_texels_that_lie_otherwise_in_memory_are_painted_by_the_same_kernel(scen
 def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
     stated = Finish((40, 60, 200), (200, 40, 30))
     painted = replace(scene, finishes=(Finish(), stated))
-    for kind, place in ((ROOF, 0), (WALL, 2)):
+    for kind, place in ((ChartKind.ROOF, 0), (ChartKind.WALL, 2)):
         for building in (0, 1):
             chart = int(np.flatnonzero((scene.charts.kind == kind) & (scene.charts.building == building))[0])
             bare, tinted = (Materials(one, [STREET], seed=1).raster(chart).astype(float) for one in (scene, painted))
@@ -86,7 +86,7 @@ def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
 
 
 def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
-    gabled = int(np.flatnonzero((scene.charts.kind == ROOF) & (scene.charts.building == 1))[0])
+    gabled = int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == 1))[0])
 
     def made(finish: Finish) -> int:
         return int(Materials(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).field.charts.made[gabled])
@@ -110,7 +110,8 @@ def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
 
 def test_a_level_roof_is_of_felt_or_under_gravel_as_a_rule(scene: Scene) -> None:
     level, leaning = (
-        int(np.flatnonzero((scene.charts.kind == ROOF) & (scene.charts.building == building))[0]) for building in (0, 1)
+        int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == building))[0])
+        for building in (0, 1)
     )
     made = [Materials(scene, [STREET], seed=seed).field.charts.made for seed in range(60)]
     counts = [sum(one[level] == of for one in made) for of in (FELT, BALLAST, SHEET)]
@@ -125,10 +126,10 @@ def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> N
     """What a building alone knows of its walls changes no other chart, and costs no copy of the tables of all."""
     plain = Materials(scene, [STREET], seed=1)
     surfaces, charts = plain.field.charts, np.flatnonzero(scene.charts.building == 1).tolist()
-    facade = next(one for one in charts if scene.charts.kind[one] == WALL)
+    facade = next(one for one in charts if scene.charts.kind[one] == ChartKind.WALL)
     wall = WallMaterial(np.array([150.0, 90.0, 70.0]), brick)
     changed, own = plain.with_wall(charts, wall, facade)
-    assert own.tolist() == [one for one in charts if scene.charts.kind[one] == WALL]
+    assert own.tolist() == [one for one in charts if scene.charts.kind[one] == ChartKind.WALL]
     assert changed.field.charts is surfaces
     made, tint, example = (part.copy() for part in (surfaces.made, surfaces.tint, surfaces.grain))
     tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
@@ -136,7 +137,7 @@ def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> N
         made[own], example[own] = BRICK, GRAIN[BRICK]
     whole = Materials(scene, [STREET], seed=1)
     whole.field = whole.field._replace(charts=surfaces._replace(made=made, tint=tint, grain=example))
-    for chart in (facade, of_kind(scene, WALL), of_kind(scene, ROOF)):
+    for chart in (facade, of_kind(scene, ChartKind.WALL), of_kind(scene, ChartKind.ROOF)):
         np.testing.assert_array_equal(changed.raster(chart), whole.raster(chart))
     assert (changed.raster(facade) != plain.raster(facade)).any()
 
@@ -212,7 +213,7 @@ def test_leaves_lie_by_kerbs_and_few() -> None:
 
 
 def test_rain_leaves_streaks_under_the_upper_edge_of_a_wall(scene: Scene) -> None:
-    wall = of_kind(scene, WALL)
+    wall = of_kind(scene, ChartKind.WALL)
     whole = Materials(scene, [STREET], seed=1).raster(wall).astype(float).mean(axis=2)
     top, middle = (whole[rows].mean(axis=0) for rows in (slice(0, 12), slice(60, 72)))
     assert top.std() > 1.5 * middle.std()
@@ -233,7 +234,7 @@ def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
         owner = [
             next(
                 c
-                for c in np.flatnonzero(charts.kind == GROUND).tolist()
+                for c in np.flatnonzero(charts.kind == ChartKind.GROUND).tolist()
                 if (((at := charts.coordinates(np.array([c]), place[None])[0]) >= 0) & (at <= charts.size[c])).all()
             )
             for place in places
@@ -247,7 +248,7 @@ def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
     assert middle < outside < square  # below the house it is dark, and none of that comes out
 
 
-@pytest.mark.parametrize("kind", [GROUND, ROOF])
+@pytest.mark.parametrize("kind", [ChartKind.GROUND, ChartKind.ROOF])
 def test_detail_is_what_a_coarse_picture_lacks(scene: Scene, kind: int) -> None:
     import cv2
 
@@ -274,14 +275,14 @@ def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_fo
     def materials(charts: Charts) -> Materials:
         return Materials(Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024)), [STREET], seed=1)
 
-    wall = np.flatnonzero((charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))[0]
+    wall = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9))[0]
     x = np.linspace(0.5, 19.5, 200)
     foot, high = (
         materials(charts).colour(np.full(200, wall), np.column_stack([x, 0 * x, 0 * x + z]), np.full(200, 0.1))
         for z in (30.1, 35.0)
     )
     assert foot.mean() < 0.93 * high.mean()
-    roof = np.flatnonzero(charts.kind == ROOF)[0]
+    roof = np.flatnonzero(charts.kind == ChartKind.ROOF)[0]
     down = np.linspace(0.01, 3.39, 400)
     rows = np.zeros(400, int)
     for right in np.linspace(2.0, 6.0, 25):  # means over several columns, of which each has its grain
@@ -290,7 +291,7 @@ def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_fo
     assert 8 <= (np.diff((rows < np.quantile(rows, 0.12)).astype(int)) == 1).sum() <= 10  # ten tiles of 0.34 m
     middle = (charts.origin + 0.5 * charts.size[:, :1] * charts.axis_u + 0.5 * charts.size[:, 1:] * charts.axis_v)[wall]
     seen = set()
-    for kind in (WALL, WINDOW, DOOR, CEILING):
+    for kind in (ChartKind.WALL, ChartKind.WINDOW, ChartKind.DOOR, ChartKind.CEILING):
         other = replace(charts, kind=np.full(len(charts), kind, np.uint8))
         colour = materials(other).colour(np.array([wall]), middle[None], np.full(1, 0.1))[0]
         assert colour.min() > 10

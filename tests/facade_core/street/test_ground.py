@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import Area, Ground, Way
-from facade_core.geometry.charts import GROUND, Charts
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.marks import EDGE_M, LINE_M, PAINT, STOP_M, marks
 from facade_core.geometry.ground.shapes import SQUARE_M, Squares
 from facade_core.street.materials.grain_file import shipped
@@ -27,7 +27,9 @@ def squares(ground: Ground, *places: tuple[int, int]) -> Squares:
     origin = np.array([(x * SQUARE_M, (y + 1) * SQUARE_M, 0.0) for x, y in places])
     east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
     size = np.full((count, 2), SQUARE_M)
-    return Squares(ground, Charts(np.full(count, GROUND, np.uint8), own, own * 0 - 1, origin, east, south, size))
+    return Squares(
+        ground, Charts(np.full(count, ChartKind.GROUND, np.uint8), own, own * 0 - 1, origin, east, south, size)
+    )
 
 
 def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:

@@ -7,13 +7,12 @@ import pytest
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.labels import BALCONY, WINDOW
-from facade_core.core.labels import WALL as PLAIN
-from facade_core.core.provenance import PHOTO, UNSEEN
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street, Sun
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact import contact
@@ -46,7 +45,7 @@ def at(scene: Scene, chart: int, place: tuple[float, float, float]) -> tuple[int
 
 
 def on_ground(scene: Scene, place: tuple[float, float]) -> tuple[int, tuple[int, int]]:
-    for chart in np.flatnonzero(scene.charts.kind == GROUND).tolist():
+    for chart in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist():
         if texel := at(scene, chart, (*place, 0.0)):
             return chart, texel
     raise AssertionError(place)
@@ -74,7 +73,7 @@ def test_shadows_fall_away_from_the_sun_and_end_where_its_height_says(scene: Sce
 
 def test_walls_face_the_sun_or_not(scene: Scene) -> None:
     north = scene.charts.normal()[:, 1]
-    walls = (scene.charts.kind == WALL) & (scene.charts.building == 0)
+    walls = (scene.charts.kind == ChartKind.WALL) & (scene.charts.building == 0)
     (front,), (back,) = (np.flatnonzero(walls & (sense * north < -0.9)) for sense in (1, -1))
     assert sunlight(scene, int(front), SOUTH).min() == pytest.approx(np.sqrt(0.5), abs=1e-3)
     assert not sunlight(scene, int(back), SOUTH).any()
@@ -93,17 +92,17 @@ def test_ground_and_wall_are_darker_where_they_meet(scene: Scene) -> None:
         light.append(float(left[texel]))
     assert 0.6 < light[0] < light[1] - 0.1 < light[2] - 0.1
     assert light[2] == 1
-    for wall in np.flatnonzero(scene.charts.kind == WALL).tolist():
+    for wall in np.flatnonzero(scene.charts.kind == ChartKind.WALL).tolist():
         left = contact(scene, wall)
         assert left is not None
         assert left[-1].max() < 0.9
         assert (left[: int(8 * DENSITY)] == 1).all()
-    assert all(contact(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ROOF).tolist())
+    assert all(contact(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist())
 
 
 def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
     """Beside the border of two pieces the line of a wall is as far away on both."""
-    ground = np.flatnonzero(scene.charts.kind == GROUND)
+    ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     west = scene.charts.origin[ground, 0]
     border = west[(west > -44) & (west < -26)]
     assert len(border), "no border of pieces lies before a house"
@@ -118,33 +117,33 @@ def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
 
 def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) -> None:
     materials = Materials(scene, [STREET], seed=1)
-    chart = int(np.flatnonzero(scene.charts.kind == WALL)[0])
+    chart = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0])
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
 
     def known(rank: int) -> Known:
         def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-            colour = np.full((*size, 3), 200 if rank == PHOTO else 0, np.uint8)
+            colour = np.full((*size, 3), 200 if rank == Provenance.PHOTO else 0, np.uint8)
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
         return Known(read, (), ())
 
-    photo, _ = surface(scene, materials, chart, known(PHOTO), network=False)
+    photo, _ = surface(scene, materials, chart, known(Provenance.PHOTO), network=False)
     assert (photo == 200).all()
-    bare, _ = surface(scene, materials, chart, known(UNSEEN), network=False)
+    bare, _ = surface(scene, materials, chart, known(Provenance.UNSEEN), network=False)
     left = contact(scene, chart)
     assert left is not None
     expected = np.where(left[..., None] < 1, (materials.raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0)
     np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
     assert (bare[left == 1] == materials.raster(chart)[left == 1]).all()
-    sunny, _ = surface(scene, materials, chart, known(UNSEEN), network=False, sun=SOUTH)
+    sunny, _ = surface(scene, materials, chart, known(Provenance.UNSEEN), network=False, sun=SOUTH)
     assert (sunny != bare).any()
     np.testing.assert_array_equal(sunny, lit(bare, sunlight(scene, chart, SOUTH)))
 
 
 def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_them() -> None:
-    labels = np.full((120, 120), PLAIN, np.uint8)
-    labels[20:60, 40:80] = BALCONY
-    labels[80:110, 40:80] = WINDOW
+    labels = np.full((120, 120), FacadeClass.WALL, np.uint8)
+    labels[20:60, 40:80] = FacadeClass.BALCONY
+    labels[80:110, 40:80] = FacadeClass.WINDOW
     colour = np.full((120, 120, 3), 160, np.uint8)
     towards = np.array([-0.5, -0.7, 0.5])  # up and to the left
     shadow = cast_shadows(colour, labels, 20.0, towards, 0.6)

@@ -7,11 +7,11 @@ import pytest
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.provenance import MATERIAL, PHOTO, TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, ROOF
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.overhead_view import from_above, raster_points, shown_from_above
 from facade_core.geometry.scene import Scene
@@ -44,7 +44,7 @@ def picture(places: np.ndarray, _side: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def roof(scene: Scene, building: int) -> int:
-    return int(np.flatnonzero((scene.charts.kind == ROOF) & (scene.charts.building == building))[0])
+    return int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == building))[0])
 
 
 def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
@@ -64,12 +64,12 @@ def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
 
 def test_only_roofs_that_face_up_are_shown(scene: Scene) -> None:
     shown = shown_from_above(scene)
-    assert (scene.charts.kind[shown] == ROOF).all()
-    assert shown.sum() == (scene.charts.kind == ROOF).sum()
+    assert (scene.charts.kind[shown] == ChartKind.ROOF).all()
+    assert shown.sum() == (scene.charts.kind == ChartKind.ROOF).sum()
 
 
 def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Scene) -> None:
-    ground = np.flatnonzero(scene.charts.kind == GROUND)
+    ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     # known and unknown places are both on it
     chart = next(c for c in ground.tolist() if 0 < from_above(scene, c, picture)[1][:, 20:].mean() < 1)
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
@@ -79,7 +79,9 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         assert one == chart
         colour = np.where(seen[..., None], np.array([9, 9, 200], np.uint8), np.uint8(0))
-        return colour[rows, columns], np.where(seen, TRANSLATED, UNSEEN).astype(np.uint8)[rows, columns]
+        return colour[rows, columns], np.where(seen, Provenance.TRANSLATED, Provenance.UNSEEN).astype(np.uint8)[
+            rows, columns
+        ]
 
     materials = Materials(scene, [STREET], seed=0)
     colour, provenance = surface(
@@ -95,7 +97,9 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     bare = ~known & ~seen & away
     assert bare.any()
     np.testing.assert_array_equal(colour[bare], materials.raster(chart)[bare])
-    np.testing.assert_array_equal(provenance, np.where(seen, TRANSLATED, np.where(known, PHOTO, MATERIAL)))
+    np.testing.assert_array_equal(
+        provenance, np.where(seen, Provenance.TRANSLATED, np.where(known, Provenance.PHOTO, Provenance.MATERIAL))
+    )
 
 
 def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:
@@ -105,7 +109,7 @@ def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:
     points = scene.charts.origin + scene.charts.axis_u + scene.charts.axis_v
     footprint = np.full(len(charts), 1 / DENSITY)
     before, after = plain.colour(charts, points, footprint), laid.colour(charts, points, footprint)
-    roofs = scene.charts.kind == ROOF
+    roofs = scene.charts.kind == ChartKind.ROOF
     assert (after[roofs, 1] > 2 * after[roofs, 0].astype(int)).all()
     assert not (before[roofs] == after[roofs]).all(axis=1).any()
     np.testing.assert_array_equal(before[~roofs], after[~roofs])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.core.labels import WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.wall_material import lit_colour, wall_material
 from facade_core.street.materials.procedural import brick, plaster
 
@@ -24,9 +24,9 @@ def facade(laid: bool, density: float = DENSITY) -> tuple[np.ndarray, np.ndarray
         plaster(x, y, 20 - y, side, 3, tone)
     colour = (tone[:, None] * (COLOUR + mortar[:, None] * (185 - COLOUR))).reshape(rows, columns, 3)
     colour[:, : columns // 3] *= 0.5
-    labels = np.full((rows, columns), WALL, np.uint8)
-    labels[rows // 2 : rows // 2 + rows // 4, columns // 2 : columns // 2 + columns // 8] = WINDOW
-    colour[labels == WINDOW] = (20, 30, 40)
+    labels = np.full((rows, columns), FacadeClass.WALL, np.uint8)
+    labels[rows // 2 : rows // 2 + rows // 4, columns // 2 : columns // 2 + columns // 8] = FacadeClass.WINDOW
+    colour[labels == FacadeClass.WINDOW] = (20, 30, 40)
     return np.clip(colour, 0, 255).astype(np.uint8), labels
 
 
@@ -48,7 +48,7 @@ def test_bricks_are_told_by_their_courses_where_texels_show_them() -> None:
 
 def test_of_a_facade_that_is_all_windows_nothing_is_known() -> None:
     image, labels = facade(laid=False)
-    assert wall_material(image, np.full_like(labels, WINDOW), DENSITY) is None
+    assert wall_material(image, np.full_like(labels, FacadeClass.WINDOW), DENSITY) is None
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

@@ -11,11 +11,11 @@ import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import GeometryError
-from facade_core.core.provenance import PHOTO, TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import Daylight
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
@@ -54,7 +54,9 @@ def window(scene: Scene, writable, seed=None, evidence=None) -> TexelBuffer:
 def south_wall(scene: Scene, building: int) -> int:
     charts = scene.charts
     return int(
-        np.flatnonzero((charts.building == building) & (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))[0]
+        np.flatnonzero(
+            (charts.building == building) & (charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9)
+        )[0]
     )
 
 
@@ -100,7 +102,7 @@ def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
     propagate(scene, atlas, camera(), rgb, seen=first.chart)
     texels = atlas.rasters.slice(scene.placement, hidden)
     shape = (scene.placement.height[hidden], scene.placement.width[hidden])
-    written = (atlas.provenance[texels] == TRANSLATED).reshape(shape)
+    written = (atlas.provenance[texels] == Provenance.TRANSLATED).reshape(shape)
     assert (atlas.colour[texels][written.reshape(-1)] == [0, 255, 0]).all()
     # seen from 2.5 m at y = -8, the roof line of the front (12 m at y = 0) hides the wall at y = 14 below 28.6 m
     heights = 30 - (np.arange(shape[0]) + 0.5) / 10
@@ -114,20 +116,20 @@ def test_stronger_evidence_is_never_overwritten(scene: Scene) -> None:
     seed = np.full((rasters.total, 3), 77, np.uint8)
     evidence = np.zeros(rasters.total, np.uint8)
     texels = rasters.slice(scene.placement, wall)
-    evidence[texels.start : texels.start + 500] = PHOTO
+    evidence[texels.start : texels.start + 500] = Provenance.PHOTO
     atlas = window(scene, [wall], seed, evidence)
     propagate(scene, atlas, camera(), np.full((128, 256, 3), 200, np.uint8))
     assert (atlas.colour[texels][:500] == 77).all()
-    assert (atlas.provenance[texels][:500] == PHOTO).all()
-    assert set(atlas.provenance[texels][500:]) <= {TRANSLATED, UNSEEN}
-    assert (atlas.provenance[texels] == TRANSLATED).any()
+    assert (atlas.provenance[texels][:500] == Provenance.PHOTO).all()
+    assert set(atlas.provenance[texels][500:]) <= {Provenance.TRANSLATED, Provenance.UNSEEN}
+    assert (atlas.provenance[texels] == Provenance.TRANSLATED).any()
 
 
 def test_views_beyond_the_range_do_not_count(scene: Scene) -> None:
-    atlas = window(scene, np.flatnonzero(scene.charts.kind == WALL))
+    atlas = window(scene, np.flatnonzero(scene.charts.kind == ChartKind.WALL))
     far = Viewpoint(0, 0, np.array([10.0, -60.0, 2.5]), np.array([1.0, 0.0]))
     propagate(scene, atlas, far, np.full((64, 128, 3), 200, np.uint8))
-    assert (atlas.provenance == UNSEEN).all()
+    assert (atlas.provenance == Provenance.UNSEEN).all()
 
 
 def test_swatches_keep_textured_pixels_and_paint_all_others(scene: Scene) -> None:
@@ -143,7 +145,7 @@ def test_swatches_keep_textured_pixels_and_paint_all_others(scene: Scene) -> Non
 
 def test_what_was_seen_only_from_afar_is_bare_from_near(scene: Scene) -> None:
     """A stand-in is no texture to a viewpoint whose own view is proper; to others it is."""
-    ground = np.flatnonzero(scene.charts.kind == GROUND)
+    ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     atlas = window(scene, ground)
     first = camera(-8.0)
     propagate(scene, atlas, first, np.full((128, 256, 3), 90, np.uint8))
@@ -182,7 +184,7 @@ def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
         patched.setattr(module, "mark_tiles", lambda *arguments: np.ones_like(mark_tiles(*arguments)))
         propagate(scene, everywhere, camera(), rgb)
     assert visited[0] < 0.8
-    found, all_found = marked.provenance > UNSEEN, everywhere.provenance > UNSEEN
+    found, all_found = marked.provenance > Provenance.UNSEEN, everywhere.provenance > Provenance.UNSEEN
     assert not (found & ~all_found).any()
     assert (all_found & ~found).sum() < 2e-3 * all_found.sum()
     np.testing.assert_array_equal(marked.colour[found], everywhere.colour[found])
@@ -195,7 +197,7 @@ def test_threads_change_nothing(scene: Scene, threads: int) -> None:
         rgb = np.random.default_rng(int(x)).integers(0, 255, (128, 256, 3), dtype=np.uint8)
         propagate(scene, together, camera(x), rgb, threads=threads)
         propagate(scene, alone, camera(x), rgb)
-    assert (alone.provenance == TRANSLATED).sum() > 10_000
+    assert (alone.provenance == Provenance.TRANSLATED).sum() > 10_000
     for one, other in zip(together.state, alone.state, strict=True):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(together.colour, alone.colour)
@@ -206,7 +208,7 @@ def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
     """Stripes finer than a pixel become their mean, not one of them."""
     wall = south_wall(scene, 0)
     rasters, _ = TexelBuffer.layout(scene.placement, [], range(len(scene.charts)))
-    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.full(rasters.total, PHOTO, np.uint8)
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.full(rasters.total, Provenance.PHOTO, np.uint8)
     texels = rasters.slice(scene.placement, wall)
     width, height = int(scene.placement.width[wall]), int(scene.placement.height[wall])
     seed[texels] = np.tile(
@@ -228,7 +230,7 @@ def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
     light = Daylight(scene.charts, scene.caster)
     hidden, roof = (
         south_wall(scene, 1),
-        int(np.flatnonzero((scene.charts.building == 1) & (scene.charts.kind == ROOF))[0]),
+        int(np.flatnonzero((scene.charts.building == 1) & (scene.charts.kind == ChartKind.ROOF))[0]),
     )
     light.reach([hidden, roof])
 
@@ -240,7 +242,7 @@ def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
     wall = grid(hidden)
     assert wall[-1].mean() < wall[0].mean() - 0.15  # 4 m behind another house
     other = Daylight(scene.charts, scene.caster)
-    for chart in (hidden, int(np.flatnonzero(scene.charts.kind == GROUND)[0]), hidden):
+    for chart in (hidden, int(np.flatnonzero(scene.charts.kind == ChartKind.GROUND)[0]), hidden):
         other.reach([chart])
     start = other.place[hidden]
     np.testing.assert_array_equal(other.light[start : start + wall.size], wall.ravel())

@@ -7,11 +7,11 @@ import pytest
 import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.provenance import INPAINTED, MATERIAL, PHOTO, TRANSLATED, UNSEEN
+from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.party_walls import enclosed
 from facade_core.geometry.scene import Scene
@@ -41,7 +41,7 @@ def materials(scene: Scene) -> Materials:
 
 def ground(scene: Scene) -> int:
     """The largest piece."""
-    own = np.flatnonzero(scene.charts.kind == GROUND)
+    own = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     return int(own[np.argmax(scene.charts.size[own].prod(axis=1))])
 
 
@@ -51,7 +51,7 @@ def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> Known:
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         shape = (int(scene.placement.height[one]), int(scene.placement.width[one]))
         ranks = rank if one == chart else np.zeros(shape, np.uint8)
-        colour = np.where(ranks[..., None] > UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
+        colour = np.where(ranks[..., None] > Provenance.UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
         return colour[rows, columns], ranks[rows, columns]
 
     return Known(read, {chart}, {chart})
@@ -75,17 +75,17 @@ def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: Materi
     for chart in range(len(scene.charts)):
         colour, provenance = surface(scene, materials, chart, known(scene, -1, bare(scene, 0), 0), network=False)
         np.testing.assert_array_equal(colour, footed(scene, chart, materials.raster(chart)))
-        assert (provenance == MATERIAL).all()
+        assert (provenance == Provenance.MATERIAL).all()
 
 
 def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, materials: Materials) -> None:
-    chart = int(np.flatnonzero((scene.charts.kind == WALL) & (scene.charts.size[:, 0] > 19))[0])
+    chart = int(np.flatnonzero((scene.charts.kind == ChartKind.WALL) & (scene.charts.size[:, 0] > 19))[0])
     rank = bare(scene, chart)
-    rank[:, :40] = PHOTO
+    rank[:, :40] = Provenance.PHOTO
     read = known(scene, chart, rank, 160)
     colour, provenance = surface(scene, materials, chart, read, network=False)
     assert (colour[:, :40] == 160).all()
-    assert (provenance[:, 40:] == MATERIAL).all()
+    assert (provenance[:, 40:] == Provenance.MATERIAL).all()
     plain, _ = surface(scene, materials, chart, read, network=False, levelling=False)
     np.testing.assert_array_equal(plain[:, 40:], footed(scene, chart, materials.raster(chart))[:, 40:])
     step = [abs(found[:, 40:46].astype(float).mean() - 160) for found in (plain, colour)]
@@ -120,8 +120,8 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
     density = float(scene.placement.texels_per_metre[chart])
     rank = bare(scene, chart)
     stripes = np.where(np.arange(len(rank)) // 8 % 2, 210, 90).astype(np.uint8)[:, None, None]
-    rank[:, :120] = PHOTO
-    rank[60:80, 40:70] = UNSEEN
+    rank[:, :120] = Provenance.PHOTO
+    rank[60:80, 40:70] = Provenance.UNSEEN
     plain = known(scene, chart, rank, 1).read
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -130,11 +130,11 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
 
     colour, provenance = surface(scene, materials, chart, Known(read, {chart}, {chart}), network=False)
     hole = provenance[60:80, 40:70]
-    assert (hole == INPAINTED).all()
+    assert (hole == Provenance.INPAINTED).all()
     assert np.abs(colour[60:80, 40:70].astype(float) - stripes[60:80]).mean() < 8
     last = 120 + round(FILLED_M * density)
-    assert (provenance[20:-20, 120 : last - 2] == INPAINTED).all()
-    assert (provenance[:, last + 2 :] < INPAINTED).all()
+    assert (provenance[20:-20, 120 : last - 2] == Provenance.INPAINTED).all()
+    assert (provenance[:, last + 2 :] < Provenance.INPAINTED).all()
     painted = materials.raster(chart)
     np.testing.assert_array_equal(colour[:, last + 2 :], footed(scene, chart, painted)[:, last + 2 :])
     edge = np.abs(colour[20:-20, last - 3].astype(float) - painted[20:-20, last - 3]).mean()
@@ -150,9 +150,9 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
     placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
     materials = Materials(scene, [STREET], seed=1)
-    front = np.flatnonzero((charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))
+    front = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9))
     one, other = front[np.argsort(charts.origin[front, 0])].tolist()
-    photo = np.full_like(bare(scene, one), PHOTO)
+    photo = np.full_like(bare(scene, one), Provenance.PHOTO)
     step = {}
     for levelling in (False, True):
         colour, _ = surface(scene, materials, other, known(scene, one, photo, 120), network=False, levelling=levelling)
@@ -169,12 +169,12 @@ def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scen
         viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
         mark_first_visible(scene, window, viewpoint, scene.look(viewpoint, 512)[2])
         paint(window, scene.placement, materials)
-        counts.append(int((window.provenance == TRANSLATED).sum()))
+        counts.append(int((window.provenance == Provenance.TRANSLATED).sum()))
     assert 0 < counts[0] < counts[1] < rasters.total
     assert window.state.views.max() == 1
     chart = ground(scene)
     texels = rasters.slice(scene.placement, chart)
-    seen = window.provenance[texels] == TRANSLATED
+    seen = window.provenance[texels] == Provenance.TRANSLATED
     assert 0 < seen.mean() < 1
     np.testing.assert_array_equal(window.colour[texels][seen], materials.raster(chart).reshape(-1, 3)[seen])
     assert not window.colour[texels][~seen].any()
@@ -183,14 +183,14 @@ def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scen
 def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials: Materials) -> None:
     """Tone from the network, grain of the material; more of it where a pixel covers more."""
     chart = ground(scene)
-    rank = np.full_like(bare(scene, chart), TRANSLATED)
+    rank = np.full_like(bare(scene, chart), Provenance.TRANSLATED)
     read = known(scene, chart, rank, 120)
     middle = scene.charts.at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0]
     grain = []
     for up in (1.5, 30.0):
         pixels = Pixels(middle + np.array([0, 0, up]), 512)
         colour, provenance = surface(scene, materials, chart, read, network=True, pixels=pixels, levelling=False)
-        assert (provenance == TRANSLATED).all()
+        assert (provenance == Provenance.TRANSLATED).all()
         assert abs(colour.astype(float).mean() - 120) < 2
         grain.append(float(colour.astype(float).std()))
     assert grain[1] > grain[0] > 0
@@ -209,12 +209,12 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     materials = Materials(scene, [STREET], seed=1)
     shut = np.array([enclosed(scene, chart).mean() for chart in range(len(charts))])
     east = charts.normal()[:, 0]
-    (party,) = np.flatnonzero((charts.kind == WALL) & (charts.building == 0) & (east > 0.9))
-    (covered,) = np.flatnonzero((charts.kind == WALL) & (charts.building == 1) & (east < -0.9))
+    (party,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 0) & (east > 0.9))
+    (covered,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 1) & (east < -0.9))
     assert shut[covered] == 1
     assert shut[party] == pytest.approx(0.5, abs=0.06)
     assert not np.delete(shut, [party, covered]).any()
     colour, provenance = surface(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), network=False)
-    assert (provenance == MATERIAL).all()
+    assert (provenance == Provenance.MATERIAL).all()
     assert np.ptp(colour[70:].reshape(-1, 3), axis=0).max() == 0
     np.testing.assert_array_equal(colour[:55], materials.raster(int(party))[:55])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from facade_core.core.labels import DOOR, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.model_relief import relief
 
@@ -31,9 +31,9 @@ def test_a_street_of_a_metre_has_none() -> None:
 
 
 def test_openings_are_darker_than_the_wall_with_a_shadow_under_their_head_and_a_lit_sill() -> None:
-    labels = np.full((60, 40), WALL, np.uint8)
-    labels[10:30, 10:20] = WINDOW
-    labels[40:60, 25:35] = DOOR
+    labels = np.full((60, 40), FacadeClass.WALL, np.uint8)
+    labels[10:30, 10:20] = FacadeClass.WINDOW
+    labels[40:60, 25:35] = FacadeClass.DOOR
     grey = relief(labels, 0.05).astype(int)
     assert grey[20, 15] < grey[5, 5]
     assert grey[10, 15] < grey[20, 15]

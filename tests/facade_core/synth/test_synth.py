@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import FacadeError
-from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, WALL, WINDOW
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.synth.exemplars import exemplars
 from facade_core.synth.facade import PaintedFacade, facade
 from facade_core.synth.shops import parade
@@ -38,13 +38,13 @@ def test_shapes_and_counts(painted):
 
 
 def test_labels_are_the_elements_drawn_in_class_order(painted):
-    expected = np.where(painted.labels == ROOF, ROOF, WALL).astype(np.uint8)
+    expected = np.where(painted.labels == FacadeClass.ROOF, FacadeClass.ROOF, FacadeClass.WALL).astype(np.uint8)
     for name in ELEMENT_CLASSES:
         for e in painted.elements:
             if e.label == name:
                 expected[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] = CLASSES.index(name)
     np.testing.assert_array_equal(painted.labels, expected)
-    assert not (painted.labels == SKY).any()
+    assert not (painted.labels == FacadeClass.SKY).any()
 
 
 def test_elements_lie_inside_on_whole_pixels(painted):
@@ -77,7 +77,7 @@ def test_states_name_their_label_and_vary(painted):
 
 def test_windows_look_unlike_the_wall(painted):
     upper = painted.image[: int(0.7 * 188)].astype(float)
-    bare = painted.labels[: int(0.7 * 188)] == WALL
+    bare = painted.labels[: int(0.7 * 188)] == FacadeClass.WALL
     wall = np.median(upper[bare], axis=0)
     usual = np.abs(upper[bare] - wall).max(1).mean()
     off = [
@@ -107,8 +107,8 @@ def test_panes_are_dark():
     for style in ("neoclassical", "functionalist", "haussmann"):
         result = paint(style)
         grey = result.image.mean(2)
-        panes = np.percentile(grey[result.labels == WINDOW], 25)
-        assert panes < 0.55 * np.median(grey[result.labels == WALL])
+        panes = np.percentile(grey[result.labels == FacadeClass.WINDOW], 25)
+        assert panes < 0.55 * np.median(grey[result.labels == FacadeClass.WALL])
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -209,7 +209,7 @@ def test_exemplars_are_varied_and_to_scale():
         assert 3 <= p.floors <= 7
         assert 3 <= p.columns <= 8
         assert 9.9 <= p.image.shape[1] * 0.1 <= 26.1
-        assert (p.labels == WINDOW).mean() > 0.05
+        assert (p.labels == FacadeClass.WINDOW).mean() > 0.05
     again = exemplars(3, seed=3, metres_per_pixel=0.1)
     np.testing.assert_array_equal(again[2].labels, library[2].labels)
     assert not any(p.occluded.any() for p in again)
@@ -219,7 +219,7 @@ def test_storeys_of_exemplars_are_about_three_metres():
     for p in exemplars(5, seed=8, metres_per_pixel=0.1):
         named = zip(p.elements, p.element_states, strict=True)
         tops = {e.y0 for e, state in named if state.startswith("window:") and "ground" not in state}
-        roof = int((p.labels[:, 0] == ROOF).sum())
+        roof = int((p.labels[:, 0] == FacadeClass.ROOF).sum())
         rises = np.diff(sorted(y for y in tops if y > roof)) * 0.1
         assert rises.size >= 1
         assert (rises > 2.8).all()

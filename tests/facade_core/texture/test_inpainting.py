@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import ROOF, SHOP, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_pitch import bay_width, floor_height
 from facade_core.facade.texture.inpainting import inpaint
@@ -125,7 +125,7 @@ def test_a_layout_does_not_wall_up_what_it_does_not_know(facade):
     mask[-45:, 60:100] = True  # part of the shop
     window = [Element("window", 10, 40, 26, 60)]
     filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=window, method="floors")
-    shop = mask & (facade.labels == SHOP)
+    shop = mask & (facade.labels == FacadeClass.SHOP)
     assert error(filled, facade.image, shop) < 20.0
 
 
@@ -158,13 +158,13 @@ def test_a_window_hidden_on_a_real_facade(data):
     folder = data / "facades" / "ecp"
     image = np.array(Image.open(folder / "images" / "monge_55.jpg").convert("RGB"))
     labels = np.array(Image.open(folder / "labels" / "monge_55.png"))
-    labels = np.where(labels == 7, ROOF, labels).astype(np.uint8)
+    labels = np.where(labels == 7, FacadeClass.ROOF, labels).astype(np.uint8)
     mask = np.zeros(labels.shape, bool)
     mask[150:290, 110:190] = True
     filled = inpaint(spoiled(image, mask), mask, labels=np.where(mask, 0, labels).astype(np.uint8))
     telea = cv2.inpaint(spoiled(image, mask), mask.astype(np.uint8), 3, cv2.INPAINT_TELEA)
     assert error(filled, image, mask) < error(telea, image, mask)
-    window = mask & (labels == WINDOW)
+    window = mask & (labels == FacadeClass.WINDOW)
     wall = mask & (labels == 0)
     contrast = filled[wall].mean() - filled[window].mean()
     assert contrast > 0.5 * (image[wall].mean() - image[window].mean())

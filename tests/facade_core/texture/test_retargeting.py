@@ -6,7 +6,7 @@ from PIL import Image
 from scipy import ndimage
 
 from facade_core.core.errors import ImageError
-from facade_core.core.labels import DOOR, ROOF, SHOP, SKY, WALL, WINDOW
+from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.shortest_walks import cheapest_walk
@@ -18,7 +18,7 @@ MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
 
 
 def counts(labels: np.ndarray) -> tuple[int, int]:
-    window = labels == WINDOW
+    window = labels == FacadeClass.WINDOW
     return len(window_spans(window)), len(window_spans(window.T))
 
 
@@ -28,17 +28,17 @@ def test_size_floors_doors_and_roof(facade, size, floors):
     assert result.image.shape == (round(size[0] / MPP), round(size[1] / MPP), 3)
     assert counts(result.labels)[0] == floors - 1, "the ground floor has a door and no windows"
     assert storeys(result.labels) == floors
-    street = np.isin(result.labels, (DOOR, SHOP)).any(1)
+    street = np.isin(result.labels, (FacadeClass.DOOR, FacadeClass.SHOP)).any(1)
     assert street[-1]
     assert street.sum() < 0.5 * len(street)
-    assert (result.labels == DOOR)[-2].any()
-    assert (result.labels[0] == ROOF).mean() > 0.9
-    assert not (result.labels == SKY).any()
+    assert (result.labels == FacadeClass.DOOR)[-2].any()
+    assert (result.labels[0] == FacadeClass.ROOF).mean() > 0.9
+    assert not (result.labels == FacadeClass.SKY).any()
 
 
 def test_windows_are_whole_and_of_the_exemplars_proportions(facade):
     (result,) = retarget(*facade, (20.0, 25.0), floors=5, metres_per_pixel=MPP)
-    boxes = ndimage.find_objects(ndimage.label(result.labels == WINDOW)[0])
+    boxes = ndimage.find_objects(ndimage.label(result.labels == FacadeClass.WINDOW)[0])
     sides = np.array([[b.stop - b.start for b in box] for box in boxes])
     assert len(boxes) == 4 * counts(result.labels)[1]
     np.testing.assert_allclose(sides[:, 0] / sides[:, 1], 20 / 16, rtol=0.25)
@@ -53,7 +53,7 @@ def test_columns_are_obeyed(facade):
 
 def test_a_wall_narrower_than_half_a_bay_is_blank(facade):
     (result,) = retarget(*facade, (16.0, 1.0), floors=4, metres_per_pixel=MPP)
-    assert not (result.labels == WINDOW).any()
+    assert not (result.labels == FacadeClass.WINDOW).any()
 
 
 def test_results_differ_and_repeat_by_seed(facade):
@@ -67,7 +67,7 @@ def test_results_differ_and_repeat_by_seed(facade):
 
 def test_one_door_where_the_exemplar_has_one(facade):
     (result,) = retarget(*facade, (18.0, 14.0), floors=4, metres_per_pixel=MPP)
-    assert ndimage.label((result.labels == DOOR)[-2])[1] == 1
+    assert ndimage.label((result.labels == FacadeClass.DOOR)[-2])[1] == 1
 
 
 def test_bad_input_names_the_remedy(facade):
@@ -84,7 +84,7 @@ def test_structure_of_the_drawn_facade(facade):
     assert found.kinds == ("middle",) * 4
     assert len(found.bays) == 4
     assert abs(found.ground_top - (facade.labels.shape[0] - 41)) < 12
-    window = facade.labels == WINDOW
+    window = facade.labels == FacadeClass.WINDOW
     assert not any((window[c - 1] & window[c]).any() for c in found.floor_cuts[1:])
     assert not any((window[:, c - 1] & window[:, c]).any() for c in found.bay_cuts[1:-1])
     grid = structural_lattice(found)
@@ -103,9 +103,12 @@ def test_storeys_are_those_that_were_painted(style, floors, columns, seed):
 
 def test_a_low_base_is_no_storey_and_without_windows_nothing_tells(facade):
     low = facade.labels[:-30]
-    assert not np.isin(low, (DOOR, SHOP))[:-12].any()
+    assert not np.isin(low, (FacadeClass.DOOR, FacadeClass.SHOP))[:-12].any()
     assert storeys(facade.labels) == 5
-    assert storeys(np.where(np.isin(low, (DOOR, SHOP)), WALL, low).astype(np.uint8)) == 4
+    assert (
+        storeys(np.where(np.isin(low, (FacadeClass.DOOR, FacadeClass.SHOP)), FacadeClass.WALL, low).astype(np.uint8))
+        == 4
+    )
     assert storeys(np.zeros_like(facade.labels)) == 0
 
 
@@ -113,22 +116,22 @@ def test_a_low_base_is_no_storey_and_without_windows_nothing_tells(facade):
 def test_a_wall_of_one_storey_shows_windows(style):
     painted = paint((14.0, 12.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=5)
     result = retarget(painted.image, painted.labels, (3.2, 9.0), floors=1, metres_per_pixel=0.06)[0]
-    assert (result.labels == WINDOW).any()
+    assert (result.labels == FacadeClass.WINDOW).any()
 
 
 @pytest.mark.parametrize(
     ("height", "sill", "door"), [(3.0, 1.1, 2.1), (2.8, 1.0, 2.1), (3.2, 1.2, 2.2), (3.5, 1.0, 2.2)]
 )
 def test_a_cottage_has_one_storey_and_a_shop_under_windows_two(height, sill, door):
-    labels = np.full((round(20 * height), 160), WALL, np.uint8)
+    labels = np.full((round(20 * height), 160), FacadeClass.WALL, np.uint8)
     for left in (20, 100):
-        labels[-round(20 * (sill + 1.2)) : -round(20 * sill), left : left + 24] = WINDOW
+        labels[-round(20 * (sill + 1.2)) : -round(20 * sill), left : left + 24] = FacadeClass.WINDOW
     assert storeys(labels) == 1
-    labels[-round(20 * door) :, 66:86] = DOOR
+    labels[-round(20 * door) :, 66:86] = FacadeClass.DOOR
     assert storeys(labels) == 1
-    above = np.full((round(20 * 3.0), 160), WALL, np.uint8)
-    above[20:46, 20:44] = above[20:46, 100:124] = WINDOW
-    shop = np.full((round(20 * 3.4), 160), SHOP, np.uint8)
+    above = np.full((round(20 * 3.0), 160), FacadeClass.WALL, np.uint8)
+    above[20:46, 20:44] = above[20:46, 100:124] = FacadeClass.WINDOW
+    shop = np.full((round(20 * 3.4), 160), FacadeClass.SHOP, np.uint8)
     assert storeys(np.vstack([above, shop])) == 2
 
 
@@ -147,10 +150,10 @@ def test_scale_from_floors_a_door_or_one_row(facade):
     assert exemplar_scale(*facade) == pytest.approx(3.2 / 40, rel=0.02)
     assert exemplar_scale(*facade, storey=4.0) == pytest.approx(0.1, rel=0.02)
     door = np.zeros_like(facade.labels)
-    door[-30:, 5:20] = DOOR
+    door[-30:, 5:20] = FacadeClass.DOOR
     assert exemplar_scale(facade.image, door) == pytest.approx(2.4 / 30)
     row = np.zeros_like(facade.labels)
-    row[50:72, 5:20] = WINDOW
+    row[50:72, 5:20] = FacadeClass.WINDOW
     assert exemplar_scale(facade.image, row) == pytest.approx(0.55 * 3.2 / 22, rel=0.1)
     with pytest.raises(ImageError, match="label the exemplar"):
         exemplar_scale(facade.image, np.zeros_like(facade.labels))
@@ -162,13 +165,13 @@ def test_haussmann_facades_keep_their_floors(data):
     for name in ("monge_10", "monge_55", "monge_74"):
         image = np.array(Image.open(folder / "images" / f"{name}.jpg").convert("RGB"))
         labels = np.array(Image.open(folder / "labels" / f"{name}.png"))
-        labels = np.where(labels == 7, ROOF, labels).astype(np.uint8)
+        labels = np.where(labels == 7, FacadeClass.ROOF, labels).astype(np.uint8)
         scale = exemplar_scale(image, labels)
         assert 0.02 < scale < 0.06
         for size, floors in (((19.0, 24.0), 6), ((16.0, 8.0), 4), ((25.0, 14.0), 8)):
             (result,) = retarget(image, labels, size, floors=floors, metres_per_pixel=scale)
-            rows = window_spans(result.labels == WINDOW)
-            street = [np.isin(result.labels[a:b], (DOOR, SHOP)).mean() > 0.1 for a, b in rows]
+            rows = window_spans(result.labels == FacadeClass.WINDOW)
+            street = [np.isin(result.labels[a:b], (FacadeClass.DOOR, FacadeClass.SHOP)).mean() > 0.1 for a, b in rows]
             assert len(rows) - sum(street) == floors - 1
             assert storeys(result.labels) == floors
             assert result.image.shape[:2] == (round(size[0] / scale), round(size[1] / scale))

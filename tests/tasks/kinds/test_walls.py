@@ -15,7 +15,7 @@ import zarr
 from catalogs.block import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
-from facade_core.geometry.charts import ROOF, WALL
+from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest, with_panoramas
 from facade_core.plan.plan import Plan
 from tasks.keys.units import changed_parts
@@ -55,12 +55,12 @@ def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> Non
     assert names_of_walls(plan) == ["a", "b", "c", "shed"]
     charts = plan.scene.charts
     for building, own in plan.walls_near_cameras().items():
-        assert set(charts.kind[own]) <= {WALL, ROOF}
+        assert set(charts.kind[own]) <= {ChartKind.WALL, ChartKind.ROOF}
         assert set(charts.building[own]) == {building}
         assert not set(own) & set(plan.facades.chart.tolist())
         assert min(charts.size[own].min(axis=1)) >= 0.6
     shed = plan.walls_near_cameras()[3]
-    assert WALL in charts.kind[shed]
+    assert ChartKind.WALL in charts.kind[shed]
     assert charts.normal()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
     assert charts.normal()[shed][:, 1].max() < 0.9
     assert names_of_walls(planned(POSES[1])) == ["c"]
@@ -145,7 +145,7 @@ def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_p
     assert max(map(len, of_chart.values())) <= CAMERAS
     (gable,) = (chart for chart in own if charts.normal()[chart, 0] > 0.9)
     assert of_chart[gable] == {last}, "the others stand behind it"
-    roofs = [chart for chart in own if charts.kind[chart] == ROOF and charts.normal()[chart, 1] < -0.1]
+    roofs = [chart for chart in own if charts.kind[chart] == ChartKind.ROOF and charts.normal()[chart, 1] < -0.1]
     shown = sorted(plan.poses[one].x for one in set().union(*(of_chart[roof] for roof in roofs)))
     assert shown[0] < 20, "from one end"
     assert shown[-1] > 100, "to the other"

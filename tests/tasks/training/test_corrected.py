@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import exemplars
 from tasks.training import corrected
@@ -27,13 +27,13 @@ def test_elements_are_what_was_said_and_nothing_else_is_one() -> None:
     told = labelled(facade())
     assert told is not None
     window, balcony = (tuple(round(s * side) for s, side in zip(b[1:], (WIDTH, HEIGHT) * 2, strict=True)) for b in SAID)
-    assert (told.labels[window[1] : balcony[1], window[0] : window[2]] == WINDOW).all()
+    assert (told.labels[window[1] : balcony[1], window[0] : window[2]] == FacadeClass.WINDOW).all()
     assert (told.possible[balcony[1] : balcony[3], balcony[0] : balcony[2]] == 1 << CLASSES.index("balcony")).all()
     beyond = np.ones((HEIGHT, WIDTH), bool)
     beyond[window[1] : window[3], window[0] : window[2]] = False
     element = sum(1 << CLASSES.index(name) for name in ELEMENT_CLASSES)
     assert not (told.possible[beyond] & element).any(), "the painter's other windows were said to be none"
-    assert (told.possible[beyond] & 1 << WALL).mean() > 0.5
+    assert (told.possible[beyond] & 1 << FacadeClass.WALL).mean() > 0.5
     assert (told.labels[told.possible == ANY_CLASS] == UNKNOWN).all()
 
 

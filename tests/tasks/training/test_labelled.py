@@ -4,7 +4,7 @@ import pytest
 from benchmarks.in_front import marked
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.in_front import Looked, looked_in_front
-from facade_core.core.labels import CLASSES, DOOR, SHOP, SKY, UNKNOWN, WALL
+from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.occluder_labels import ground_floor
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.training.labelled import painted, with_occluders
@@ -19,19 +19,19 @@ def facade(labels):
 @pytest.fixture
 def plain():
     """200 rows: sky, wall, and from row 150 on a door and a shop."""
-    labels = np.full((200, 120), WALL, np.uint8)
-    labels[:20] = SKY
-    labels[150:, 10:60], labels[160:, 70:90] = SHOP, DOOR
+    labels = np.full((200, 120), FacadeClass.WALL, np.uint8)
+    labels[:20] = FacadeClass.SKY
+    labels[150:, 10:60], labels[160:, 70:90] = FacadeClass.SHOP, FacadeClass.DOOR
     return facade(labels)
 
 
 def test_the_ground_floor_begins_at_its_shops_and_doors(plain):
     assert ground_floor(plain.labels, plain.possible) == (150, 200)
-    plain.labels[40:60, :30] = SHOP  # far above: not of the ground floor
+    plain.labels[40:60, :30] = FacadeClass.SHOP  # far above: not of the ground floor
     assert ground_floor(plain.labels, plain.possible) == (150, 200)
-    assert ground_floor(*[np.full((80, 40), WALL, np.uint8)] * 2) == (60, 80)
+    assert ground_floor(*[np.full((80, 40), FacadeClass.WALL, np.uint8)] * 2) == (60, 80)
     cut = np.full((80, 40), UNKNOWN, np.uint8)
-    cut[10:50] = WALL
+    cut[10:50] = FacadeClass.WALL
     assert ground_floor(cut, facade(cut).possible) == (40, 50)
 
 
