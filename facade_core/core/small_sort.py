@@ -1,4 +1,4 @@
-"""The order of a few values, for kernels: numba's own sorting compiles for seconds."""
+"""Sorting of a few values inside kernels, where numba's own sort takes seconds to compile."""
 
 from __future__ import annotations
 
