@@ -17,7 +17,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.orchestration.runs import ROLES, add_used
+from benchmarks.process_usage import ROLES, add_used
 from tasks.store.commits import journal
 
 

@@ -35,7 +35,7 @@ from benchmarks.city.blocks import SIZES, add_photo, write_block
 from benchmarks.city.figures import begun, figures_of, ratios
 from benchmarks.city.plot import plot
 from benchmarks.city.runs import Look, run
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 
 
 def main() -> None:

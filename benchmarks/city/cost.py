@@ -30,8 +30,8 @@ from typing import Any
 from benchmarks.city.laying import COMMAND, COURSE, EXPORT, OF_BYTES, OF_SECONDS, Ran, errors, fit, of_it
 from benchmarks.city.reading import write_town
 from benchmarks.city.whole import write_city
-from benchmarks.decisions.timing import bytes_in
 from benchmarks.processor import measured
+from benchmarks.timing import bytes_in
 from catalogs.block import read_block
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan_tables import read_plan

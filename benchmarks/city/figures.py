@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.city.runs import Ran
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.timing import bytes_in, figures
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from tasks.kinds.order import KINDS
 from tasks.store.commits import journal

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 from tasks.city.cost import WHAT, Cost, cost_of
 from tasks.city.counting import NOTHING, Counts
 

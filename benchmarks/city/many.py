@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from shapely import LineString
 
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.timing import bytes_in, figures
 from catalogs.published.items import ROW_KEYS, write_items
 from catalogs.published.joined import FOLDER, join_runs
 from catalogs.published.runs import Run

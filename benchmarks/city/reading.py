@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 from catalogs.block import read_block
 from tasks.city.blocks import read_city
 from tests.pipeline.stages import write_block

@@ -14,7 +14,7 @@ from typing import Any
 
 import psutil
 
-from benchmarks.orchestration.runs import role_of
+from benchmarks.process_usage import role_of
 
 # Seconds between two looks.
 LOOK_S = 1.0

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from benchmarks.city.blocks import write_block
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 from tasks.city.blocks import read_city
 from tasks.city.cost import shipped
 from tasks.city.counting import NOTHING

@@ -37,8 +37,8 @@ import yaml
 from benchmarks.city.blocks import add_photo, write_block
 from benchmarks.city.plot import plot
 from benchmarks.city.runs import Look, look_at
-from benchmarks.decisions.timing import bytes_in, figures
-from benchmarks.orchestration.runs import add_used
+from benchmarks.process_usage import add_used
+from benchmarks.timing import bytes_in, figures
 from flows.asked import Asked
 from tasks.city.account import BLOCKS, read_account
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import figures
 from benchmarks.s3_server import serving
+from benchmarks.timing import figures
 from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.location import Place

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import bytes_in, figures, seconds
+from benchmarks.timing import bytes_in, figures, seconds
 from catalogs.published.items import ROW_KEYS, write_items
 from catalogs.query import query
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.timing import bytes_in, figures
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.store import commit, new_root, open_repository, open_root
 from facade_core.core.atlas_spec import AtlasSpec

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import zarr
 
-from benchmarks.decisions.timing import figures, seconds
+from benchmarks.timing import figures, seconds
 from facade_core.atlas.rasters import chunk_digests
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.geometry.chart_packing import pack
@@ -62,7 +62,6 @@ def _orders(texels: int, views: int) -> dict[str, Any]:
 def _threads(rows: int) -> dict[str, Any]:
     """The shipped forest on one, two and four intra-op threads: seconds, and whether the bits are the same."""
     import onnxruntime
-
     from facade_core.parsing.forest import SHIPPED
 
     results, times = [], {}

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.decisions.timing import figures, once, seconds
+from benchmarks.timing import figures, once, seconds
 from flows.server.starting import server
 
 WORKERS = 2

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import zarr
 
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 from facade_core.atlas.store import commit, open_repository
 
 CHUNK = 128

@@ -19,7 +19,7 @@ from typing import Any, cast
 import icechunk
 import numpy as np
 
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.timing import bytes_in, figures
 from facade_core.atlas.arrays import ARRAYS, PAGE, create_arrays
 from facade_core.atlas.integrity import chunks_of
 from facade_core.atlas.journal import Record, read_journal, write_record

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import zarr
 
-from benchmarks.decisions.timing import bytes_in, figures, once
+from benchmarks.timing import bytes_in, figures, once
 from facade_core.atlas.store import commit, open_repository, open_root
 
 MAPS = ("evidence", "labels", "occluded")

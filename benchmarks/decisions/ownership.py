@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import zarr
 
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 from facade_core.atlas.store import commit, open_repository
 from facade_core.core.errors import StoreError
 

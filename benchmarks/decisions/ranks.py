@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import figures, seconds
+from benchmarks.timing import figures, seconds
 from facade_core.core.provenance import Provenance, resolve
 
 # Share of texels that each source covers, independent of the others.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import figures, once, seconds
+from benchmarks.timing import figures, once, seconds
 from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import Mesh
 from facade_core.geometry.equirectangular import directions

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.timing import bytes_in, figures
 
 # Run in a fresh interpreter: seconds and megabytes of resident memory that a statement adds.
 _COST = """

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.decisions.timing import figures, once
+from benchmarks.timing import figures, once
 
 HEAVY = ("prefect", "distributed", "geopandas", "rasterio", "trimesh", "cv2", "numba", "xarray", "icechunk", "zarr")
 OPEN3D = "from facade_core.geometry.raycast import ray_library; ray_library()"

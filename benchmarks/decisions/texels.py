@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from benchmarks.decisions.timing import figures, once, seconds
+from benchmarks.timing import figures, once, seconds
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces

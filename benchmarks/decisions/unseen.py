@@ -10,7 +10,7 @@ import numpy as np
 import zarr
 
 from benchmarks.decisions.texels import street_scene
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.timing import bytes_in, figures
 from facade_core.atlas.rasters import write_rasters
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.charts import KINDS

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.decisions.timing import figures
+from benchmarks.timing import figures
 from facade_core.street.propagation.blend import HIGH, LOW
 from facade_core.street.propagation.propagate import GATE_SPACINGS
 

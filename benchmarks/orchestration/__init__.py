@@ -33,7 +33,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.orchestration.block import write_block
-from benchmarks.orchestration.runs import measured
+from benchmarks.process_usage import measured
 
 
 def main() -> None:

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.decisions.timing import bytes_in
 from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
+from benchmarks.timing import bytes_in
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
+from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
-from facade_core.core.types import SHIPPED_MODELS, Models
+from facade_core.core.types import Models
 
 if TYPE_CHECKING:
     from catalogs.block.reading import Block
@@ -28,7 +29,7 @@ def block_digest(block: Block) -> str:
     Names of pictures count where a result tells them: a facade's source, an exemplar's or a panorama's id.
     """
     material, aerial = block.roof_material, block.aerial
-    values: dict[str, Any] = {field.name: getattr(block, field.name) for field in fields(block)} | {
+    values: dict[str, Any] = {name: getattr(block, attribute) for name, attribute in BLOCK_FIELDS} | {
         "digest": None,
         "failed_limit": None,  # decides what becomes of a result, not what it is
         "crs": block.crs.to_string(),
@@ -59,10 +60,8 @@ def block_digest(block: Block) -> str:
 
 def model_digests(models: Models) -> list[list[Any]]:
     """What a block's own models are: each by what it does, its file's digest, and that of the file beside it."""
-    named = {"parser": models.parser, "layout": models.layout}
-    return [
-        [name, *map(file_digest, replace(SHIPPED_MODELS, **{name: path}).files)] for name, path in named.items() if path
-    ]
+    single = {"parser": Models(parser=models.parser), "layout": Models(layout=models.layout)}
+    return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 
 
 # Settings of `texture` that a block's plan depends on.
@@ -109,9 +108,9 @@ def _say(value: Any, add: Callable[[bytes], object]) -> None:
         text = shapely.to_wkb(value)
         add(b"g%d " % len(text))
         add(text)
-    elif is_dataclass(value):
+    elif (schema := SCHEMAS.get(type(value))) is not None:
         add(b"v")
-        _say({field.name: getattr(value, field.name) for field in fields(value)}, add)
+        _say({name: getattr(value, attribute) for name, attribute in schema.fields}, add)
     elif isinstance(value, Mapping):
         add(b"m%d " % len(value))
         for name, one in value.items():

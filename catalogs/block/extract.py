@@ -12,26 +12,17 @@ import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
-from catalogs.block.part import Part
-from catalogs.features import Fault
-from catalogs.readers.pictures.aerial import Aerial
-from catalogs.readers.pictures.panoramas import PosedPanorama
+from catalogs.block.serial_schemas import SCHEMAS
 from facade_core.core.errors import InputError
-from facade_core.core.types import Area, Building, Finish, Ground, Pose, Roof, Shell, Street, Way
 
-_CLASSES = {
-    one.__name__: one
-    for one in (
-        Aerial, Area, Building, Fault, Finish, Ground, Part, Pose, PosedPanorama, Roof, Shell, Street, Way,
-    )
-}  # fmt: skip
+# Class by its tag in a part file.
+_CLASSES = {schema.tag: cls for cls, schema in SCHEMAS.items()}
 FORMAT = 2
 
 
@@ -88,8 +79,8 @@ def _said(value: Any, blob: bytearray, folder: Path) -> Any:
     if isinstance(value, np.ndarray):
         blob += np.ascontiguousarray(value).tobytes()
         return {"array": [value.dtype.str, list(value.shape), len(blob) - value.nbytes]}
-    if is_dataclass(value) and type(value).__name__ in _CLASSES:
-        return {type(value).__name__: [_said(getattr(value, field.name), blob, folder) for field in fields(value)]}
+    if (schema := SCHEMAS.get(type(value))) is not None:
+        return {schema.tag: [_said(getattr(value, attribute), blob, folder) for _, attribute in schema.fields]}
     if isinstance(value, Mapping):
         return {"map": [[name, _said(one, blob, folder)] for name, one in value.items()]}
     if isinstance(value, list | tuple):
@@ -114,7 +105,9 @@ def _made(said: Any, blob: bytes, folder: Path) -> Any:
         return np.frombuffer(blob, form, int(np.prod(shape, dtype=np.int64)), start).reshape(shape).copy()
     if kind == "map":
         return {name: _made(one, blob, folder) for name, one in held}
-    return _CLASSES[kind](*(_made(one, blob, folder) for one in held))
+    cls = _CLASSES[kind]
+    attributes = [attribute for _, attribute in SCHEMAS[cls].fields]
+    return cls(**dict(zip(attributes, (_made(one, blob, folder) for one in held), strict=True)))
 
 
 def _octets(blob: bytearray) -> np.ndarray:

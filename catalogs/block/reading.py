@@ -17,6 +17,7 @@ from catalogs.block.geometry import Files, extent_of, read_geometry
 from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
 from catalogs.block.part import Part
 from catalogs.block.paths import named_paths
+from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
 from catalogs.features import Fault, by_reason, notes_by_reason
 from catalogs.frames import known_frame
@@ -156,18 +157,12 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
     )
 
 
-# What a part of a city is beside its settings; the frame and the extent of the city, in which terrain is read, come with it.
-OF_PART = (
-    "buildings", "streets", "entrances", "ground", "exemplars", "photos", "panoramas", "textures", "aerial", "faults", "part",
-)  # fmt: skip
-
-
 def extract_of(part: Block, whole: Block) -> dict[str, Any]:
     """What the file of a part of a city holds, which `part` of a block file names: as `catalogs.block.extract` keeps it."""
     return {
         "crs": part.crs.to_string(),
         "extent": extent_of(whole.buildings),
-        **{name: getattr(part, name) for name in OF_PART},
+        **{name: getattr(part, attribute) for name, attribute in PART_FIELDS},
     }
 
 
@@ -195,7 +190,7 @@ def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
         notes=(),
         digest="",
         models=_models(files),
-        **values,
+        **{attribute: values[name] for name, attribute in PART_FIELDS},
     )
 
 

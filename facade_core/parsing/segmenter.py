@@ -11,9 +11,9 @@ from scipy import ndimage
 
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, FacadeClass
-from facade_core.core.model_file import read_record, stamp
+from facade_core.core.model_file import stamp
 from facade_core.core.types import Parsing
-from facade_core.parsing import forest, network
+from facade_core.parsing import network
 from facade_core.parsing.regularity import draw_windows, window_boxes
 from facade_core.parsing.segmentation import Segmented
 from facade_core.parsing.validation import check_image
@@ -41,7 +41,7 @@ _BAND = 128
 
 
 class Segmenter(Protocol):
-    """What parses an image at working size: a forest or a network."""
+    """Parser of an image at working size."""
 
     @property
     def working_area(self) -> tuple[int, int]:
@@ -55,15 +55,14 @@ def load_segmenter(model: str | Path | None = None) -> Segmenter:
     """The segmenter of an .onnx file with its .json beside it; the shipped one without a model. Raises ModelError."""
     path = SHIPPED if model is None else Path(model)
     stamp(path)
-    kind = network if "network_version" in read_record(path) else forest
-    return kind.load(path)
+    return network.load(path)
 
 
 def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     image: (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel. model: another .onnx file with its
-    .json beside it, a forest or a network. Windows and balconies are made rectangular and aligned
+    .json beside it. Windows and balconies are made rectangular and aligned
     (`regularity`); then the class of most confidence wins.
 
     confidence sums to 1 in each pixel. occluded marks pixels that alpha hides or where the segmenter sees a tree, a

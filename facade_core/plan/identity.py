@@ -68,6 +68,14 @@ class SceneObjects:
         return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
 
+def serialise_finish(finish: Finish) -> str:
+    """Return version 1 of the text of a finish in chart ids: another text would move charts in every store."""
+    return (
+        f"Finish(wall_colour={finish.wall_colour!r}, roof_colour={finish.roof_colour!r}, "
+        f"wall_material={finish.wall_material!r}, roof_material={finish.roof_material!r})"
+    )
+
+
 def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
     """A number for each chart, (n,) uint64, of its kind, its place, the share (n,) of the atlas' density that it has, where
     that is not all of it, the id of its building, by row in `names`, and of what is stated of that one's colours and materials.
@@ -80,7 +88,7 @@ def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes:
     for chart, (row, building) in enumerate(zip(frames, charts.building.tolist(), strict=True)):
         name = names[building] if building >= 0 else ""
         if building >= 0 and finishes and finishes[building] != PLAIN:
-            name += repr(finishes[building])
+            name += serialise_finish(finishes[building])
         if share[chart] < 1:
             name += repr(float(share[chart]))
         digest = blake2b(row.tobytes() + name.encode(), digest_size=8)

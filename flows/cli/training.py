@@ -37,14 +37,11 @@ def train() -> None:
     help="Runs whose corrected facades are learnt from.",
 )
 @click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
-@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's, 1 the shipped forest's.")
-@click.option("--segmenter", type=click.Choice(["network", "forest"]), default="network", show_default=True)
+@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's.")
 @click.option(
     "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
 )
-def train_parser(
-    data: Path | None, corrections: tuple[Folder, ...], out: Path, seed: int, segmenter: str, fold: str | None
-) -> None:
+def train_parser(data: Path | None, corrections: tuple[Folder, ...], out: Path, seed: int, fold: str | None) -> None:
     """Train the facade parser (extra: train; `make train-setup`). An interrupted run goes on where it was.
 
     With --fold, the network in OUT learns the training part of a set whose licence allows no shipped weights, for the
@@ -56,14 +53,13 @@ def train_parser(
       streetloom train parser --data ../shared/data --out parser/
       streetloom train parser --corrections out/mine --corrections out/city --out ours/
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
-      streetloom train parser --data ../shared/data --out forest/ --segmenter forest --seed 1
     """
     from flows.cli.console import progress
     from tasks.training.corrected import corrected_facades
-    from tasks.training.parser import train_corrected, train_fold, train_forest, train_network
+    from tasks.training.parser import train_corrected, train_fold, train_network
 
-    if corrections and (data or fold or segmenter == "forest"):
-        raise click.UsageError("--corrections goes on from the shipped network, without --data, --fold and --segmenter")
+    if corrections and (data or fold):
+        raise click.UsageError("--corrections goes on from the shipped network, without --data and --fold")
     if data is None and not corrections:
         raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
     with progress(quiet=False):
@@ -71,8 +67,6 @@ def train_parser(
             model = train_corrected(corrected_facades(corrections), out, seed=seed)
         elif fold:
             model = train_fold(data, out, fold, seed=seed)
-        elif segmenter == "forest":
-            model = train_forest(data, out, seed=seed)
         else:
             model = train_network(data, out, seed=seed)
     say(model)

@@ -97,12 +97,11 @@ def _rays() -> Finding:
 def _shipped() -> dict[Path, Callable[[Path], object]]:
     """The files of the models that come with the package, and what loads each."""
     from facade_core.facade.layout import model as layouts
-    from facade_core.parsing import forest, network
+    from facade_core.parsing import network
     from facade_core.street.translator import neural
 
     return {
         network.SHIPPED: network.load,
-        forest.SHIPPED: forest.load,
         layouts.SHIPPED: layouts.load,
         neural.SHIPPED: neural.load,
     }

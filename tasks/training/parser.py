@@ -10,7 +10,7 @@ from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, e
 from catalogs.learning.in_front import looked_in_front
 from facade_core.core.errors import InputError
 from facade_core.core.model_file import add_to_record, read_record
-from facade_core.parsing import confidence, forest_training, network, network_export, network_training
+from facade_core.parsing import confidence, network, network_export, network_training
 from facade_core.parsing.network_training import Course
 from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
@@ -31,15 +31,6 @@ FOLD_COURSES = {
 }
 # Facades that people corrected: from the shipped network on. Its normalisation was folded into its weights.
 CORRECTED_COURSE = Course(steps=200, per_step={"corrected": 4}, rate=1e-3, fixed_norms=True)
-
-
-def train_forest(data: Path, out: Path, *, seed: int) -> Path:
-    """Train the forest on facades/ecp without its held-out fold; writes forest.onnx and forest.json into `out`."""
-    train, _ = split(list(ecp(data / "facades" / "ecp")))
-    model = forest_training.train([(f.image, f.labels) for f in train], seed=seed, progress=stage_progress())
-    path = out / "forest.onnx"
-    forest_training.save(model, path, training_set=[f"ecp/{f.name}" for f in train], seed=seed)
-    return path
 
 
 def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_COURSE) -> Path:

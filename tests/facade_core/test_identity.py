@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.types import Building, Pose, Street
+from facade_core.core.types import Building, Finish, Pose, Street
+from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import STREET
 from facade_core.imagery.rectify.panorama import sightings
+from facade_core.plan.identity import chart_ids, serialise_finish
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 
@@ -149,3 +151,22 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
     assert [len(shown.of(facade)) for facade in range(len(found.facades))] == [
         sum(one[0] == facade for one in wanted) for facade in range(len(found.facades))
     ]
+
+
+def test_chart_ids_of_stated_finishes_are_pinned() -> None:
+    """Stores keep chart ids: another text of a finish would move every chart of such a building."""
+    finish = Finish((200, 180, 160), None, "brick", 'it\'s "slate"')
+    assert serialise_finish(finish) == (
+        "Finish(wall_colour=(200, 180, 160), roof_colour=None, wall_material='brick', roof_material='it\\'s \"slate\"')"
+    )
+    wall = Charts(
+        kind=np.array([ChartKind.WALL], np.uint8),
+        surface=np.zeros(1, np.int32),
+        building=np.zeros(1, np.int32),
+        origin=np.array([[10.0, 20.0, 9.0]]),
+        axis_u=np.array([[1.0, 0.0, 0.0]]),
+        axis_v=np.array([[0.0, 0.0, -1.0]]),
+        size=np.array([[12.0, 9.0]]),
+    )
+    assert chart_ids(wall, np.ones(1), ["a"], [finish]).tolist() == [15778953747266423147]
+    assert chart_ids(wall, np.ones(1), ["a"]).tolist() == [7553044966866980659]

@@ -117,15 +117,15 @@ def test_the_environment_is_as_declared(tmp_path: Path) -> None:
 
 
 def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
-    from facade_core.parsing import forest
+    from facade_core.parsing import network
 
     missing, *_ = packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
     assert missing.well is False
     assert "is not <1, not-there is missing; `make setup`" in missing.said
-    for path in forest.SHIPPED.parent.glob("forest.*"):
+    for path in network.SHIPPED.parent.glob("network.*"):
         shutil.copy(path, tmp_path)
-    (tmp_path / "forest.onnx").write_bytes(b"cut")
-    whole, cut = models({forest.SHIPPED: forest.load, tmp_path / "forest.onnx": forest.load})
+    (tmp_path / "network.onnx").write_bytes(b"cut")
+    whole, cut = models({network.SHIPPED: network.load, tmp_path / "network.onnx": network.load})
     assert whole.well
     assert cut.well is False
     assert "checksum" in cut.said

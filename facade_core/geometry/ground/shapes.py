@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely import LineString
 
 from facade_core.core.types import SURFACES, Area, Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
@@ -25,6 +25,8 @@ CELL_M, REACH_M = 1.0, 0.8
 CELLS = round(SQUARE_M / CELL_M)
 # More than there are layers.
 ROAD_KEYS = 256
+# Version of the text by which a way enters digests; a new field of Way, or another order, raises it.
+WAY_FORMAT = 1
 # Squares that are kept.
 KEPT = 512
 
@@ -55,7 +57,22 @@ class Drawn(NamedTuple):
     marks: np.ndarray
 
 
-_NOWHERE = LineString()
+def serialise_way(way: Way) -> str:
+    """Serialise what a way looks like, without its id and line, as JSON for digests; the list starts with its version."""
+    return json.dumps(
+        [
+            WAY_FORMAT,
+            way.kind,
+            float(way.width),
+            way.surface,
+            bool(way.assumed),
+            int(way.lanes),
+            bool(way.oneway),
+            [float(metres) for metres in way.pavement],
+            [float(metres) for metres in way.parking],
+            int(way.rank),
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -70,7 +87,7 @@ class Piece:
     def digest(self) -> bytes:
         found = blake2b(repr(self.low).encode(), digest_size=16)
         for way in self.ways:
-            found.update(shapely.to_wkb(way.line) + repr(replace(way, id="", line=_NOWHERE)).encode())
+            found.update(shapely.to_wkb(way.line) + serialise_way(way).encode())
         for area in self.areas:
             found.update(shapely.to_wkb(area.outline) + area.surface.encode())
         return found.digest()

@@ -12,7 +12,8 @@ import shapely
 from catalogs.block.digest import block_digest
 from catalogs.block.extract import read_extract, write_extract
 from catalogs.block.part import Chosen, Whole
-from catalogs.block.reading import OF_PART, extract_of, read_block
+from catalogs.block.reading import extract_of, read_block
+from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
 from catalogs.readers.pictures.panoramas import PosedPanorama
 from facade_core.core.errors import InputError
@@ -61,8 +62,8 @@ def test_what_is_kept_is_what_was_read(whole: Whole, tmp_path: Path) -> None:
     part = whole.part(chosen(whole))
     write_extract(tmp_path / "p.npz", extract_of(part, whole.block))
     values = read_extract(tmp_path / "p.npz")
-    assert set(values) == {"crs", "extent", *OF_PART}
-    again = replace(part, **{name: values[name] for name in OF_PART})
+    assert set(values) == {"crs", "extent", *dict(PART_FIELDS)}
+    again = replace(part, **{attribute: values[name] for name, attribute in PART_FIELDS})
     assert block_digest(again) == block_digest(part)
     assert values["panoramas"] == part.panoramas
     assert values["photos"] == part.photos

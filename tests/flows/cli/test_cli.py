@@ -243,8 +243,8 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
         (("prune", "FOLDER"), "prune: missing option '--keep' (streetloom prune --help)"),
         (("train", "parsr"), "train: no such command parsr; did you mean parser? (streetloom train --help)"),
         (
-            ("train", "parser", "--data", "FOLDER", "--out", "FOLDER", "--segmenter", "tree"),
-            "train parser: invalid value for '--segmenter': 'tree' is not one of 'network', 'forest' "
+            ("train", "parser", "--data", "FOLDER", "--out", "FOLDER", "--fold", "tree"),
+            "train parser: invalid value for '--fold': 'tree' is not one of 'artdeco', 'ruemonge2014' "
             "(streetloom train parser --help)",
         ),
     ],

@@ -51,10 +51,10 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "tasks/progress.py": set(),
         "facade_core/core/errors.py": set(),
         "facade_core/parsing/segmenter.py": facades | {"grounds", "walls"},
-        "facade_core/parsing/forest_training.py": set(),
+        "facade_core/parsing/network_training.py": set(),
         "facade_core/parsing/models/network.json": facades
         | {"grounds", "walls", "publish"},  # the catalogue names the models
-        "facade_core/parsing/models/forest.onnx": facades | {"grounds", "walls"},
+        "facade_core/parsing/models/network.onnx": facades | {"grounds", "walls"},
         "facade_core/parsing/models/network.md": set(),
         "facade_core/facade/layout/models/layouts.json": facades | {"publish"},
         "facade_core/street/translator/models/translator.onnx": {"streets", "publish"},

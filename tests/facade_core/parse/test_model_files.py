@@ -1,0 +1,51 @@
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from facade_core.core.errors import ModelError
+from facade_core.parsing import network
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    for suffix in (".onnx", ".json"):
+        shutil.copy(network.SHIPPED.with_suffix(suffix), tmp_path / f"network{suffix}")
+    return tmp_path / "network.onnx"
+
+
+def test_a_changed_file_is_refused(copy: Path) -> None:
+    network.load(copy)
+    content = bytearray(copy.read_bytes())
+    content[len(content) // 2] ^= 1
+    copy.write_bytes(content)
+    with pytest.raises(ModelError, match="checksum"):
+        network.load(copy)
+
+
+def test_a_model_of_other_classes_is_refused(copy: Path) -> None:
+    record = json.loads(copy.with_suffix(".json").read_text())
+    copy.with_suffix(".json").write_text(json.dumps(record | {"classes": ["wall"]}))
+    with pytest.raises(ModelError, match="other classes or features"):
+        network.load(copy)
+
+
+def test_broken_records_and_files_are_refused(copy: Path) -> None:
+    record = json.loads(copy.with_suffix(".json").read_text())
+    copy.with_suffix(".json").write_text("{")
+    with pytest.raises(ModelError, match="not valid JSON"):
+        network.load(copy)
+    copy.write_bytes(b"no model")
+    copy.with_suffix(".json").write_text(json.dumps(record | {"sha256": hashlib.sha256(b"no model").hexdigest()}))
+    with pytest.raises(ModelError, match="onnxruntime"):
+        network.load(copy)
+    copy.with_suffix(".json").unlink()
+    with pytest.raises(ModelError, match="no such file"):
+        network.load(copy)
+
+
+def test_the_shipped_model_is_small_and_described() -> None:
+    assert network.SHIPPED.stat().st_size < 30e6
+    assert network.SHIPPED.with_suffix(".md").is_file()
