@@ -18,7 +18,7 @@ from typing import Any
 import psutil
 
 from benchmarks.process_usage import ROLES, add_used
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
 
 
 def main() -> None:

@@ -67,7 +67,7 @@ def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     from catalogs.block import read_block
     from facade_core.core.types import Pose
     from facade_core.plan.panorama_choice import fewest, shown_by
-    from tasks.stages.planning import plan_of
+    from tasks.stages.ingest.planning import plan_of
 
     block = read_block(block_file)
     texture = replace(block.texture, panorama_width=256, viewpoint_spacing=spacing)

@@ -37,9 +37,9 @@ from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import before_buildings
 from facade_core.imagery.poses.panorama_camera import in_view, position, shares
 from facade_core.imagery.rectify.panorama import SKIN_M
-from tasks.kinds.poses import is_refused, refined
 from tasks.published.opened import Published, published
-from tasks.units.images import read_panorama
+from tasks.stages.poses.stage import is_refused, refined
+from tasks.stages.shared.images import read_panorama
 
 HEADINGS, FIELD_OF_VIEW, SIDE, SAMPLES = 6, 90.0, 480, 2
 # What is farther is not compared, metres; nor a view that shows less than this share of a kind.

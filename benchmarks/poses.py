@@ -42,8 +42,8 @@ from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import Fused, View, fuse_views
 from facade_core.imagery.rectify.panorama import rectify_view, sightings
 from facade_core.synth.street_truth import SyntheticStreet, hidden
-from tasks.stages.planning import plan_of
-from tasks.units.images import read_panorama
+from tasks.stages.ingest.planning import plan_of
+from tasks.stages.shared.images import read_panorama
 
 # What is foretold is shifted by so many metres at most.
 SHIFT_M = 2.5

@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tasks.compute.workers import limit_threads
+from tasks.engine.compute.worker_setup import limit_threads
 
 # Functions that --profile tells of, by their own and by all time.
 TOLD = 45
@@ -51,15 +51,15 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     clock = Clock(profiled)
     from catalogs.block import read_block
     from facade_core.kernel_warmup import PARTS
-    from tasks.compute.connect import Serial
+    from tasks.engine.compute.connect import Serial
+    from tasks.engine.fan_out import process_batch
+    from tasks.engine.forecast import due_of
+    from tasks.engine.run_key import run_of
     from tasks.examples.demo import write_demo
-    from tasks.keys.runs import run_of
-    from tasks.kinds.order import KINDS
-    from tasks.stages.due import due_of
-    from tasks.stages.fan_out import process_batch
-    from tasks.stages.ingest import ingest_block
-    from tasks.stages.publish import publish_block
-    from tasks.stages.streets import texture_street
+    from tasks.stages.ingest.task import ingest_block
+    from tasks.stages.order import KINDS
+    from tasks.stages.publish.task import publish_block
+    from tasks.stages.streets.task import texture_street
 
     class Timed(Serial):
         def submit(self, function: Callable[..., Any], *args: Any, **keys: Any) -> Any:

@@ -212,7 +212,7 @@ def _block(name: str) -> dict[str, Any]:
     from catalogs.block import read_block
     from catalogs.examples.sources import BLOCKS as FOLDER
     from facade_core.geometry.charts import ChartKind
-    from tasks.stages.planning import plan_of
+    from tasks.stages.ingest.planning import plan_of
 
     start = time.perf_counter()
     block = read_block(FOLDER / f"{name}.yaml")

@@ -32,9 +32,9 @@ from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURS_M, look_of
 from facade_core.plan.plan import Plan
-from tasks.kinds.facades import exemplars_of, shops_of, walls_of
-from tasks.stages.planning import plan_of
-from tasks.units.images import read_exemplar_picture, read_labels
+from tasks.stages.facades.stage import exemplars_of, shops_of, walls_of
+from tasks.stages.ingest.planning import plan_of
+from tasks.stages.shared.images import read_exemplar_picture, read_labels
 
 DENSITIES = (16.0, 20.0, 32.0)
 

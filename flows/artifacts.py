@@ -31,10 +31,10 @@ from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.account import Account, Ended
 from tasks.city.running import TIME_IS_UP
-from tasks.kinds.order import KINDS, STAGES
-from tasks.progress import listen
-from tasks.run import Run
-from tasks.store.commits import journal
+from tasks.engine.progress import listen
+from tasks.engine.run import Run
+from tasks.engine.store.commits import journal
+from tasks.stages.order import KINDS, STAGES
 
 log = logging.getLogger(__name__)
 

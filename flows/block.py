@@ -29,22 +29,22 @@ from flows.cli.console import tell
 from flows.entry import Entry, entered, faults_told
 from flows.lock import locked
 from flows.log_file import told_to_prefect
-from tasks.compute.connect import Compute, connect
-from tasks.compute.spreading import spread
+from tasks.engine.compute.connect import Compute, connect
+from tasks.engine.compute.distributed_map import spread
+from tasks.engine.fan_out import AT_ONCE, batches, process_batch
+from tasks.engine.forecast import Due, due_of, what_is_due, what_is_set_aside
+from tasks.engine.outcome import Outcome, refused
+from tasks.engine.progress import begin_stage
+from tasks.engine.run import Run
+from tasks.engine.store.disk_space import require_room
 from tasks.examples.demo import NAME, write_demo
-from tasks.keys.memory import street_memory
-from tasks.kinds.order import KINDS
-from tasks.outcome import Outcome, refused
-from tasks.progress import begin_stage
 from tasks.published.prune import pruned
-from tasks.run import Run
-from tasks.stages.due import Due, due_of, what_is_due, what_is_set_aside
-from tasks.stages.fan_out import AT_ONCE, batches, process_batch
-from tasks.stages.ingest import Outline, ingest_block
-from tasks.stages.publish import publish_block
-from tasks.stages.streets import note_partial, streets_done, texture_street
-from tasks.store.redo import chosen_streets
-from tasks.store.room import require_room
+from tasks.stages.ingest.task import Outline, ingest_block
+from tasks.stages.order import KINDS
+from tasks.stages.publish.task import publish_block
+from tasks.stages.shared.memory import street_memory
+from tasks.stages.streets.redo import chosen_streets
+from tasks.stages.streets.task import note_partial, streets_done, texture_street
 
 log = logging.getLogger(__name__)
 

@@ -15,11 +15,11 @@ from facade_core.atlas.journal_cache import holding
 from flows.lock import locked
 from flows.log_file import log_to
 from flows.memory import give_back_large
-from tasks.keys.runs import run_of
-from tasks.outcome import raising_machine_errors, store_fault
-from tasks.run import Run
-from tasks.store.standing import nothing_due, record_source
-from tasks.store.wounds import mend, suspect
+from tasks.engine.outcome import raising_machine_errors, store_fault
+from tasks.engine.run import Run
+from tasks.engine.run_key import run_of
+from tasks.engine.store.integrity import mend, suspect
+from tasks.engine.store.status import nothing_due, record_source
 
 
 @dataclass

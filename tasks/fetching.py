@@ -28,8 +28,8 @@ from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.imagery.rectify.fisheye import is_fisheye
 from facade_core.plan.ingest import on_ground
 from facade_core.plan.panorama_choice import Choice, fewest
-from tasks.progress import advance, begin_stage
-from tasks.stages.planning import plan_of
+from tasks.engine.progress import advance, begin_stage
+from tasks.stages.ingest.planning import plan_of
 
 # Rows and columns of a picture of which a service tells none.
 USUAL_SIZE = (2048, 4096)

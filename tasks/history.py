@@ -14,8 +14,8 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
-from tasks.units.materials import field_of
-from tasks.units.streets import replay
+from tasks.stages.shared.materials import field_of
+from tasks.stages.streets.worker import replay
 
 
 @dataclass(frozen=True, repr=False)

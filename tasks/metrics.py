@@ -14,7 +14,7 @@ from catalogs.published.places import Folder, sizes_in
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from tasks.kinds.order import STAGES
+from tasks.stages.order import STAGES
 
 # What becomes of a unit.
 STATES = ("done", "failed", "stale")

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from tasks.compute.compiling import compile_together
-from tasks.compute.workers import limit_threads
+from tasks.engine.compute.kernel_compilation import compile_together
+from tasks.engine.compute.worker_setup import limit_threads
 from tasks.published.opened import Published, published
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages

@@ -155,7 +155,7 @@ def test_no_arrow_against_the_layers(layer: str) -> None:
 
 
 def test_an_arrow_the_other_way_is_found() -> None:
-    assert wrong_arrows("facade_core", ["tasks.run.Run", "numpy", "dask.array"]) == ["dask.array", "tasks.run.Run"]
+    assert wrong_arrows("facade_core", ["tasks.engine.run.Run", "numpy", "dask.array"]) == ["dask.array", "tasks.engine.run.Run"]
     assert wrong_arrows("catalogs", ["facade_core.core.types.Element", "facade_core.parse.parse"]) == [
         "facade_core.parse.parse"
     ]
@@ -169,10 +169,10 @@ def test_rooms_import_from_lower_storeys_only(layer: str) -> None:
 
 
 def test_an_arrow_up_is_found() -> None:
-    up = ("tasks.units.poses", "tasks.keys.units")
+    up = ("tasks.stages.poses.worker", "tasks.stages.shared.key_parts")
     across = ("tasks.export.city", "tasks.viewing.reading")
-    down = ("tasks.stages.poses", "tasks.units.poses")
-    inside = ("tasks.keys.streets", "tasks.keys.units")
+    down = ("tasks.stages.poses", "tasks.stages.poses.worker")
+    inside = ("tasks.stages.streets.keys", "tasks.stages.shared.key_parts")
     assert upward("tasks", {one: {other} for one, other in (up, across, down, inside)}) == {up, across}
 
 
@@ -194,7 +194,7 @@ def test_units_know_no_room_above_them_and_no_prefect() -> None:
     seen = reached(units, arrows(everything))
     assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.opening"} <= seen
     own = {name for name in seen if not within(name, ["facade_core", "catalogs", "tasks.units"])}
-    assert own <= {"tasks", "tasks.run", "tasks.outcome", "tasks.progress"}
+    assert own <= {"tasks", "tasks.engine.run", "tasks.engine.outcome", "tasks.engine.progress"}
     paths = {name: path for layer in everything for name, path in modules(layer).items()}
     world = {name.split(".")[0] for module in seen for name in imports(paths[module], for_types=False)}
     assert "numpy" in world

@@ -17,7 +17,7 @@ import shapely
 from click.testing import CliRunner
 from PIL import Image
 
-from tasks.kinds.order import CODED, STAGES
+from tasks.stages.order import CODED, STAGES
 
 ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)

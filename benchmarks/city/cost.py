@@ -40,8 +40,8 @@ from tasks.city.blocks import read_city
 from tasks.city.cost import COEFFICIENTS
 from tasks.city.counting import Counts, counts_of
 from tasks.city.running import run_block
+from tasks.engine.store.commits import journal
 from tasks.export.formats import export
-from tasks.store.commits import journal
 
 FITTED = (
     "1x1@3:128",

@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.city.runs import Ran
 from benchmarks.timing import bytes_in, figures
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from tasks.kinds.order import KINDS
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
+from tasks.stages.order import KINDS
 
 # Fewer workers than this share of them with a unit: not busy.
 BUSY = 0.9

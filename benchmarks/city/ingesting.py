@@ -20,7 +20,7 @@ from facade_core.atlas.surroundings import pieces_around
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.party_walls import enclosed
 from facade_core.street.surfaces import BESIDE_M
-from tasks.stages.planning import plan_again, plan_of
+from tasks.stages.ingest.planning import plan_again, plan_of
 
 SIZES = (1, 3)
 # Charts that are asked for what lies beside them.

@@ -8,7 +8,7 @@ from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 
-from tasks.keys.stage_code import HOUSE, ROOT, data_of, reached
+from tasks.engine.stage_code import HOUSE, ROOT, data_of, reached
 
 MEASURED = (*HOUSE, "flows", "benchmarks")
 COMMANDS = ("streetloom bench ", "python -m benchmarks.")

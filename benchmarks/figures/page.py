@@ -8,7 +8,7 @@ from pathlib import Path
 from benchmarks.figures.code import changed, code_of
 from benchmarks.figures.records import Record, read_record
 from benchmarks.figures.rows import Measured, Row, Rows, figure_of, read_rows
-from tasks.keys.stage_code import ROOT
+from tasks.engine.stage_code import ROOT
 
 PAGE = ROOT / "docs" / "figures.md"
 NAMED = 3  # rooms

@@ -17,7 +17,7 @@ from typing import Any
 
 from benchmarks.figures.code import code_of
 from facade_core.core.errors import InputError
-from tasks.keys.stage_code import ROOT
+from tasks.engine.stage_code import ROOT
 
 FOLDER = Path(__file__).parent / "records"
 LARGEST = 64_000  # characters: a benchmark that prints more has to be asked for less, or to print less

@@ -25,7 +25,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
 from facade_core.street.translator.translate import Swatches
 from tasks.examples.demo import write_demo
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 
 PANORAMA = 1024
 

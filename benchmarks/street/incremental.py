@@ -20,8 +20,8 @@ from typing import Any
 import yaml
 
 from facade_core.synth.exemplars import exemplars
-from tasks.kinds.order import STAGES
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
+from tasks.stages.order import STAGES
 
 CRS = "EPSG:3879"
 EAST, NORTH = 25_496_000.0, 6_672_000.0

@@ -24,7 +24,7 @@ from typing import Any
 from facade_core.atlas.journal import atlas_digest
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import StoreError
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
 
 STREETS, LENGTH_M, APART_M = 16, 60.0, 400.0
 # Houses on either side: their fronts are this far from the centreline, this wide and this deep.
@@ -147,8 +147,8 @@ def _ceiling(block: Path, processes: int) -> float:
 def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None:
     """Render, translate and propagate every viewpoint of some streets."""
     from catalogs.block import read_block
-    from tasks.compute.workers import limit_threads
-    from tasks.stages.planning import plan_of
+    from tasks.engine.compute.worker_setup import limit_threads
+    from tasks.stages.ingest.planning import plan_of
 
     limit_threads()
     read = read_block(block)

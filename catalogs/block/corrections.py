@@ -11,7 +11,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,20 @@ class Correction:
     who: str = ""
     when: str = ""
     why: str = ""
+
+
+# Keys of a line of the file, and the attributes of `Correction` that hold their values. Users keep these files: on a rename
+# of an attribute the keys stay.
+LINE_KEYS = {
+    "id": "id",
+    "what": "what",
+    "value": "value",
+    "place": "place",
+    "width": "width",
+    "who": "who",
+    "when": "when",
+    "why": "why",
+}
 
 
 @dataclass(frozen=True)
@@ -134,7 +148,8 @@ def read_corrections(block: Path) -> Corrections:
             continue
         try:
             said = json.loads(line)
-            one = checked(Correction(**said | {"place": _pair(said.get("place"))}))
+            values = said | {"place": _pair(said.get("place"))}
+            one = checked(Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()}))
         except (ValueError, TypeError, AttributeError, InputError) as error:
             why = " ".join(str(error).split())[:120]
             raise InputError(f"{path}: line {number} is no correction ({why}); mend or remove it") from error
@@ -145,7 +160,7 @@ def read_corrections(block: Path) -> Corrections:
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     """Write some behind those of a block file, all or none."""
-    lines = [json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) for one in corrections]
+    lines = [json.dumps(_line_values(checked(one)), ensure_ascii=False, allow_nan=False) for one in corrections]
     path = corrections_file(block)
     try:
         "".join(lines).encode("utf-8")
@@ -154,6 +169,10 @@ def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
             f"{path}: what is to be kept has letters that are none; write names and reasons anew"
         ) from error
     _add(path, "".join(f"{line}\n" for line in lines))
+
+
+def _line_values(correction: Correction) -> dict[str, Any]:
+    return {key: getattr(correction, attribute) for key, attribute in LINE_KEYS.items()}
 
 
 def _add(path: Path, added: str) -> None:

@@ -107,7 +107,10 @@ def _made(said: Any, blob: bytes, folder: Path) -> Any:
         return {name: _made(one, blob, folder) for name, one in held}
     cls = _CLASSES[kind]
     attributes = [attribute for _, attribute in SCHEMAS[cls].fields]
-    return cls(**dict(zip(attributes, (_made(one, blob, folder) for one in held), strict=True)))
+    if len(held) > len(attributes):
+        raise ValueError(f"{kind} has {len(held)} values")
+    # fields with defaults, which older files lack, are the last ones
+    return cls(**dict(zip(attributes, (_made(one, blob, folder) for one in held), strict=False)))
 
 
 def _octets(blob: bytearray) -> np.ndarray:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 from catalogs.features import file_stem
 from catalogs.imagery.offer import Offer
@@ -42,8 +43,28 @@ class Kept:
     refused: str | None = None
 
 
-# Of a picture, in the poses file: what the block reads, and whom to name for it.
-_TOLD = (
+# Keys of a line of the account, and the attributes of `Kept` that hold their values. Folders of pictures outlive versions
+# of the code: on a rename of an attribute the keys stay.
+ACCOUNT_KEYS = {
+    "source": "source",
+    "id": "id",
+    "file": "file",
+    "sha256": "sha256",
+    "bytes": "bytes",
+    "lon": "lon",
+    "lat": "lat",
+    "heading": "heading",
+    "z": "z",
+    "pitch": "pitch",
+    "roll": "roll",
+    "captured": "captured",
+    "author": "author",
+    "licence": "licence",
+    "licence_url": "licence_url",
+    "refused": "refused",
+}
+# Keys of a picture in the poses file: its pose, which a block reads, and its author and licence.
+POSES_KEYS = (
     "lon",
     "lat",
     "z",
@@ -80,9 +101,7 @@ class Account:
 
     def add(self, kept: Kept) -> None:
         """A line more, on the disk when this returns."""
-        line = json.dumps(
-            {name: value for name, value in asdict(kept).items() if value is not None}, ensure_ascii=False
-        )
+        line = json.dumps(_values(kept, ACCOUNT_KEYS), ensure_ascii=False)
         with self._lock:
             with (self.folder / ACCOUNT).open("a", encoding="utf-8") as file:
                 file.write(f"{line}\n")
@@ -99,17 +118,19 @@ class Account:
     def write_poses(self) -> Path:
         """The poses file of what is there, in one step."""
         there = sorted((one for one in self.kept.values() if not one.refused), key=lambda one: one.file)
-        poses = {
-            one.file: {name: value for name in _TOLD if (value := getattr(one, name)) is not None}
-            for one in there
-            if (self.folder / one.file).is_file()
-        }
+        poses = {one.file: _values(one, POSES_KEYS) for one in there if (self.folder / one.file).is_file()}
         path = self.folder / POSES
         text = json.dumps({"crs": LONLAT, "poses": poses}, ensure_ascii=False, indent=1)
         temporary = path.with_name(f".{POSES}.tmp")
         temporary.write_text(f"{text}\n", encoding="utf-8")
         os.replace(temporary, path)
         return path
+
+
+def _values(kept: Kept, keys: Iterable[str]) -> dict[str, Any]:
+    """Return the values of a picture by key; a value that is None has no key."""
+    values = {key: getattr(kept, ACCOUNT_KEYS[key]) for key in keys}
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def is_fetched(folder: Path) -> bool:
@@ -143,8 +164,9 @@ def _lines(path: Path, text: bytes) -> Iterator[Kept]:
     lines = TypeAdapter(Kept)
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            kept = lines.validate_json(line)
-        except ValueError as error:
+            values = json.loads(line)
+            kept = lines.validate_python({ACCOUNT_KEYS.get(key, key): value for key, value in values.items()})
+        except (ValueError, AttributeError) as error:
             raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error
         if kept.file != Path(kept.file).name:
             raise InputError(f"{path}: line {number} names {kept.file[:60]!r}, which lies elsewhere; remove that line")

@@ -108,7 +108,7 @@ class Record(TypedDict, total=False):
     # whether faces and plates were looked for, of exemplars too; what was read over shops, None where that was not looked for
     looked: bool
     shop_names: str | None
-    # of photos, `tasks.units.shown.evidence.Fit`; of exemplars whether a facade was found in them
+    # of photos, `tasks.stages.facades.evidence.Fit`; of exemplars whether a facade was found in them
     cut_kept: float
     cut_found: bool
     stretched: float

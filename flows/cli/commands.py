@@ -51,8 +51,8 @@ class Commands(click.Group):
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     """The version with a digest of the code and libraries that make results: the same digest, the same results."""
     if wanted and not ctx.resilient_parsing:
-        from tasks.keys.stage_code import code_version
-        from tasks.kinds.order import CODED
+        from tasks.engine.stage_code import code_version
+        from tasks.stages.order import CODED
 
         say(f"streetloom {code_version(CODED)}")
         ctx.exit()
@@ -161,7 +161,7 @@ def _run(
     from flows.cli.console import console, progress, show, tell
     from flows.cli.interrupts import end_on_interrupt
     from flows.entry import entered
-    from tasks.store.room import require_room
+    from tasks.engine.store.disk_space import require_room
 
     start = time.monotonic()
     again = None if redo is None else partial(_redo, street=redo, only=only)
@@ -173,7 +173,7 @@ def _run(
                 note(f"log and the server's records are in {entry.run.local}")
             end_on_interrupt()
             if dask is not None:  # said before a server starts
-                from tasks.compute.connect import require_scheduler
+                from tasks.engine.compute.connect import require_scheduler
 
                 require_scheduler(dask)
             with progress():
@@ -224,7 +224,7 @@ def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, onl
 
 def _redo(run: Any, street: str, only: bool) -> None:
     """Make a street due again and say what else is."""
-    from tasks.store.redo import redo_street
+    from tasks.stages.streets.redo import redo_street
 
     streets, dependants = redo_street(run, street, only=only)
     others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.text import Text
 
 from catalogs.visible import visible
-from tasks.progress import StageProgress, listen
+from tasks.engine.progress import StageProgress, listen
 
 console = Console(stderr=True)
 

@@ -31,7 +31,7 @@ def ending(error: Exception) -> tuple[int, str]:
         return _code(error), " ".join(str(error).split())
     if isinstance(error, OSError) and error.errno in DENIED and error.filename:
         return UNUSABLE, f"{error.filename}: {error.strerror}; mend that or name another place"
-    from tasks.outcome import machine_error, machine_fault
+    from tasks.engine.outcome import machine_error, machine_fault
 
     if machine_fault(error):
         return CRASHED, str(machine_error("stopped", error))
@@ -44,7 +44,7 @@ def _code(error: FacadeError) -> int:
         return GONE
     if not isinstance(error, MachineError):
         return UNUSABLE
-    from tasks.compute.cluster import ClusterGone
+    from tasks.engine.compute.cluster import ClusterGone
 
     return GONE if isinstance(error, ClusterGone) else CRASHED
 

@@ -220,33 +220,31 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
       streetloom bench parsing --data ../shared/data
       streetloom bench parsing --help
     """
-    import importlib
     import pkgutil
+    import subprocess
+    from importlib.util import find_spec
 
     from facade_core.core.errors import InputError
 
-    try:
-        import benchmarks
-    except ModuleNotFoundError:
-        raise InputError(
-            "bench: benchmarks come with a clone of the project, not with its package; run it there"
-        ) from None
-    modules = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
-    told = {module: about for module in modules if (about := _about(module)) is not None}
+    package = find_spec("benchmarks")
+    if package is None or package.submodule_search_locations is None:
+        raise InputError("bench: benchmarks come with a clone of the project, not with its package; run it there")
+    modules = sorted(module.name for module in pkgutil.iter_modules(package.submodule_search_locations))
+    summaries = {module: summary for module in modules if (summary := _summary(module)) is not None}
     if name is None:
-        width = max(map(len, told))
-        for module, about in told.items():
-            say(f"{module:{width}}  {about}")
+        width = max(map(len, summaries))
+        for module, summary in summaries.items():
+            say(f"{module:{width}}  {summary}")
         return
-    if name not in told:
-        raise click.BadParameter(f"{name}: there is {', '.join(told)}", param_hint="NAME")
+    if name not in summaries:
+        raise click.BadParameter(f"{name}: there is {', '.join(summaries)}", param_hint="NAME")
     # every benchmark prints JSON; --json is accepted since all commands that can print it have it
-    sys.argv = [f"benchmarks/{name}.py", *(option for option in options if option != "--json")]
-    importlib.import_module(f"benchmarks.{name}").main()
+    arguments = [option for option in options if option != "--json"]
+    sys.exit(subprocess.run([sys.executable, "-m", f"benchmarks.{name}", *arguments], check=False).returncode)
 
 
-def _about(benchmark: str) -> str | None:
-    """What a benchmark measures, by the first line of its file; None of a module that is none but helps others."""
+def _summary(benchmark: str) -> str | None:
+    """Return the first line of a benchmark's docstring, None for a module without a `main`."""
     import ast
     from importlib.util import find_spec
     from pathlib import Path
@@ -256,5 +254,5 @@ def _about(benchmark: str) -> str | None:
     code = ast.parse(text)
     if not any(isinstance(part, ast.FunctionDef) and part.name == "main" for part in code.body):
         return None
-    said = (ast.get_docstring(code) or "").partition("\n")[0]
-    return said.partition(": `")[0].rstrip(".")
+    first_line = (ast.get_docstring(code) or "").partition("\n")[0]
+    return first_line.partition(": `")[0].rstrip(".")

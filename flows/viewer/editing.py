@@ -21,7 +21,7 @@ from flows.viewer.guard import refusal_to_edit
 from flows.viewer.redo import Redo
 from tasks.corrections import Taker, block_of
 from tasks.corrections.words import words
-from tasks.store.standing import recorded_source
+from tasks.engine.store.status import recorded_source
 from tasks.viewing import Reader
 from tasks.viewing.standing import standing
 

@@ -14,7 +14,7 @@ from typing import Any
 from catalogs.published.places import Folder
 from facade_core.core.errors import InputError
 from flows.lock import is_held
-from tasks.compute.following import follow
+from tasks.engine.compute.child_processes import follow
 
 
 class Redo:

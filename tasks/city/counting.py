@@ -11,7 +11,7 @@ from catalogs.block.reading import Block
 from facade_core.geometry.texel_density import FAR_M, NEAR_M, PARTY, coarsest
 from facade_core.geometry.walls import JOINT_M, NARROW_M
 from facade_core.plan.facades import FREE
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 
 # Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
 GROUND_M, AROUND_M = 32.0, 22.0

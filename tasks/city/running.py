@@ -22,7 +22,7 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.places import Folder
 from catalogs.published.snapshot import current_if_any
 from tasks.city.account import BLOCKS, Ended, tileset_of
-from tasks.compute.following import follow
+from tasks.engine.compute.child_processes import follow
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from catalogs.block.paths import named_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import check_city
 from catalogs.file_digest import file_digest
-from tasks.keys.stage_code import code_version
-from tasks.kinds.order import CODED
+from tasks.engine.stage_code import code_version
+from tasks.stages.order import CODED
 
 
 def source_digest(path: Path) -> str:

@@ -29,8 +29,8 @@ from catalogs.readers.annotations import Said, pictures_of, read_annotations, sa
 from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
 from tasks.corrections.walls import unreached
+from tasks.engine.store.status import recorded_source
 from tasks.published.opened import Published, opened, published
-from tasks.store.standing import recorded_source
 
 
 @dataclass(frozen=True)

@@ -26,13 +26,13 @@ from facade_core.core.errors import FacadeError, FormatError, StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
-from tasks.keys.runs import run_of
-from tasks.kinds.order import read_journals
-from tasks.stages.due import what_is_due
-from tasks.stages.ingest import ingest_block
-from tasks.store.digests import differing
-from tasks.store.standing import recorded_source, unpublished
-from tasks.store.wounds import find_wounds, is_suspect, suspect
+from tasks.engine.forecast import what_is_due
+from tasks.engine.run_key import run_of
+from tasks.engine.store.digests import differing
+from tasks.engine.store.integrity import find_wounds, is_suspect, suspect
+from tasks.engine.store.status import recorded_source, unpublished
+from tasks.stages.ingest.task import ingest_block
+from tasks.stages.order import read_journals
 
 # Charts and panoramas whose digests are computed again.
 SAMPLE = 64

@@ -15,8 +15,8 @@ from facade_core.geometry.walls import STREET
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.facade import PaintedFacade, facade
 from facade_core.synth.styles import NORDIC
-from tasks.progress import advance, begin_stage
-from tasks.stages.planning import plan_of
+from tasks.engine.progress import advance, begin_stage
+from tasks.stages.ingest.planning import plan_of
 
 NAME = "helsinki"
 AREA = [24.94575, 60.1651, 24.95025, 60.1673]

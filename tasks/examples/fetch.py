@@ -7,8 +7,8 @@ from pathlib import Path
 
 from catalogs.examples.sources import BLOCKS, SOURCES, Source, download
 from facade_core.core.errors import InputError
+from tasks.engine.progress import advance, begin_stage
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
-from tasks.progress import advance, begin_stage
 
 # Where the packaged block files look for the exemplars that a fetched block has painted.
 LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"

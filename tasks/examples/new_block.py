@@ -25,7 +25,7 @@ from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.geometry.walls import STREET
 from tasks.examples.demo import paint_exemplars
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 
 # What the keys of the block file are called on the command line.
 _OPTIONS = {

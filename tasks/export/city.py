@@ -14,8 +14,8 @@ import numpy as np
 from catalogs.readers.annotations import EXPORTED
 from catalogs.visible import visible_json
 from facade_core.core.types import Element
+from tasks.engine.progress import advance, begin_stage
 from tasks.export.models import with_ground
-from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:

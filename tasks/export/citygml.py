@@ -10,9 +10,9 @@ import numpy as np
 
 from catalogs.features import file_stem
 from catalogs.visible import visible
+from tasks.engine.progress import advance, begin_stage
 from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
 from tasks.export.models import with_ground
-from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.features import file_stem
-from tasks.progress import advance, begin_stage
+from tasks.engine.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:

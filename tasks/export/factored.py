@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tasks.engine.progress import advance
 from tasks.export.earth import on_earth
 from tasks.export.features import features_of
 from tasks.export.laying import laid
-from tasks.progress import advance
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:

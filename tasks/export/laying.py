@@ -11,10 +11,10 @@ import numpy as np
 
 from catalogs.block import read_block
 from facade_core.core.errors import FacadeError, InputError
-from tasks.progress import advance, begin_stage
+from tasks.engine.progress import advance, begin_stage
+from tasks.engine.store.status import recorded_source
 from tasks.published.opened import Published
-from tasks.store.standing import recorded_source
-from tasks.units.images import read_exemplar_picture
+from tasks.stages.shared.images import read_exemplar_picture
 
 if TYPE_CHECKING:
     from facade_core.export.factored.library import Library

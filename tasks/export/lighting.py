@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.types import Sun
 from facade_core.export.lighting.lit import HELD, Lighting, Texels
 from tasks.published.opened import Published
-from tasks.units.materials import field_of, materials
+from tasks.stages.shared.materials import field_of, materials
 
 
 def lighting(found: Published) -> Lighting:

@@ -10,8 +10,8 @@ import numpy as np
 
 from catalogs.features import file_stem
 from facade_core.core.errors import InputError
+from tasks.engine.progress import advance, begin_stage
 from tasks.export.earth import on_earth
-from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:

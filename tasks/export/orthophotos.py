@@ -12,7 +12,7 @@ import numpy as np
 from catalogs.features import file_stem
 from catalogs.visible import visible, visible_json
 from facade_core.core.errors import InputError
-from tasks.progress import advance, begin_stage
+from tasks.engine.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from catalogs.features import file_stem
+from tasks.engine.progress import advance, begin_stage
 from tasks.export.features import building_rows
 from tasks.export.models import shown, with_ground
-from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 # 1980-01-02 in any time zone, the first day that a package can state, seconds.

@@ -19,11 +19,11 @@ from facade_core.core.name_hash import number_of
 from facade_core.geometry.ground.terrain import Terrain, terrain_of
 from facade_core.imagery.poses.photo_matching import Likely, likely_walls, taken_by
 from facade_core.plan.plan import Plan
+from tasks.engine.outcome import reason_of
+from tasks.engine.progress import advance, begin_stage
 from tasks.matching.table import COLUMNS, Candidate, Table, found_row
-from tasks.outcome import reason_of
-from tasks.progress import advance, begin_stage
-from tasks.stages.planning import plan_of
-from tasks.units.shown.evidence import rectified_photo
+from tasks.stages.facades.evidence import rectified_photo
+from tasks.stages.ingest.planning import plan_of
 
 # A photo is of the wall that it shows with this probability; else a person decides.
 SURE = 0.8

@@ -13,7 +13,7 @@ from catalogs.block.adding import add_imagery, imagery_line
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
 from tasks.matching.table import Table
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 
 # Where photos go that are taken, beside a block file that names no folder.
 FOLDER = "photos"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from tasks.outcome import machine_error, machine_fault, reason_of, store_fault
+from tasks.engine.outcome import machine_error, machine_fault, reason_of, store_fault
 
 log = logging.getLogger(__name__)
 

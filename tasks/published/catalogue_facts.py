@@ -22,9 +22,9 @@ from facade_core.facade.layout.model import SHIPPED as LAYOUTS
 from facade_core.parsing.network import SHIPPED as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural import SHIPPED as TRANSLATOR
+from tasks.engine.run import Run
 from tasks.published.rows import Rows, made_at
 from tasks.published.stored import StoredBlock
-from tasks.run import Run
 
 Records = Sequence[Mapping[str, Any] | None]
 # A footprint's outline in the catalogue may be off by this.

@@ -16,7 +16,7 @@ from facade_core.core.resizing import resized
 from facade_core.export.pictures.hidden import LONGEST_PREVIEW
 from facade_core.export.pictures.picture import file_of
 from facade_core.export.pictures.views import pictured, spread
-from tasks.keys.stage_code import stage_code
+from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
-from tasks.kinds.kind import Stage
-from tasks.kinds.order import KINDS
-from tasks.kinds.streets import STREETS
-from tasks.run import Run
+from tasks.engine.run import Run
+from tasks.engine.stage import Stage
+from tasks.stages.order import KINDS
+from tasks.stages.streets.stage import STREETS
 
 
 def over_limit(run: Run, group: StoreGroup) -> str | None:

@@ -17,7 +17,7 @@ from catalogs.stac.versions import forget_versions
 from facade_core.atlas.integrity import is_whole
 from facade_core.atlas.store import BRANCH, expire, open_repository, open_root
 from facade_core.core.errors import FacadeError, InputError
-from tasks.store.commits import standing_tags
+from tasks.engine.store.commits import standing_tags
 
 # What a process that was killed leaves in a run's folder; nothing but a run, which the caller holds off, makes any.
 LEFTOVERS = (

@@ -10,11 +10,11 @@ from typing import Any
 from catalogs.published.report import write_report
 from facade_core.geometry.walls import ROLES, STREET
 from facade_core.plan.exemplar_style import SHADED
+from tasks.engine.run import Run
 from tasks.published.images import Images
 from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import Rows, raised
 from tasks.published.stored import StoredBlock
-from tasks.run import Run
 
 # What a panorama has of others where it shares nothing with any.
 _ALONE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_alone": ""}

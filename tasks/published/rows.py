@@ -18,9 +18,9 @@ from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
 from facade_core.geometry.walls import ROLES, STREET
 from facade_core.plan.facades import Facades
-from tasks.kinds.order import KINDS
+from tasks.engine.run import Run
 from tasks.published.stored import StoredBlock
-from tasks.run import Run
+from tasks.stages.order import KINDS
 
 # A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
 HIDDEN, SURE = 0.5, 0.5

@@ -13,8 +13,8 @@ from facade_core.atlas.store import open_root
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import Values, read_plan, read_table
-from tasks.kinds.order import STAGES
-from tasks.store.standing import made_by
+from tasks.engine.store.status import made_by
+from tasks.stages.order import STAGES
 
 if TYPE_CHECKING:
     import icechunk

@@ -25,7 +25,7 @@ from facade_core.export.models.textured_parts import local_frame, textured_scene
 from facade_core.export.tiles.block_tiles import Tile, tiles_of
 from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
-from tasks.keys.stage_code import stage_code
+from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 

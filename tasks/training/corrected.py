@@ -20,9 +20,9 @@ from facade_core.export.pictures.facade_stages import chart_raster
 from facade_core.facade.correction import texels_of
 from facade_core.parsing.segmenter import parse, seen_outside
 from facade_core.parsing.training_views import ANY_CLASS
-from tasks.kinds.corrected import corrected_of
+from tasks.engine.store.status import recorded_source
 from tasks.published.opened import published
-from tasks.store.standing import recorded_source
+from tasks.stages.shared.facade_corrections import corrected_of
 
 # Of fewer corrected facades nothing is learnt that the shipped models do not know better.
 LEAST = 10

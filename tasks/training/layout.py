@@ -8,7 +8,7 @@ from pathlib import Path
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.model import save
-from tasks.progress import advance, begin_stage
+from tasks.engine.progress import advance, begin_stage
 
 
 def train_layout(

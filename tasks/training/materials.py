@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.errors import InputError
 from facade_core.street.materials.grain import NAMES, Example, learn
 from facade_core.street.materials.grain_file import save
-from tasks.progress import advance, begin_stage
+from tasks.engine.progress import advance, begin_stage
 
 # Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
 SOURCES: dict[str, tuple[str, float, float | None]] = {

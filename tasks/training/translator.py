@@ -22,9 +22,9 @@ from facade_core.street.translator.training_views import WIDTHS, Rendering, sequ
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.model_relief import relief
 from facade_core.synth.street_truth import synthetic_street
-from tasks.progress import advance, begin_stage
-from tasks.stages.planning import plan_of
-from tasks.store.standing import recorded_source
+from tasks.engine.progress import advance, begin_stage
+from tasks.engine.store.status import recorded_source
+from tasks.stages.ingest.planning import plan_of
 from tasks.training.composites import composites
 from tasks.training.parser import stage_progress
 

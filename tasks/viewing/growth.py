@@ -17,8 +17,8 @@ from facade_core.plan.plan_tables import read_plan
 from facade_core.street.materials.field import Materials
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint
-from tasks.units.materials import field_of
-from tasks.units.streets import add_viewpoint, replay
+from tasks.stages.shared.materials import field_of
+from tasks.stages.streets.worker import add_viewpoint, replay
 from tasks.viewing.reading import View
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.

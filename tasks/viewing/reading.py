@@ -24,10 +24,10 @@ from facade_core.export.pictures.facade_stages import StoredFacade
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_of, read_facades, read_table
-from tasks.kinds.order import read_journals
-from tasks.outcome import refused
+from tasks.engine.outcome import refused
 from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import facts
+from tasks.stages.order import read_journals
 
 # What a facade may be coloured by: not what names it, nor where it lies.
 _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}

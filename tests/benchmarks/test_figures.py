@@ -122,7 +122,6 @@ def test_the_code_of_a_record_is_what_its_command_reaches() -> None:
     assert {"benchmarks.readers", "catalogs.readers", "facade_core.geometry"} <= readers.keys()
     assert "flows.viewer" not in readers
     assert {"benchmarks.block", "tasks.units", "facade_core.layout", "flows.block"} <= run.keys()  # it starts a run
-    assert "benchmarks.decisions" in code_of("streetloom bench decisions dispatch")
     assert changed(readers, readers | {"facade_core.geometry": "00", "flows.viewer": "00"}) == [
         "facade_core.geometry",
         "flows.viewer",

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.street import seams, workers
 from benchmarks.street.truth import interval, psnr
 from catalogs.block import read_block
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 
 
 def test_psnr_counts_only_where_asked() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from catalogs.block.corrections import Correction, add_corrections, read_corrections
 from tasks.corrections import import_corrections
-from tasks.store.standing import record_source
+from tasks.engine.store.status import record_source
 from tests.chromium import tab, wait
 from tests.pipeline.corrected import made, textured_houses
 from tests.pipeline.stages import digests_of

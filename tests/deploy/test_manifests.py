@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 from deploy.certificates import settings
-from tasks.compute.scheduler_view import UNITS_SHARE
-from tasks.keys import memory
-from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS
+from tasks.engine.compute.scheduler_view import UNITS_SHARE
+from tasks.stages.shared import memory
+from tasks.stages.shared.images import LONGEST_EXEMPLAR, MOST_PIXELS
 from tests.pipeline.runs import ROOT
 
 DEPLOY = ROOT / "deploy"

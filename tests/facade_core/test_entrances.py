@@ -20,7 +20,7 @@ from facade_core.plan.facade_walls import wall_of
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import facade as paint
-from tasks.kinds.facades import entrances_of
+from tasks.stages.facades.stage import entrances_of
 
 MPP = 0.05
 # One corner cut off at the crossing, and a nook with a narrow wall across it at the other end.

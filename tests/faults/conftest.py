@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tasks.run import Run
-from tasks.stages.publish import publish_block
+from tasks.engine.run import Run
+from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, STREETS, texture, write_block
 from tests.sharing import alone
 

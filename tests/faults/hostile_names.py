@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from facade_core.synth.exemplars import exemplars
-from tasks.stages.publish import publish_block
+from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block
 
 MARKUP = (

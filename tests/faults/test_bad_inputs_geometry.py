@@ -13,8 +13,8 @@ import shapely
 
 from catalogs.block import Block, read_block
 from facade_core.core.errors import BlockFileError
-from tasks.stages.ingest import no_facade
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.task import no_facade
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Make = Callable[[Path], str]

@@ -23,9 +23,9 @@ from catalogs.readers.pictures import opening as pictures
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
 from catalogs.readers.pictures.opening import MOST_PIXELS, MOST_WEBP_PIXELS, opened, read_picture
 from facade_core.core.errors import ImageError, InputError
-from tasks.units.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
-from tasks.units.images import MOST_PIXELS as KEPT
-from tasks.units.shown.evidence import photo_of
+from tasks.stages.facades.evidence import photo_of
+from tasks.stages.shared.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
+from tasks.stages.shared.images import MOST_PIXELS as KEPT
 
 RAMP = np.linspace(0.0, 1.0, 48 * 64).reshape(48, 64)
 COLOUR = np.stack([RAMP, RAMP / 2, 1 - RAMP], axis=-1)
@@ -422,7 +422,7 @@ from pathlib import Path
 import numpy, cv2, rasterio
 from catalogs.readers.pictures.opening import read_picture
 from facade_core.core.errors import ImageError
-from tasks.units.images import read_exemplar_picture, read_image
+from tasks.stages.shared.images import read_exemplar_picture, read_image
 held = int(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmSize"))) * 1024
 resource.setrlimit(resource.RLIMIT_AS, (held + 1_000_000_000,) * 2)
 for name in sys.argv[1:]:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from catalogs.published.snapshot import current
-from tasks.run import Run
-from tasks.stages.publish import publish_block
-from tasks.store.standing import nothing_due
+from tasks.engine.run import Run
+from tasks.engine.store.status import nothing_due
+from tasks.stages.publish.task import publish_block
 
 
 def cut(path: Path) -> None:

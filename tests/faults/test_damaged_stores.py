@@ -18,10 +18,10 @@ from facade_core.atlas.integrity import unreadable
 from facade_core.atlas.journal import forget_record, read_journal, unit_key, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
+from tasks.engine.run import Run
+from tasks.engine.store.integrity import find_wounds, mend, suspect
+from tasks.engine.store.status import nothing_due
 from tasks.history import after_viewpoint
-from tasks.run import Run
-from tasks.store.standing import nothing_due
-from tasks.store.wounds import find_wounds, mend, suspect
 from tests.pipeline.stages import digests_of, redone, started, texture
 
 

@@ -19,9 +19,9 @@ from flows.cli.commands import main
 from flows.lock import locked
 from tasks.doctor import examine_folder, examine_machine
 from tasks.doctor.machine import disk, models, packages
-from tasks.run import Run
-from tasks.store.standing import record_source
-from tasks.store.wounds import is_suspect, mend
+from tasks.engine.run import Run
+from tasks.engine.store.integrity import is_suspect, mend
+from tasks.engine.store.status import record_source
 
 
 def wrong(out: Path) -> dict[str, str]:

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from facade_core.core.errors import MachineError
-from tasks.kinds.order import STAGES
-from tasks.outcome import raising_machine_errors
-from tasks.stages import ingest
-from tasks.store import room
-from tasks.store.commits import journal
-from tasks.store.room import RESERVE, require_room
+from tasks.engine.outcome import raising_machine_errors
+from tasks.engine.store import disk_space
+from tasks.engine.store.commits import journal
+from tasks.engine.store.disk_space import RESERVE, require_room
+from tasks.stages.ingest import task
+from tasks.stages.order import STAGES
 from tests.pipeline.runs import ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
 
@@ -41,8 +41,8 @@ def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
     disk: Path, left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     block = write_block(tmp_path / "block", texture={"walls": "translate"})
-    monkeypatch.setattr(room, "RESERVE", 0)
-    monkeypatch.setattr(ingest, "room_for", lambda plan, width, stored: 0)  # as if another program had filled it
+    monkeypatch.setattr(disk_space, "RESERVE", 0)
+    monkeypatch.setattr(task, "room_for", lambda plan, width, stored: 0)  # as if another program had filled it
     with (
         pytest.raises(
             MachineError, match=r"No space left on device; free some space and run again: what is done is kept$"

@@ -28,8 +28,8 @@ from flows import artifacts
 from flows.cli import commands as cli
 from flows.cli import console
 from flows.markdown import code, plain
+from tasks.engine.outcome import log_units
 from tasks.export.formats import export
-from tasks.outcome import log_units
 from tests.exports import EACH
 from tests.faults.hostile_names import BROKEN, CONTROLS, DATA, MARKUP, hostile_block
 

@@ -14,10 +14,10 @@ import pytest
 from distributed import Client, LocalCluster
 
 from facade_core.core.errors import MachineError
-from tasks.compute.cluster import Cluster, ClusterGone, UnitOverran
-from tasks.compute.connect import connect
-from tasks.compute.patience import Patience
-from tasks.compute.workers import make, prepared
+from tasks.engine.compute.cluster import Cluster, ClusterGone, UnitOverran
+from tasks.engine.compute.connect import connect
+from tasks.engine.compute.timeouts import Patience
+from tasks.engine.compute.worker_setup import make, prepared
 from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.test_cluster import wait_until
 

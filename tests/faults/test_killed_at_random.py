@@ -24,8 +24,8 @@ import pytest
 
 from catalogs.query import query
 from facade_core.core.errors import FacadeError, StoreError
-from tasks.kinds.order import STAGES
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
+from tasks.stages.order import STAGES
 from tasks.viewing import Reader
 from tests.pipeline import stages
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment, run

@@ -8,8 +8,8 @@ import pytest
 
 from catalogs.features import file_stem
 from catalogs.query import query
+from tasks.engine.run import Run
 from tasks.export.formats import export
-from tasks.run import Run
 from tests.faults.conftest import LONG
 
 

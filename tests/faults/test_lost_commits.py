@@ -15,8 +15,8 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, Repository, commit, new_root, open_repository
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from tasks.store.carry import forget_units
-from tasks.store.commits import begin, finish
+from tasks.engine.store.carry_over import forget_units
+from tasks.engine.store.commits import begin, finish
 
 THREADS, ROUNDS = 4, 40
 

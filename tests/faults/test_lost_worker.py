@@ -15,11 +15,11 @@ import cloudpickle
 import pytest
 
 from facade_core.atlas.store import BRANCH, open_repository
-from tasks.compute.connect import connect
-from tasks.stages import fan_out
-from tasks.stages.fan_out import process_batch
-from tasks.store.commits import journal
-from tasks.units.unit import Piece, Unit
+from tasks.engine import fan_out
+from tasks.engine.compute.connect import connect
+from tasks.engine.fan_out import process_batch
+from tasks.engine.store.commits import journal
+from tasks.engine.unit import Piece, Unit
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])

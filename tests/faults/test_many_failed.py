@@ -12,10 +12,10 @@ from catalogs.block import read_block
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import BlockFileError
-from tasks.outcome import failure
-from tasks.run import Run
-from tasks.stages.publish import publish_block
-from tasks.store.commits import journal
+from tasks.engine.outcome import failure
+from tasks.engine.run import Run
+from tasks.engine.store.commits import journal
+from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import texture, write_block
 
 

@@ -18,11 +18,11 @@ from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
 from flows.cli.commands import main
 from flows.lock import locked
+from tasks.engine.run import Run
+from tasks.engine.store.status import nothing_due
 from tasks.history import after_viewpoint
 from tasks.published.prune import prune
-from tasks.run import Run
-from tasks.stages.publish import publish_block
-from tasks.store.standing import nothing_due
+from tasks.stages.publish.task import publish_block
 
 
 def published_again(run: Run, block: Path) -> str:

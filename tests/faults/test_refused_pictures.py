@@ -16,12 +16,12 @@ from PIL import Image
 from catalogs.block import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
-from tasks.stages.due import what_is_set_aside
-from tasks.units import facades as facade
-from tasks.units.imagery import Imagery
-from tasks.units.images import read_panorama, read_textures
-from tasks.units.shown import evidence
-from tasks.units.shown.evidence import Evidence, evidence_of
+from tasks.engine.forecast import what_is_set_aside
+from tasks.stages.facades import evidence
+from tasks.stages.facades import worker as facade
+from tasks.stages.facades.evidence import Evidence, evidence_of
+from tasks.stages.facades.imagery import Imagery
+from tasks.stages.shared.images import read_panorama, read_textures
 
 POSE = Pose(0.0, 0.0, 2.5, 0.0)
 SIZE = (24, 32)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tasks.stages.publish import publish_block
-from tasks.store.standing import record_source
+from tasks.engine.store.status import record_source
+from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import Textured, texture, write_block, write_photo
 
 # Those of the small block that stand about one street, and one of the others.

@@ -24,16 +24,16 @@ from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.exemplars import exemplars
-from tasks.compute.connect import Serial
-from tasks.keys.runs import run_of
-from tasks.kinds.order import KINDS, STAGES
-from tasks.outcome import Outcome, refused
-from tasks.run import Run
-from tasks.stages.due import Due, due_of, what_is_due
-from tasks.stages.fan_out import process_batch
-from tasks.stages.ingest import ingest_block
-from tasks.stages.streets import texture_street
-from tasks.store.redo import chosen_streets
+from tasks.engine.compute.connect import Serial
+from tasks.engine.fan_out import process_batch
+from tasks.engine.forecast import Due, due_of, what_is_due
+from tasks.engine.outcome import Outcome, refused
+from tasks.engine.run import Run
+from tasks.engine.run_key import run_of
+from tasks.stages.ingest.task import ingest_block
+from tasks.stages.order import KINDS, STAGES
+from tasks.stages.streets.redo import chosen_streets
+from tasks.stages.streets.task import texture_street
 from tests.pipeline.small_views import VIEW_SIZE
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -128,7 +128,7 @@ def sooner() -> Iterator[None]:
     """Stages in this process take less time: small views, and no exemplar prepared twice."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("facade_core.export.pictures.views.VIEW_SIZE", VIEW_SIZE)
-        patch.setattr("tasks.units.exemplars.prepare_exemplar", _prepare_once)
+        patch.setattr("tasks.stages.exemplars.worker.prepare_exemplar", _prepare_once)
         yield
 
 

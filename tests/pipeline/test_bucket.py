@@ -32,10 +32,10 @@ from facade_core.atlas.snapshot import open_atlas
 from facade_core.core.errors import FacadeError, InputError
 from flows.cli.commands import main
 from flows.lock import locked
-from tasks.compute.workers import standing
-from tasks.kinds.order import STAGES
+from tasks.engine.compute.worker_setup import standing
+from tasks.engine.store.commits import begin, journal
 from tasks.published.prune import prune
-from tasks.store.commits import begin, journal
+from tasks.stages.order import STAGES
 from tests.bucket import SECRET, served
 from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.stages import VIEW_SIZE, write_block

@@ -16,9 +16,9 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import read_encoded
 from facade_core.core.errors import InputError
 from facade_core.synth.facade import facade as paint
-from tasks.stages.publish import publish_block
-from tasks.store.commits import journal
-from tasks.store.wounds import find_wounds
+from tasks.engine.store.commits import journal
+from tasks.engine.store.integrity import find_wounds
+from tasks.stages.publish.task import publish_block
 from tasks.viewing import Reader, picture_before
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from facade_core.core.errors import StoreError
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 
 

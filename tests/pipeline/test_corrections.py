@@ -17,9 +17,9 @@ from catalogs.query import query
 from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED
 from tasks.corrections import Taker, import_corrections
+from tasks.engine.store.commits import journal
+from tasks.engine.store.status import record_source, recorded_source
 from tasks.export.formats import export
-from tasks.store.commits import journal
-from tasks.store.standing import record_source, recorded_source
 from tasks.training.corrected import corrected_facades
 from tasks.viewing import Reader
 from tasks.viewing.standing import standing

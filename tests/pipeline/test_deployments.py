@@ -24,8 +24,8 @@ from facade_core.core.errors import StoreError
 from flows.block import flow_run_name
 from flows.lock import locked
 from flows.server.starting import free_port
-from tasks.kinds.order import STAGES
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
+from tasks.stages.order import STAGES
 from tests.pipeline.deployed import (
     README,
     Site,

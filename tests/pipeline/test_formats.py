@@ -11,11 +11,11 @@ from facade_core.atlas.arrays import FORMAT
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import commit, open_repository, open_root
 from facade_core.core.errors import FormatError
+from tasks.engine.run import Run
+from tasks.engine.run_key import run_of
+from tasks.engine.store.integrity import mend
 from tasks.history import after_viewpoint
-from tasks.keys.runs import run_of
-from tasks.run import Run
-from tasks.stages.ingest import ingest_block
-from tasks.store.wounds import mend
+from tasks.stages.ingest.task import ingest_block
 from tasks.viewing.reading import Reader
 from tests.facade_core.atlas.stores import BUILDINGS, FORMAT_4, STREETS, unpack
 from tests.pipeline.stages import write_block

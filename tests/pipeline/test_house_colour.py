@@ -13,7 +13,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.facade.wall_material import lit_colour
 from facade_core.synth.exemplars import exemplars
-from tasks.units.context import plan_of_run
+from tasks.engine.context import plan_of_run
 from tests.pipeline import stages
 from tests.pipeline.test_changes import WALL as PAINTED_WALL
 from tests.pipeline.test_changes import captured

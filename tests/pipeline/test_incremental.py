@@ -16,15 +16,15 @@ from PIL import Image, ImageOps
 from catalogs.block import read_block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from tasks.compute.connect import Serial
-from tasks.keys.runs import run_of
-from tasks.keys.stage_code import stage_code
-from tasks.kinds.surfaces import surface_units
-from tasks.stages.fan_out import process_batch
-from tasks.stages.publish import publish_block
-from tasks.store.commits import journal
-from tasks.store.standing import nothing_due
-from tasks.units.context import plan_of_run
+from tasks.engine.compute.connect import Serial
+from tasks.engine.context import plan_of_run
+from tasks.engine.fan_out import process_batch
+from tasks.engine.run_key import run_of
+from tasks.engine.stage_code import stage_code
+from tasks.engine.store.commits import journal
+from tasks.engine.store.status import nothing_due
+from tasks.stages.publish.task import publish_block
+from tasks.stages.surfaces.stage import surface_units
 from tests.pipeline.stages import (
     BUILDINGS,
     STREETS,
@@ -360,7 +360,7 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
 
 
 def _viewpoints_that_see(made: Textured, facade: str) -> set[str]:
-    from tasks.units.context import plan_of_run
+    from tasks.engine.context import plan_of_run
 
     plan = plan_of_run(made.run)
     chart = plan.facades.chart[plan.facades.id.index(facade)]

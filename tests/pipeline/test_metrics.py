@@ -16,8 +16,8 @@ from opentelemetry.proto.collector.metrics.v1.metrics_service_pb2 import ExportM
 from prometheus_client.parser import text_string_to_metric_families as parsed
 
 from flows.cli.commands import main
-from tasks.kinds.order import STAGES
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
+from tasks.stages.order import STAGES
 
 
 def test_metrics_are_those_of_the_journal(undisturbed: tuple[Path, dict[str, Any]]) -> None:

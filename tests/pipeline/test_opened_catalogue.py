@@ -21,8 +21,8 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.imagery.privacy import CELL_M
 from facade_core.parsing.segmenter import parse
-from tasks.keys.runs import run_of
-from tasks.stages.publish import publish_block
+from tasks.engine.run_key import run_of
+from tasks.stages.publish.task import publish_block
 
 
 def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:

@@ -30,16 +30,16 @@ from facade_core.atlas.stored_files import (
     tile_paths,
 )
 from facade_core.export.models.glb import header_of, with_copyright
-from tasks.compute.connect import Serial
-from tasks.keys.runs import run_of
-from tasks.kinds import pictures
-from tasks.kinds.pictures import PICTURES
+from tasks.engine.compute.connect import Serial
+from tasks.engine.fan_out import process_batch
+from tasks.engine.forecast import due_of
+from tasks.engine.run_key import run_of
+from tasks.engine.store.integrity import is_suspect, mend
+from tasks.engine.store.status import nothing_due, unpublished
 from tasks.published.stored import stored_block
-from tasks.stages.due import due_of
-from tasks.stages.fan_out import process_batch
-from tasks.stages.publish import publish_block
-from tasks.store.standing import nothing_due, unpublished
-from tasks.store.wounds import is_suspect, mend
+from tasks.stages.pictures import stage as pictures
+from tasks.stages.pictures.stage import PICTURES
+from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import Textured, redone, started, texture, write_block, write_photo
 
 NAMES = {"a", "b", "c", "d", "e"}
@@ -290,7 +290,7 @@ def test_a_step_that_fails_leaves_the_others(
         raise ValueError("nothing is as large")
 
     with monkeypatch.context() as patch:
-        patch.setattr("tasks.stages.publish.write_model", no_model)
+        patch.setattr("tasks.stages.publish.task.write_model", no_model)
         _, summary, snapshot = again(folder)
     assert {one["unit"] for one in summary["unpublished"]} == {"block.glb"}
     assert "block.glb is not published: ValueError: nothing is as large" in caplog.messages

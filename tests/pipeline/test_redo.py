@@ -11,13 +11,13 @@ import pytest
 from catalogs.query import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
-from tasks.compute.connect import Serial
-from tasks.stages import streets
-from tasks.stages.publish import publish_block
-from tasks.store.commits import journal
-from tasks.store.digests import differing
-from tasks.store.redo import find_redo, redo_street, street_chunks
-from tasks.units.context import plan_of_run
+from tasks.engine.compute.connect import Serial
+from tasks.engine.context import plan_of_run
+from tasks.engine.store.commits import journal
+from tasks.engine.store.digests import differing
+from tasks.stages.publish.task import publish_block
+from tasks.stages.streets import task
+from tasks.stages.streets.redo import find_redo, redo_street, street_chunks
 from tests.pipeline.stages import digests_of, redone, started, texture
 
 
@@ -65,8 +65,8 @@ def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
         raise ValueError("broken")
 
     with monkeypatch.context() as patch:
-        patch.setattr(streets, "street_unit", broken)
-        assert streets.texture_street.fn(run, street, unit, 0, Serial()).failed
+        patch.setattr(task, "street_unit", broken)
+        assert task.texture_street.fn(run, street, unit, 0, Serial()).failed
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     assert differing(group, plan) == {}
     assert None in journal(out / "store", "streets"), "an earlier street is due again"

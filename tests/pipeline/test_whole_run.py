@@ -25,10 +25,10 @@ from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
-from tasks.kinds.order import STAGES
-from tasks.stages.publish import publish_block
-from tasks.store.commits import journal
-from tasks.store.redo import street_chunks
+from tasks.engine.store.commits import journal
+from tasks.stages.order import STAGES
+from tasks.stages.publish.task import publish_block
+from tasks.stages.streets.redo import street_chunks
 from tests.pipeline import stages
 from tests.pipeline.runs import ALONE, ROOT, TYPED, command, environment, run
 from tests.pipeline.stages import texture, write_photo

@@ -7,7 +7,7 @@ from pathlib import Path
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.geometry.walls import BACK
 from facade_core.plan.plan_tables import read_plan
-from tasks.store.commits import journal
+from tasks.engine.store.commits import journal
 from tests.pipeline.stages import texture, write_block
 from tests.pipeline.test_changes import WALL, captured
 

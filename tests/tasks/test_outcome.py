@@ -17,12 +17,12 @@ import pytest
 from zarr.errors import GroupNotFoundError
 
 from facade_core.core.errors import FacadeError, ImageError, MachineError, ModelError, StoreError
-from tasks.compute.cluster import ClusterGone, WorkersDied
-from tasks.compute.connect import connect
-from tasks.outcome import failure, machine_error, machine_fault
-from tasks.stages import fan_out
-from tasks.stages.fan_out import process_batch
-from tasks.units.unit import Piece, Unit
+from tasks.engine import fan_out
+from tasks.engine.compute.cluster import ClusterGone, WorkersDied
+from tasks.engine.compute.connect import connect
+from tasks.engine.fan_out import process_batch
+from tasks.engine.outcome import failure, machine_error, machine_fault
+from tasks.engine.unit import Piece, Unit
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

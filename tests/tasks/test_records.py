@@ -11,12 +11,12 @@ from PIL import Image
 from catalogs.block import TextureSettings
 from catalogs.readers.pictures.folders import image_files
 from facade_core.core.errors import FacadeError, ImageError
-from tasks.keys.units import exemplar_key
-from tasks.outcome import Outcome, failure, is_done
-from tasks.progress import StageProgress, advance, begin_stage, listen
-from tasks.run import Run
-from tasks.units.context import unit_seed
-from tasks.units.images import read_image, read_labels
+from tasks.engine.context import unit_seed
+from tasks.engine.outcome import Outcome, failure, is_done
+from tasks.engine.progress import StageProgress, advance, begin_stage, listen
+from tasks.engine.run import Run
+from tasks.stages.shared.images import read_image, read_labels
+from tasks.stages.shared.key_parts import exemplar_key
 
 RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
 

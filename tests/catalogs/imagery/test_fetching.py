@@ -78,7 +78,7 @@ def _fisheye() -> bytes:
 
 def test_what_is_no_panorama_is_told_and_not_fetched_again(served: Imagery, tmp_path: Path) -> None:
     from facade_core.imagery.rectify.fisheye import is_fisheye
-    from tasks.units.images import read_image
+    from tasks.stages.shared.images import read_image
 
     def look(path: Path) -> None:
         if is_fisheye(read_image(path)[0]):

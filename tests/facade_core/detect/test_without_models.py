@@ -16,7 +16,7 @@ from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.detect.text import Line
 from facade_core.synth.facade import facade as paint
 from tasks.doctor.machine import second_opinion
-from tasks.keys.stage_code import stage_code
+from tasks.engine.stage_code import stage_code
 
 
 def line(text: str, x: float, y: float, length: float = 60, height: float = 13, score: float = 0.95) -> Line:
@@ -66,7 +66,7 @@ def test_what_takes_pictures_in_stands_on_the_models(monkeypatch: pytest.MonkeyP
 
     found = []
     for digest in ("", "one", "other", ""):
-        monkeypatch.setattr("tasks.keys.stage_code.models_digest", lambda digest=digest: digest)
+        monkeypatch.setattr("tasks.engine.stage_code.models_digest", lambda digest=digest: digest)
         found.append(codes())
     stage_code.cache_clear()
     assert found[0] == found[3]

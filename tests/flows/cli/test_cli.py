@@ -185,7 +185,7 @@ def test_results_go_to_folders_of_this_machine(
 def test_what_asks_before_the_server_is_there_imports_no_prefect() -> None:
     """Prefect reads where its server is when it is first imported; a redo once made it look for one of its own."""
     modules = "catalogs.block, flows.entry, flows.lock, flows.log_file, flows.server.starting"
-    modules += ", tasks.store.redo, tasks.run, tasks.store.standing"
+    modules += ", tasks.stages.streets.redo, tasks.engine.run, tasks.engine.store.status"
     code = f"import sys, flows.cli.commands, flows.cli.console, {modules}; print('prefect' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert shown.stdout.strip() == "False", shown.stderr

@@ -15,9 +15,9 @@ from flows.cli import console
 from flows.cli.console import Lines, show
 from flows.cli.endings import ending
 from flows.log_file import log_of, log_to
-from tasks.compute.cluster import ClusterGone
-from tasks.outcome import log_units
-from tasks.progress import advance, begin_stage
+from tasks.engine.compute.cluster import ClusterGone
+from tasks.engine.outcome import log_units
+from tasks.engine.progress import advance, begin_stage
 
 
 def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from flows.cli.commands import main
 from tasks.city import account as accounts
 from tasks.city import blocks
 from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 from tests.pipeline.stages import write_block
 
 # Houses along one street, farther apart than context reaches.

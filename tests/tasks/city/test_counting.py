@@ -9,7 +9,7 @@ import pytest
 from benchmarks.city.reading import write_town
 from catalogs.block import read_block
 from tasks.city.counting import Counts, counts_of, planned_of
-from tasks.stages.planning import plan_of
+from tasks.stages.ingest.planning import plan_of
 
 
 def counted(folder: Path, texels: float, panorama: int = 128) -> Counts:

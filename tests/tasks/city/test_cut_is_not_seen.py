@@ -14,7 +14,7 @@ from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.plan.plan_tables import read_plan
 from tasks.city.blocks import read_city
-from tasks.kinds.order import KINDS
+from tasks.stages.order import KINDS
 from tests.pipeline.stages import texture, write_block
 
 # Two rows of houses that stand against each other in pairs, along two streets and a third across.

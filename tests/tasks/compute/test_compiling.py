@@ -11,7 +11,7 @@ import pytest
 
 from facade_core import kernel_warmup
 from facade_core.core import numba_cache
-from tasks.compute.compiling import compile_together
+from tasks.engine.compute.kernel_compilation import compile_together
 
 
 @pytest.fixture

@@ -18,11 +18,11 @@ import pytest
 from distributed import LocalCluster
 
 from facade_core.core.errors import InputError
-from tasks.compute import connect as compute
-from tasks.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
-from tasks.compute.connect import connect
-from tasks.compute.patience import Patience
-from tasks.compute.scheduler_view import View, Worker
+from tasks.engine.compute import connect as compute
+from tasks.engine.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
+from tasks.engine.compute.connect import connect
+from tasks.engine.compute.scheduler_view import View, Worker
+from tasks.engine.compute.timeouts import Patience
 from tests.pipeline.runs import ROOT, environment
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -310,7 +310,7 @@ def test_what_a_run_asks_of_workers_leaves_the_scheduler_with_it(workers: LocalC
 
 
 def test_workers_that_cannot_write_where_units_do_are_refused(workers: LocalCluster, tmp_path: Path) -> None:
-    from tasks.compute.workers import standing
+    from tasks.engine.compute.worker_setup import standing
 
     assert standing(str(tmp_path / "elsewhere"))[0] is False
     (tmp_path / "token").touch()
@@ -340,7 +340,7 @@ def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path
 
 def test_a_run_that_ends_at_once_leaves_nothing_on_stderr(tmp_path: Path) -> None:
     code = (
-        "import os, sys; from tasks.compute.connect import connect; at_work = connect(2, None, sys.argv[1]); "
+        "import os, sys; from tasks.engine.compute.connect import connect; at_work = connect(2, None, sys.argv[1]); "
         "at_work.__enter__(); print(os.environ.get('PYTHONWARNINGS'), flush=True); os._exit(130)"
     )
     done = subprocess.run(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from tasks.compute.deadlines import TIMES, Deadlines
-from tasks.compute.leases import Lease, Leases
-from tasks.compute.patience import USUAL
-from tasks.compute.scheduler_view import Roll, View, Worker
+from tasks.engine.compute.deadlines import TIMES, Deadlines
+from tasks.engine.compute.leases import Lease, Leases
+from tasks.engine.compute.scheduler_view import Roll, View, Worker
+from tasks.engine.compute.timeouts import USUAL
 
 
 def workers(**named: tuple[int, int]) -> dict[str, Worker]:

@@ -14,8 +14,8 @@ from distributed import Client, LocalCluster
 from distributed.security import Security
 
 from facade_core.core.errors import InputError
-from tasks.compute.connect import connect, require_scheduler
-from tasks.compute.patience import Patience
+from tasks.engine.compute.connect import connect, require_scheduler
+from tasks.engine.compute.timeouts import Patience
 from tests.pipeline.runs import ROOT
 
 HERE = {"host": "127.0.0.1", "dashboard_address": None, "threads_per_worker": 1}
@@ -27,8 +27,8 @@ def pid() -> int:
 
 STRANGER = """
 import sys
-import tasks.keys.stage_code
-tasks.keys.stage_code.code_version = lambda coded: "another"
+import tasks.engine.stage_code
+tasks.engine.stage_code.code_version = lambda coded: "another"
 from distributed.cli.dask_worker import main
 main(sys.argv[1:])
 """

@@ -25,9 +25,11 @@ from facade_core.core.types import Building, Pose, Shell, Street
 from facade_core.imagery.poses.joint_refinement import Alone
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
-from tasks.keys.streets import SETTINGS, StreetKeys, street_keys
-from tasks.keys.surfaces import surface_key
-from tasks.keys.units import (
+from tasks.engine.run import Run
+from tasks.stages.bundles.worker import Member
+from tasks.stages.facades.imagery import Imagery
+from tasks.stages.order import STAGES
+from tasks.stages.shared.key_parts import (
     bundle_key,
     changed_parts,
     exemplar_key,
@@ -37,10 +39,8 @@ from tasks.keys.units import (
     pose_key,
     texture_key,
 )
-from tasks.kinds.order import STAGES
-from tasks.run import Run
-from tasks.units.bundles import Member
-from tasks.units.imagery import Imagery
+from tasks.stages.streets.keys import SETTINGS, StreetKeys, street_keys
+from tasks.stages.surfaces.keys import surface_key
 
 RUN = Run(
     out="/out",

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tasks.keys import stage_code as module
-from tasks.keys.stage_code import HOUSE, ROOT, code_version, module_of, stage_code
-from tasks.kinds.order import CODED
+from tasks.engine import stage_code as module
+from tasks.engine.stage_code import HOUSE, ROOT, code_version, module_of, stage_code
+from tasks.stages.order import CODED
 
 Codes = Callable[[], dict[str, str]]
 
@@ -48,7 +48,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "catalogs/published/report.html.j2": {"publish"},
         "catalogs/readers/meshes/obj.py": set(),  # what is read is in the block's digest
         "catalogs/readers/pictures/aerial.py": {"ingest", "textures", "surfaces", "publish"} | streets,
-        "tasks/progress.py": set(),
+        "tasks/engine/progress.py": set(),
         "facade_core/core/errors.py": set(),
         "facade_core/parsing/segmenter.py": facades | {"grounds", "walls"},
         "facade_core/parsing/network_training.py": set(),
@@ -62,10 +62,10 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/imagery/poses/joint_refinement.py": {"bundles"},
         "facade_core/geometry/buildings/facets.py": {"ingest"},
         "facade_core/facade/texture/genetic.py": facades,
-        "tasks/units/images.py": {"ingest", "poses", "bundles", "textures", "grounds", "walls", "surfaces"}
+        "tasks/stages/shared/images.py": {"ingest", "poses", "bundles", "textures", "grounds", "walls", "surfaces"}
         | facades
         | streets,
-        "tasks/units/streets.py": streets,
+        "tasks/stages/streets/worker.py": streets,
     }.items():
         content = (tmp_path / path).read_bytes()
         with (tmp_path / path).open("ab") as file:
@@ -86,7 +86,7 @@ def test_comments_layout_and_docstrings_do_not_count(codes: Codes, tmp_path: Pat
 
 def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None:
     for path, text in {
-        "tasks/stages/publish.py": "def made():\n    from facade_core.shapes import area\n    return area\n",
+        "tasks/stages/publish/task.py": "def made():\n    from facade_core.shapes import area\n    return area\n",
         "tasks/__init__.py": "",
         "facade_core/__init__.py": "",
         "facade_core/shapes/__init__.py": "from .square import area\nfrom facade_core.shapes.round import girth\n",
@@ -96,8 +96,8 @@ def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None
     }.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
-    found = module.reached(["tasks.stages.publish"], (), tmp_path)
-    assert set(found) == {"tasks.stages.publish", "facade_core.shapes.square"}
+    found = module.reached(["tasks.stages.publish.task"], (), tmp_path)
+    assert set(found) == {"tasks.stages.publish.task", "facade_core.shapes.square"}
 
 
 def test_what_orders_and_runs_units_is_in_no_stage() -> None:
@@ -110,7 +110,7 @@ def test_what_orders_and_runs_units_is_in_no_stage() -> None:
 
 
 def test_two_processes_agree_and_every_library_is_known() -> None:
-    told = "from tasks.keys.stage_code import *; from tasks.kinds.order import CODED; print(code_version(CODED))"
+    told = "from tasks.engine.stage_code import *; from tasks.stages.order import CODED; print(code_version(CODED))"
     command = [sys.executable, "-c", told]
     other = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
     assert other == code_version(CODED)

@@ -16,12 +16,12 @@ from catalogs.file_digest import file_digest
 from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
-from tasks.keys.streets import SETTINGS
-from tasks.keys.units import changed_parts, facade_keys, parts_key, parts_of
-from tasks.kinds.kind import same_key_or_name
-from tasks.kinds.streets import STREETS
-from tasks.units.imagery import Imagery
-from tasks.units.unit import Unit
+from tasks.engine.stage import same_key_or_name
+from tasks.engine.unit import Unit
+from tasks.stages.facades.imagery import Imagery
+from tasks.stages.shared.key_parts import changed_parts, facade_keys, parts_key, parts_of
+from tasks.stages.streets.keys import SETTINGS
+from tasks.stages.streets.stage import STREETS
 
 
 def test_keys_differ_in_the_parts_that_changed() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from tasks.kinds.captures import captures_of
+from tasks.stages.facades.captures import captures_of
 
 
 @pytest.mark.parametrize(

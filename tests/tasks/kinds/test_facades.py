@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from facade_core.plan.exemplar_style import Walls
-from tasks.kinds.facades import exemplars_of
+from tasks.stages.facades.stage import exemplars_of
 
 
 def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:

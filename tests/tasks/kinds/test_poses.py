@@ -8,7 +8,7 @@ from typing import Any, cast
 import shapely
 
 from facade_core.core.types import Building, Pose
-from tasks.kinds.poses import heights_carried
+from tasks.stages.poses.stage import heights_carried
 
 
 def block(*poses: Pose, source: str) -> Any:

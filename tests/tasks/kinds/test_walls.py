@@ -18,10 +18,10 @@ from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest, with_panoramas
 from facade_core.plan.plan import Plan
-from tasks.keys.units import changed_parts
-from tasks.kinds.cameras import CAMERAS, LONG_M
-from tasks.kinds.walls import WALLS, names_of_walls, wall_units
-from tasks.units.unit import Unit
+from tasks.engine.unit import Unit
+from tasks.stages.shared.key_parts import changed_parts
+from tasks.stages.shared.nearby_panoramas import CAMERAS, LONG_M
+from tasks.stages.walls.stage import WALLS, names_of_walls, wall_units
 
 # Before the gap between the first two houses, and 200 m on before the third.
 POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))

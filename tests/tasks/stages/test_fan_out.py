@@ -19,13 +19,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from facade_core.core.errors import FacadeError
-from tasks.compute.cluster import ClusterGone
-from tasks.compute.connect import Serial, connect
-from tasks.kinds.poses import POSES
-from tasks.stages import fan_out
-from tasks.stages.due import Due
-from tasks.stages.fan_out import AT_ONCE, LARGEST, batches, memory_of, process_batch
-from tasks.units.unit import Piece, Unit
+from tasks.engine import fan_out
+from tasks.engine.compute.cluster import ClusterGone
+from tasks.engine.compute.connect import Serial, connect
+from tasks.engine.fan_out import AT_ONCE, LARGEST, batches, memory_of, process_batch
+from tasks.engine.forecast import Due
+from tasks.engine.unit import Piece, Unit
+from tasks.stages.poses.stage import POSES
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

@@ -23,12 +23,12 @@ from facade_core.geometry.chart_packing import Places
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from flows.block import _announced
-from tasks.compute.connect import Compute, connect
-from tasks.compute.spreading import LEAST_ITEMS, spread
-from tasks.keys.runs import run_of
-from tasks.stages import ingest as stage
-from tasks.stages.ingest import ingest_block
-from tasks.stages.planning import plan_again, plan_key, plan_of
+from tasks.engine.compute.connect import Compute, connect
+from tasks.engine.compute.distributed_map import LEAST_ITEMS, spread
+from tasks.engine.run_key import run_of
+from tasks.stages.ingest import task as stage
+from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
+from tasks.stages.ingest.task import ingest_block
 from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
 
 
@@ -132,5 +132,5 @@ def test_other_code_makes_the_plan_anew(tmp_path: Path, monkeypatch: pytest.Monk
     block = read_block(write_block(tmp_path / "in"))
     key = plan_key(block)
     assert plan_key(replace(block, seed=99, photos={})) == key
-    monkeypatch.setattr("tasks.stages.planning.stage_code", lambda stage: "other")
+    monkeypatch.setattr("tasks.stages.ingest.planning.stage_code", lambda stage: "other")
     assert plan_key(block) != key

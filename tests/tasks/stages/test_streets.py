@@ -16,16 +16,16 @@ from facade_core.atlas.journal import forget_record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
 from facade_core.street.propagation.blend import blend
-from tasks.compute.connect import Serial
-from tasks.keys.runs import run_of
-from tasks.run import Run
-from tasks.stages import streets
-from tasks.stages.ingest import ingest_block
-from tasks.stages.streets import _claimed, texture_street
-from tasks.store.commits import begin
-from tasks.store.redo import street_chunks
-from tasks.units import streets as viewpoint
-from tasks.units.context import plan_of_run
+from tasks.engine.compute.connect import Serial
+from tasks.engine.context import plan_of_run
+from tasks.engine.run import Run
+from tasks.engine.run_key import run_of
+from tasks.engine.store.commits import begin
+from tasks.stages.ingest.task import ingest_block
+from tasks.stages.streets import task
+from tasks.stages.streets import worker as viewpoint
+from tasks.stages.streets.redo import street_chunks
+from tasks.stages.streets.task import _claimed, texture_street
 from tests.pipeline.stages import STREETS, texture, write_block
 
 HERE: Any = SimpleNamespace(out="/out")
@@ -76,7 +76,7 @@ def fail(*arguments: Any) -> None:
 def test_a_failure_names_what_failed_and_leaves_no_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
 ) -> None:
-    monkeypatch.setattr(streets, what, fail)
+    monkeypatch.setattr(task, what, fail)
     ((_, reason),) = texture_street.fn(ready, 0, "1", 0, Serial()).failed
     assert reason == f"{where}: ValueError: it does not work"
     assert not viewpoint._streets
@@ -131,7 +131,7 @@ def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run
     forget_record(open_root(session), "viewpoints", plan.of_street(first)[0].id)
     commit(session, "one viewpoint is due")
     with monkeypatch.context() as broken:
-        broken.setattr(streets, "viewpoints_unit", fail)
+        broken.setattr(task, "viewpoints_unit", fail)
         assert texture_street.fn(run, first, "1", 0, Serial()).failed
     texture(block, tmp_path / "out")
     group = open_root(open_repository(run.store).readonly_session(BRANCH))

@@ -10,7 +10,7 @@ from PIL import Image
 from facade_core.core.errors import InputError, ModelError
 from facade_core.street.translator import training
 from facade_core.street.translator.training import SMALL
-from tasks.store.standing import record_source
+from tasks.engine.store.status import record_source
 from tasks.training.translator import Places, in_folders, panoramas, street_of, train_translator
 
 BLOCKS = Path(__file__).parents[3] / "catalogs" / "examples" / "blocks"

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import zarr
 
-import tasks.units.shown.cameras as module
+import tasks.stages.shared.panorama_cameras as module
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import Camera, Shown
 from facade_core.synth.street_truth import synthetic_street
-from tasks.units.imagery import Taken
+from tasks.stages.facades.imagery import Taken
 
 IMAGE = np.zeros((2, 4, 3), np.uint8)
 

@@ -12,15 +12,15 @@ import pytest
 from PIL import Image
 
 from facade_core.export.pictures.views import VIEW_SIZE
-from tasks.keys import memory
-from tasks.units.imagery import Imagery
+from tasks.stages.facades.imagery import Imagery
+from tasks.stages.shared import memory
 
 # Peak of what a process holds while it does a unit, beside what it held before: libraries are loaded and compiled by a small
 # unit first, since a worker has them once.
 MEASURE = """
 import json, os, sys
 import numpy as np
-from tasks.compute.workers import limit_threads
+from tasks.engine.compute.worker_setup import limit_threads
 limit_threads()
 
 def status(name):

@@ -13,9 +13,9 @@ from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import Seen, looked_for
 from facade_core.imagery.rectify.crop import Cut
 from facade_core.synth.facade import facade as paint
-from tasks.units.imagery import Imagery
-from tasks.units.images import capture_date, focal_length
-from tasks.units.shown.evidence import evidence_of, photo_of
+from tasks.stages.facades.evidence import evidence_of, photo_of
+from tasks.stages.facades.imagery import Imagery
+from tasks.stages.shared.images import capture_date, focal_length
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
 
@@ -88,7 +88,7 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
         looks.append(image.shape)
         return Seen(faces=np.array([[40.0, 60, 60, 84]]))
 
-    monkeypatch.setattr("tasks.units.shown.evidence.look", look)
+    monkeypatch.setattr("tasks.stages.facades.evidence.look", look)
     photo = photo_of(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
@@ -106,8 +106,8 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     box = np.s_[:150, 20:70]
     hidden = np.zeros((150, 50), bool)
     cut = Cut(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
-    monkeypatch.setattr("tasks.units.shown.evidence.cut_to_facade", lambda image, hidden, model: cut)
-    monkeypatch.setattr("tasks.units.shown.evidence.look", lambda image: Seen())
+    monkeypatch.setattr("tasks.stages.facades.evidence.cut_to_facade", lambda image, hidden, model: cut)
+    monkeypatch.setattr("tasks.stages.facades.evidence.look", lambda image: Seen())
     kept, found, stretched = photo_of(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found

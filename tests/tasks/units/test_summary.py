@@ -11,7 +11,7 @@ from facade_core.facade.pipeline import Facade, from_exemplar, from_photo
 from facade_core.facade.texture.building_walls import Wall
 from facade_core.facade.texture.retargeting import style_of
 from facade_core.synth.facade import facade as paint
-from tasks.units.facades import _summary
+from tasks.stages.facades.worker import _summary
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
 HIDDEN = np.zeros(PAINTED.labels.shape, bool)

@@ -1,0 +1,336 @@
+"""Units on the workers of a Dask scheduler, through the loss of some of them.
+
+A watcher looks at the scheduler's view of its workers again and again. What lies on a worker that is gone, or gives no sign, is
+placed anew, under a key of its own; what takes longer than the deadline of its stage is tried on another worker too. The first
+copy of a unit that ends counts, and what the others make is never asked for.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future as Answer
+from concurrent.futures import as_completed
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+from facade_core.core.errors import FacadeError, MachineError
+from tasks.engine.compute.attempts import Copy, Unit, fetched
+from tasks.engine.compute.deadlines import Deadlines
+from tasks.engine.compute.leases import Forget, Lease, Leases
+from tasks.engine.compute.scheduler_view import Roll, View, Worker, look, restart
+from tasks.engine.compute.timeouts import USUAL, Patience
+from tasks.engine.compute.worker_setup import timed_unit
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+# Workers that may go away under a unit until it is suspected.
+DEATHS = 1
+
+OVERRAN = "the run took longer than its deadline; run again to go on from here"
+REMEDY = "start some (`dask worker ADDRESS`) and run again"
+
+log = logging.getLogger(__name__)
+
+
+# Asks a scheduler for its view of the workers: the client, and the seconds within which it is to answer.
+Look = Callable[["Client", float], View]
+
+
+class ClusterGone(MachineError):
+    """The scheduler, or its last worker, went away. What was committed stays."""
+
+
+class WorkersDied(FacadeError):
+    """Every worker that ran a unit died of it."""
+
+
+class UnitOverran(FacadeError):
+    """A unit did not end in time, wherever it was tried."""
+
+
+class RunOverran(MachineError):
+    """A run did not end in time. What was committed stays."""
+
+
+class Cluster:
+    """Runs units on the workers of a Dask scheduler, until a time by time.monotonic() where there is one.
+
+    memory: bytes that units on all workers may declare together; threads: units that run at once. Both of the workers that
+    there were at the last look.
+    """
+
+    def __init__(
+        self, client: Client, until: float | None = None, *, look: Look = look, patience: Patience = USUAL
+    ) -> None:
+        self._client, self._until = client, until
+        self._look, self._patience = look, patience
+        self._changed = threading.Condition()  # holds for all that follows
+        self._roll = Roll(look(client, patience.answer), patience)
+        self._units: set[Unit] = set()
+        self._leases, self._names = Leases(), itertools.count(1)
+        self._forgetting: list[Future] = []
+        self._over: FacadeError | None = None
+        self._suspects = threading.Lock()
+        self._deadlines = Deadlines(patience)
+        self._closed = threading.Event()
+        self._watcher = threading.Thread(target=self._watch, name="watch the cluster", daemon=True)
+        self._watcher.start()
+
+    def close(self) -> None:
+        """Stop looking."""
+        self._closed.set()
+        self._watcher.join(self._patience.look)  # a scheduler that is gone may be long in not answering
+
+    @property
+    def memory(self) -> int:
+        with self._changed:
+            return sum(worker.share for worker in self._roll.usable.values())
+
+    @property
+    def threads(self) -> int:
+        with self._changed:
+            return sum(worker.threads for worker in self._roll.usable.values())
+
+    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> Unit:
+        """Start a unit that takes `memory` bytes; where `worker` is a lease, on the worker that keeps its state."""
+        with self._changed:
+            unit = Unit(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
+            self._begin(unit)
+        return unit
+
+    def completed(self, started: Iterable[Unit]) -> Iterator[Unit]:
+        """The units as they complete, those last whose workers died. A result leaves the cluster with the last reference to its
+        unit."""
+        waiting = {unit.answer: unit for unit in started}
+        suspects = []
+        del started
+        for answer in as_completed(list(waiting)):
+            unit = waiting.pop(answer)
+            suspected = answer.exception() is None and answer.result() is None
+            del answer
+            if suspected:
+                suspects.append(unit)
+                continue
+            yield unit
+            del unit
+        yield from suspects
+
+    def result(self, unit: Unit) -> Any:
+        with ExitStack() as alone:
+            while True:
+                future = unit.answer.result()
+                if future is not None and (ran := fetched(future)) is not None:
+                    seconds, result = ran
+                    self._deadlines.note(unit.stage, seconds)
+                    return result
+                if future is None and unit.alone:
+                    raise WorkersDied(
+                        f"each of the workers that ran it died; it had declared {unit.memory / 1e6:.0f} MB: give workers more "
+                        "memory (--workers 1, or dask worker --memory-limit), or leave out the picture it is made from"
+                    )
+                if future is None:  # what waits on a worker that dies is suspected with what ran
+                    alone.enter_context(self._suspects)
+                    unit.alone = True
+                unit.answer = Answer()
+                with self._changed:
+                    self._begin(unit)
+
+    @contextmanager
+    def lease(self, memory: int, forget: Forget | None = None) -> Iterator[str]:
+        """The name of a lease of one thread of a worker, for a sequence of units that share a state of `memory` bytes.
+
+        Waits until a worker has a thread free, and memory for it beside the states it keeps already; a worker that keeps
+        none takes one of any size. A lease whose worker is lost waits for such room elsewhere. `forget`, a function with its
+        arguments, is called on every worker that the lease leaves.
+        """
+        name, lease = f"lease {next(self._names)}", Lease("", memory, forget)
+        with self._changed:
+            self._check()
+            while not self._leases.take(name, lease, self._roll.usable):
+                self._changed.wait(timeout=self._patience.look)
+                self._check()
+        try:
+            yield name
+        finally:
+            with self._changed:
+                self._units = {unit for unit in self._units if unit.lease != name}
+                self._forget(self._leases.end(name))
+                self._changed.notify_all()
+
+    # What follows is called with self._changed held.
+
+    def _check(self) -> None:
+        if self._over is not None:
+            raise type(self._over)(*self._over.args)
+
+    def _begin(self, unit: Unit) -> None:
+        self._check()
+        unit.deaths = 0
+        self._units.add(unit)
+        self._place(unit)
+
+    def _place(self, unit: Unit) -> bool:
+        """Give a unit to Dask; False where no worker has room, and it has to wait for another look."""
+        usable = self._roll.usable
+        places = None if len(usable) == len(self._roll.view.workers) else frozenset(usable)
+        if unit.lease is not None:
+            lease = self._leases[unit.lease]
+            if lease.address not in usable and not self._moved(unit.lease, lease, usable):
+                return False
+            places = frozenset([lease.address])
+        if not usable:
+            return False
+        future = self._give(unit.call, places, unit.stage)
+        if future is None:
+            return False
+        unit.copies[str(future.key)] = Copy(future, places)
+        future.add_done_callback(lambda ended: self._ended(unit, ended))
+        return True
+
+    def _give(self, call: tuple[Any, ...], places: frozenset[str] | None, name: str) -> Future | None:
+        place = {} if places is None else {"workers": sorted(places)}
+        try:
+            return self._client.submit(timed_unit, *call, key=f"{name}-{uuid4()}", pure=False, **place)
+        except Exception as error:
+            if self._client.status == "running":
+                raise
+            self._end(_gone(), error)
+            return None
+
+    def _moved(self, name: str, lease: Lease, usable: dict[str, Worker]) -> bool:
+        left = Lease(lease.address, lease.memory, lease.forget)
+        moved = self._leases.move(name, usable)
+        if moved:
+            self._forget(left)
+        return moved
+
+    def _forget(self, lease: Lease) -> None:
+        """Have the state of a lease leave its worker, or do so when that one wakes."""
+        self._forgetting = [future for future in self._forgetting if not future.done()]
+        if lease.forget and lease.address in self._roll.view.workers and self._over is None:
+            future = self._give(lease.forget, frozenset([lease.address]), "forget")
+            self._forgetting += [future] if future is not None else []
+
+    def _settle(self, unit: Unit, answer: Future | None = None, error: FacadeError | None = None) -> None:
+        """Answer a unit; its other copies are called back, and who is busy with an overdue one is started anew."""
+        self._units.discard(unit)
+        others, unit.copies = list(unit.copies.values()), {}
+        if error is not None:
+            unit.answer.set_exception(error)
+        else:
+            unit.answer.set_result(answer)
+        for copy in others:
+            copy.future.cancel()
+        stuck = {copy.at for copy in others if copy.overdue} & self._roll.view.workers.keys()
+        if workers := {address: self._roll.view.workers[address] for address in stuck if address}:
+            threading.Thread(target=restart, args=(self._client, workers), daemon=True).start()
+
+    def _end(self, error: FacadeError, cause: BaseException | None = None) -> None:
+        """Whoever waits, or comes, is told."""
+        if self._over is None:
+            error.__cause__ = cause
+            self._over = error
+            for unit in list(self._units):
+                self._units.discard(unit)
+                unit.answer.set_exception(type(error)(*error.args))
+            self._changed.notify_all()
+
+    def _ended(self, unit: Unit, future: Future) -> None:
+        """A copy came to an end; called by Dask, in a thread of its own, with nothing held."""
+        from distributed import KilledWorker
+
+        status = future.status
+        killed = status == "error" and isinstance(future.exception(), KilledWorker)
+        with self._changed:
+            copy = unit.copies.pop(str(future.key), None)
+            if copy is None or unit not in self._units:  # another was first
+                return
+            if killed and not unit.copies:
+                self._settle(unit)
+            elif status in ("finished", "error") and not killed:
+                self._roll.stuck.discard(copy.at or "")
+                self._settle(unit, future)
+            # else: its key was lost with its worker or the scheduler; the watcher sees which
+
+    def _watch(self) -> None:
+        last = answered = time.monotonic()
+        while not self._closed.wait(self._patience.look):
+            view = None
+            try:
+                view = self._look(self._client, self._patience.answer)
+                answered = time.monotonic()
+            except Exception as error:  # of many kinds, and what matters is whether there is a scheduler still
+                log.debug("the scheduler does not answer: %s", error)
+            if self._closed.is_set():
+                return
+            now = time.monotonic()
+            # what this process slept through is nobody's delay
+            awake, last = min(now - last, 2 * self._patience.look), now
+            with self._changed:
+                try:
+                    if self._client.status != "running" or now - answered > self._patience.silence:
+                        self._end(_gone())
+                    elif self._until is not None and now > self._until:
+                        self._end(RunOverran(OVERRAN))
+                    elif view is not None:
+                        self._mend(view, awake)
+                except Exception as error:
+                    log.exception("the watcher of the cluster failed")
+                    self._end(
+                        ClusterGone(f"the cluster cannot be watched ({type(error).__name__}: {error}); run again")
+                    )
+                self._changed.notify_all()
+
+    def _mend(self, view: View, awake: float) -> None:
+        self._roll.call(view, awake)
+        if self._roll.empty > self._patience.empty:
+            self._end(ClusterGone(f"the Dask scheduler has no worker left; {REMEDY}"))
+        for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
+            self._reconsider(unit, awake)
+
+    def _reconsider(self, unit: Unit, awake: float) -> None:
+        """Place a unit anew where its workers are gone or give no sign; try it elsewhere too where it is overdue."""
+        usable = self._roll.usable
+        limit = self._deadlines.of(unit.stage)
+        for key, copy in list(unit.copies.items()):
+            copy.at = self._roll.view.given.get(key, copy.at)
+            places = frozenset([self._roll.view.given[key]]) if key in self._roll.view.given else copy.places
+            if places is not None and not places & self._roll.view.workers.keys():
+                del unit.copies[key]
+                copy.future.cancel()
+                unit.deaths += 1
+            elif places is not None and not places & usable.keys() and not copy.overdue and self._place(unit):
+                del unit.copies[key]  # it may have its turn when its worker wakes, and nobody will ask for it
+                copy.future.cancel()
+            elif key in self._roll.view.executing and copy.at in self._roll.view.workers:
+                copy.ran += awake if copy.overdue or copy.at in usable else 0.0
+                if copy.ran >= limit and not copy.overdue:
+                    copy.overdue = True
+                    self._roll.stuck.add(copy.at)
+        if unit.deaths > DEATHS and not unit.copies:
+            self._settle(unit)
+        elif not unit.copies:
+            self._place(unit)
+        elif all(copy.overdue for copy in unit.copies.values()):
+            self._overdue(unit, limit)
+
+    def _overdue(self, unit: Unit, limit: float) -> None:
+        longest = max(copy.ran for copy in unit.copies.values())
+        if len(unit.copies) == 1 and longest < 2 * limit:
+            if self._place(unit):
+                log.warning("%s takes longer than %.0f s; it is tried on another worker too", unit.stage, limit)
+            return
+        said = f"it did not end within {longest:.0f} s, where {limit:.0f} are given to each of its kind"
+        self._settle(
+            unit, error=UnitOverran(f"{said}; leave out what it is made from, or look at what its workers wait for")
+        )
+
+
+def _gone() -> ClusterGone:
+    return ClusterGone("the Dask cluster went away; run again to go on from here")

@@ -1,0 +1,304 @@
+"""Where units run: in this process, on a cluster of local processes, or on any Dask scheduler. Same results on each."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from queue import Empty, Queue
+from typing import TYPE_CHECKING, Any
+
+from catalogs.published.s3 import folder_at
+from facade_core.core.errors import InputError, MachineError
+from tasks.engine.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
+from tasks.engine.compute.leases import Forget
+from tasks.engine.compute.scheduler_view import UNITS_SHARE
+from tasks.engine.compute.timeouts import USUAL, Patience
+from tasks.engine.compute.worker_setup import (
+    ONE_THREAD,
+    TOPIC,
+    forgotten,
+    limit_threads,
+    make,
+    prepared,
+    run_unit,
+    standing,
+    unlike,
+)
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
+
+log = logging.getLogger(__name__)
+
+# Where Dask reads what TLS needs.
+TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
+REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
+
+
+@dataclass(frozen=True, eq=False)
+class _Later:
+    """A unit that runs when its result is asked for."""
+
+    function: Callable[..., Any]
+    arguments: tuple
+    serial: Serial
+
+    def result(self) -> Any:
+        with self.serial.lock:
+            self.serial.require_open()
+            return run_unit(self.function, *self.arguments)
+
+
+class Serial:
+    """Runs each unit in this process, one at a time, when its result is asked for."""
+
+    threads = 1
+
+    def __init__(self, until: float | None = None) -> None:
+        import psutil
+
+        self._until = until
+        self.memory = int(psutil.virtual_memory().available * UNITS_SHARE)
+        self.lock = threading.RLock()
+        self._leases = threading.Lock()
+        self._open = True
+
+    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> _Later:
+        if self._until is not None and time.monotonic() > self._until:
+            raise RunOverran(OVERRAN)
+        return _Later(function, args, self)
+
+    def completed(self, started: Iterable[Any]) -> Iterator[Any]:
+        """The units in order. Until the next one is asked for no other starts: each is committed before the one after it."""
+        for unit in started:
+            with self.lock:
+                yield unit
+
+    @contextmanager
+    def lease(self, memory: int, forget: Forget | None = None) -> Iterator[str]:
+        """This process, for a sequence of units that share state; `forget`, a function with its arguments, lets go of it."""
+        with self._leases:
+            self.require_open()
+            try:
+                yield "serial"
+            finally:
+                if forget:
+                    run_unit(*forget)
+
+    def close(self) -> None:
+        """Start no more units: the run ends, and threads of it may still wait for their turn."""
+        self._open = False
+
+    def require_open(self) -> None:
+        if not self._open:
+            raise MachineError("the run has ended")
+
+
+Compute = Serial | Cluster
+
+
+@contextmanager
+def connect(
+    workers: int,
+    dask: str | None,
+    folder: str,
+    until: float | None = None,
+    *,
+    patience: Patience = USUAL,
+    make: Callable[[], dict[str, str]] = make,
+) -> Iterator[Compute]:
+    """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
+
+    Args:
+        folder: where units write: every worker must see it.
+        until: a time by time.monotonic(), at which what is still at work ends with RunOverran; in this process at its unit's
+            end.
+        patience: how long the scheduler, its workers and units are waited for.
+        make: says what this process computes with, which workers must be made of too.
+
+    Raises InputError where the scheduler does not answer, where no worker has this version of the code, and where one that has
+    it does not see the folder.
+    """
+    if dask is None and workers <= 1:
+        limit_threads()
+        serial = Serial(until)
+        try:
+            yield serial
+        finally:
+            serial.close()
+        return
+    import dask as dask_module
+    from distributed import Client
+
+    # what a unit raises comes back to its task, which says it better
+    for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    settings = {
+        "distributed.worker.daemon": True,
+        "distributed.admin.tick.limit": "60s",
+        "distributed.admin.large-graph-warning-threshold": "1 GiB",  # runs of rays take the block's geometry along
+        "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
+        # a local cluster forgets a worker whose nanny takes longer to start it anew than this
+        "distributed.deploy.lost-worker-timeout": "1 day",
+        # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
+        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+        # what watches the workers, 50 to 100 times a second each, takes an eighth of a core from them
+        "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.system-monitor.interval": "5s",
+    }
+    with dask_module.config.set(settings):
+        if dask is not None:
+            with _client(dask, patience) as client:
+                _check_workers(client, dask, folder, make())
+                with _watched(client, until, patience) as compute:
+                    yield compute
+            return
+        with _local(workers) as cluster, Client(cluster) as client:
+            client.register_plugin(prepared(), name="streetloom")
+            with _watched(client, until, patience) as compute:
+                yield compute
+
+
+@contextmanager
+def _watched(client: Client, until: float | None, patience: Patience) -> Iterator[Cluster]:
+    cluster = Cluster(client, until, patience=patience)
+    try:
+        yield cluster
+    finally:
+        cluster.close()
+
+
+def _track_quietly() -> None:
+    """Start the process by which Python removes the semaphores of a run that ends at once, as on Ctrl-C, without its word on
+    them, which is a warning of nothing. It alone is given the filter."""
+    from multiprocessing import resource_tracker
+
+    stated = os.environ.get("PYTHONWARNINGS")
+    quiet = "ignore:resource_tracker:UserWarning"
+    os.environ["PYTHONWARNINGS"] = f"{stated},{quiet}" if stated else quiet
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if stated is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = stated
+
+
+def _local(workers: int) -> LocalCluster:
+    """Local processes, asked for once more where one dies while it starts. Raises ClusterGone."""
+    from distributed import LocalCluster
+
+    _track_quietly()
+    cause: Exception | None = None
+    for _ in range(2):
+        try:
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+        except Exception as error:
+            log.warning("local workers do not start: %s", error)
+            cause = error
+    raise ClusterGone(
+        f"{workers} local workers do not start: {' '.join(str(cause).split())} See to the machine's memory, or name fewer "
+        "with --workers"
+    ) from cause
+
+
+def require_scheduler(address: str, within: float = USUAL.greeting) -> None:
+    """Raise InputError at once where nothing listens, `within` so many seconds whatever else is there.
+
+    A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
+    """
+    from distributed.security import Security
+
+    arguments = Security().get_connection_args("client")
+    if address.startswith("tls:") and not arguments.get("ssl_context"):
+        raise InputError(f"--dask {address}: a certificate is needed; name its files by {TLS}")
+    answer: Queue[Exception | None] = Queue()
+    threading.Thread(target=_greet, args=(address, arguments, answer, within), daemon=True).start()
+    try:
+        error: Exception | None = answer.get(timeout=within)
+    except Empty:
+        error = TimeoutError(f"no answer in {within:g} s")
+    if error is not None:
+        raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
+
+
+def _greet(address: str, arguments: dict[str, Any], answer: Queue[Exception | None], within: float) -> None:
+    import asyncio
+    import socket
+
+    from distributed.comm import connect as greet
+    from distributed.comm.addressing import parse_address, parse_host_port
+
+    async def hello() -> None:
+        (await greet(address, **arguments)).abort()
+
+    try:
+        scheme, place = parse_address(address)
+        if scheme not in ("tcp", "tls"):
+            raise ValueError(f"not a Dask address: {address!r}")
+        socket.create_connection(parse_host_port(place), timeout=within).close()
+        asyncio.run(hello())
+        answer.put(None)
+    except Exception as error:  # what does not speak Dask is met with errors of every kind
+        answer.put(error)
+
+
+@contextmanager
+def _client(address: str, patience: Patience) -> Iterator[Client]:
+    from distributed import Client
+
+    require_scheduler(address, patience.greeting)
+    with Client(address, timeout=patience.arrival) as client:
+        try:
+            client.wait_for_workers(1, timeout=patience.arrival)
+        except (TimeoutError, OSError) as error:
+            raise InputError(f"--dask {address}: the scheduler has no worker; {REMEDY}") from error
+        yield client
+
+
+def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, str]) -> None:
+    """wanted: what the workers must be made of, as this process is."""
+    from distributed.comm import CommClosedError
+
+    try:
+        # elsewhere a folder may have the same name
+        token = folder_at(folder) / f".seen-{uuid.uuid4().hex}"
+        token.touch()
+        try:
+            answers = client.run(standing, str(token))
+        finally:
+            token.unlink(missing_ok=True)
+    except CommClosedError as error:  # the scheduler went away meanwhile
+        raise InputError(f"--dask {address}: no scheduler answers there any more ({error}); {REMEDY}") from error
+    except Exception as error:  # whatever a worker of another make answers with
+        raise InputError(
+            f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
+        ) from error
+    others = {worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := unlike(wanted, theirs))}
+    if len(others) == len(answers):
+        worker, said = next(iter(others.items()))
+        raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
+    for worker, (sees, _) in sorted(answers.items()):
+        if not sees and worker not in others:
+            raise InputError(
+                f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
+                "name a folder with --out that all workers share, or a bucket that their environment leads to"
+            )
+    client.subscribe_topic(TOPIC, lambda event: log.warning("%s", event[1]))
+    name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
+    client.register_plugin(forgotten(client.id, name), name=name)
+    client.register_plugin(prepared(wanted), name=name)

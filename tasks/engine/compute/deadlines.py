@@ -1,0 +1,36 @@
+"""How long a unit may take, by what others of its stage took in this run."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from statistics import median
+from threading import Lock
+
+from tasks.engine.compute.timeouts import Patience
+
+# Times the median of its stage that a unit may take.
+TIMES = 20
+# Units that make a median, and as many as are remembered.
+ENOUGH, REMEMBERED = 3, 500
+
+
+class Deadlines:
+    """What the units of each stage took, and how long the next one may; from any thread."""
+
+    def __init__(self, patience: Patience) -> None:
+        self._patience = patience
+        self._took: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=REMEMBERED))
+        self._lock = Lock()
+
+    def note(self, stage: str, seconds: float) -> None:
+        """A unit of a stage took so long."""
+        with self._lock:
+            self._took[stage].append(seconds)
+
+    def of(self, stage: str) -> float:
+        """Seconds that a unit of a stage may run before it is tried elsewhere too."""
+        with self._lock:
+            took = self._took[stage]
+            if len(took) < ENOUGH:
+                return self._patience.unit_first
+            return max(self._patience.unit_least, TIMES * median(took))

@@ -1,0 +1,46 @@
+"""Work of the coordinator that its workers can do, such as the rays of an ingest: items in runs, one after another."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+from tasks.engine.compute.connect import Compute
+from tasks.engine.context import worker_name
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+R = TypeVar("R")
+# Runs of items for each thread of the workers, so that none waits long for the last; how many of these are on their way; and
+# the least items of a run, as each takes the block's geometry along.
+RUNS, AHEAD, LEAST_ITEMS = 4, 2, 8
+
+
+def spread(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+    """What a function returns for all items, in their order, of which workers take runs, once they are there."""
+    workers = compute.result()
+    length = max(LEAST_ITEMS, -(-len(items) // (RUNS * max(1, workers.threads))))
+    waiting = deque(range(0, len(items), length))
+    runs: deque[Any] = deque()
+    found: list[R] = []
+    while waiting or runs:
+        # each takes the block's geometry along: no more on their way than keep the workers busy
+        while waiting and len(runs) < AHEAD * max(1, workers.threads):
+            first = waiting.popleft()
+            runs.append(workers.submit(_timed, function, items[first : first + length]))
+        made, about = runs.popleft().result()
+        found += made
+        log.debug("rays for %d of %d", len(found), len(items), extra={"stage": "ingest", **about})
+    return found
+
+
+def _timed(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
+    """What a function returns, and where and when that was."""
+    start = time.time()
+    found = function(items)
+    return found, {"worker": worker_name(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}

@@ -1,0 +1,62 @@
+"""Which worker keeps the state of which street: a thread of it each, and room for that state beside the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from tasks.engine.compute.scheduler_view import Worker
+
+# A function and its arguments.
+Forget = tuple[Callable[..., Any], *tuple[Any, ...]]
+
+
+@dataclass
+class Lease:
+    """A thread of the worker at `address` and `memory` bytes; `forget`, with its arguments, lets go of what is kept there."""
+
+    address: str
+    memory: int
+    forget: Forget | None = None
+
+
+class Leases:
+    """The leases of a run. Not for several threads: its owner locks."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, Lease] = {}
+
+    def __getitem__(self, name: str) -> Lease:
+        return self._held[name]
+
+    def take(self, name: str, lease: Lease, workers: Mapping[str, Worker]) -> bool:
+        """Place a lease on the least loaded of the workers that have room for it; False where none has.
+
+        A worker has room that has a thread without a lease, and memory for it beside the states it keeps; one that keeps none
+        takes a state of any size.
+        """
+        free = [address for address, worker in workers.items() if self._fits(lease.memory, address, worker)]
+        if free:
+            lease.address = min(free, key=self._load)
+            self._held[name] = lease
+        return bool(free)
+
+    def move(self, name: str, workers: Mapping[str, Worker]) -> bool:
+        """Place a lease anew whose worker is not among these any more; False where it has to wait for room."""
+        lease = self._held.pop(name)
+        if self.take(name, lease, workers):
+            return True
+        self._held[name] = lease
+        return False
+
+    def end(self, name: str) -> Lease:
+        return self._held.pop(name)
+
+    def _fits(self, memory: int, address: str, worker: Worker) -> bool:
+        leases, held, _ = self._load(address)
+        return leases < worker.threads and (not leases or held + memory <= worker.share)
+
+    def _load(self, address: str) -> tuple[int, int, str]:
+        held = [lease.memory for lease in self._held.values() if lease.address == address]
+        return len(held), sum(held), address

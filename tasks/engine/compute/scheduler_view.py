@@ -1,0 +1,140 @@
+"""What a Dask scheduler knows of its workers and their units, asked for in one call."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from tasks.engine.compute.timeouts import Patience
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# Of the memory that workers have, what units may declare together; the rest is for libraries and a run's plan.
+UNITS_SHARE = 0.6
+# Memory of a worker that was started without a limit, in bytes.
+UNLIMITED = 2**33
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Worker:
+    """A worker.
+
+    Args:
+        name: what it calls itself.
+        threads: units that it runs at once.
+        memory: its limit in bytes, 0 for none.
+        nanny: whether one starts it anew.
+        running: whether it takes units.
+        last_seen: the scheduler's time of its last sign.
+    """
+
+    name: str
+    threads: int
+    memory: int = 0
+    nanny: bool = False
+    running: bool = True
+    last_seen: float = 0.0
+
+    @property
+    def share(self) -> int:
+        """Bytes that units on it may declare."""
+        return int((self.memory or UNLIMITED) * UNITS_SHARE)
+
+
+@dataclass(frozen=True)
+class View:
+    """What a scheduler says at one look.
+
+    Args:
+        workers: by address.
+        given: the address of the worker that each unit lies on, by the unit's key.
+        executing: the keys of the units that run.
+    """
+
+    workers: dict[str, Worker] = field(default_factory=dict)
+    given: dict[str, str] = field(default_factory=dict)
+    executing: frozenset[str] = frozenset()
+
+
+class Roll:
+    """The workers, called again and again: who gave no sign lately, who is stuck, and for how long there has been none.
+
+    view: the last one; stuck: addresses of workers that are busy with a unit that does not end; empty: seconds without
+    another. Seconds are those in which this process was awake, by its own clock.
+    """
+
+    def __init__(self, view: View, patience: Patience) -> None:
+        self.view = view
+        self._patience = patience
+        self.stuck: set[str] = set()
+        self.empty = 0.0
+        # address -> seconds since it gave a sign; below zero before the first
+        self._silent = dict.fromkeys(view.workers, self._new)
+
+    @property
+    def _new(self) -> float:
+        """Seconds without a sign that a worker is given which has just joined."""
+        return self._patience.worker_silence - self._patience.worker_start
+
+    @property
+    def usable(self) -> dict[str, Worker]:
+        """The workers that units may be given to, by address."""
+        limit = self._patience.worker_silence
+        heard = {address for address, seconds in self._silent.items() if seconds < limit} - self.stuck
+        return {address: worker for address, worker in self.view.workers.items() if address in heard}
+
+    def call(self, view: View, awake: float) -> None:
+        """Take in a view, so many seconds after the one before."""
+        known, self.view = self.view.workers, view
+        before, self._silent = self._silent, {}
+        for address, worker in view.workers.items():
+            seen = worker.running and address in known and worker.last_seen != known[address].last_seen
+            silent = before.get(address, self._new)
+            self._silent[address] = 0.0 if seen else silent + awake
+            if not seen and silent < self._patience.worker_silence <= silent + awake:
+                log.warning("worker %s at %s gives no sign; its units are done elsewhere", worker.name, address)
+        self.empty = 0.0 if view.workers.keys() - self.stuck else self.empty + awake
+
+
+def look(client: Client, timeout: float) -> View:
+    """Ask a scheduler. Raises TimeoutError where it does not answer in time, OSError where it is gone."""
+    workers, given, executing = client.sync(client._run_on_scheduler, _ask(), callback_timeout=timeout)
+    return View({address: Worker(*fields) for address, fields in workers.items()}, given, frozenset(executing))
+
+
+def restart(client: Client, workers: dict[str, Worker]) -> None:
+    """Have workers started anew, by their address, that are busy with what nobody waits for."""
+    for address, worker in workers.items():
+        fate = "started anew" if worker.nanny else "given up; start it anew"
+        log.warning("worker %s at %s does not end its unit: it is %s", worker.name, address, fate)
+    if nursed := [address for address, worker in workers.items() if worker.nanny]:
+        try:
+            client.restart_workers(nursed, raise_for_error=False)
+        except Exception as error:  # they stay left out
+            log.warning("workers cannot be started anew: %s", error)
+
+
+def _ask() -> Callable[..., Any]:
+    def ask(dask_scheduler: Any) -> Any:  # sent by value, being local: a scheduler need not have this code
+        workers: dict[str, tuple] = {}
+        given: dict[str, str] = {}
+        executing: list[str] = []
+        for address, worker in dask_scheduler.workers.items():
+            workers[address] = (
+                str(worker.name),
+                worker.nthreads,
+                worker.memory_limit or 0,
+                bool(worker.nanny),
+                worker.status.name == "running",
+                worker.last_seen,
+            )
+            given.update({unit.key: address for unit in worker.processing})
+            executing.extend(unit.key for unit in worker.executing)
+        return workers, given, executing
+
+    return ask

@@ -1,0 +1,177 @@
+"""What makes a process fit to run units: on a cluster's workers, late ones too, and in this process."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import platform
+import signal
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from catalogs.published.places import Folder
+from catalogs.published.s3 import folder_at
+from facade_core.core.errors import FacadeError
+from tasks.engine.outcome import machine_error, machine_fault
+
+# Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
+ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
+
+# Packages whose versions are named where they differ.
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "opencv-python-headless",
+    "scikit-image",
+    "scikit-learn",
+    "pillow",
+    "onnxruntime",
+    "open3d-cpu",
+)
+# Where workers say what the run should hear.
+TOPIC = "streetloom"
+
+_thread = threading.local()
+
+
+def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Run a unit in this thread, with libraries that keep to it.
+
+    Raises MachineError for a fault of the machine: a library's own error may lose its type on the way from a worker.
+    """
+    if not hasattr(_thread, "limited"):  # OpenMP keeps a number for each thread that calls it
+        limit_threads()
+        _thread.limited = True
+    try:
+        return function(*arguments)
+    except Exception as error:
+        if machine_fault(error):
+            raise machine_error(f"on {os.uname().nodename}", error) from error
+        raise
+
+
+def timed_unit(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
+    """Run a unit, and say how many seconds it took."""
+    start = time.perf_counter()
+    result = run_unit(function, *arguments)
+    return time.perf_counter() - start, result
+
+
+def limit_threads() -> None:
+    """Keep libraries to one thread each: those loaded in what runs in this thread, those loaded later everywhere."""
+    os.environ.update(ONE_THREAD)
+    import cv2
+    import scipy.linalg  # noqa: F401 its pool is the whole process's, and better limited before anything runs
+    import zarr
+    from threadpoolctl import threadpool_limits
+
+    # chunks are small, and coded sooner than handed from thread to thread one by one
+    zarr.config.set({"threading.max_workers": 1, "codec_pipeline.batch_size": 256})
+    cv2.setNumThreads(1)
+    threadpool_limits(1)
+
+
+def prepared(asked: dict[str, str] | None = None) -> Any:
+    """A plugin that prepares every worker, those that join later too.
+
+    Where they are not this run's own processes they are `asked` for what they are made of: one of another make says so, in its
+    own log and the run's, and closes.
+    """
+    from distributed import Status, WorkerPlugin
+
+    class Prepared(WorkerPlugin):
+        async def setup(self, worker: Any) -> None:
+            if (
+                asked is None
+            ):  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+            elif said := unlike(asked, make()):
+                line = f"worker {worker.name} at {worker.address} {said}; it is not used"
+                worker.log_event(TOPIC, line)
+                logging.getLogger("distributed.worker").error(line)
+                worker.status = Status.closing_gracefully  # it takes no unit
+                # once it has started: its nanny, which is to end too, does not listen before
+                worker.loop.call_later(1, worker.close, reason=line)
+                return
+            limit_threads()
+            # Awaited: a unit that arrives meanwhile would import the same modules from another thread, the other way round.
+            await asyncio.to_thread(_load)
+
+    return Prepared()
+
+
+def forgotten(client: str, name: str) -> Any:
+    """A plugin of the scheduler, which takes the plugin `name` of workers off it when a client leaves, however that ends.
+
+    Else workers of a newer make, which join when the run is over, would close.
+    """
+    from distributed import SchedulerPlugin
+
+    class Forgotten(SchedulerPlugin):  # sent by value, being local: a scheduler need not have this code
+        def remove_client(self, scheduler: Any, client: str) -> None:
+            if client == gone:
+                scheduler.loop.add_callback(scheduler.remove_plugin, name)
+                if name in scheduler.worker_plugins:
+                    scheduler.loop.add_callback(scheduler.unregister_worker_plugin, None, name)
+
+    gone = client
+    return Forgotten()
+
+
+def make() -> dict[str, str]:
+    """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
+    from tasks.engine.stage_code import code_version
+    from tasks.stages.order import CODED
+
+    versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
+    for library in LIBRARIES:
+        try:
+            versions[library] = version(library)
+        except PackageNotFoundError:
+            versions[library] = "none"
+    return versions | {"Streetloom": code_version(CODED)}
+
+
+def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
+    """What differs in the make of a worker, in words; None where nothing does."""
+    other = [
+        f"{name} {theirs.get(name)} and this run {here}" for name, here in asked.items() if theirs.get(name) != here
+    ]
+    return f"has {other[0]}" if other else None
+
+
+def _load() -> None:
+    """Import what units need while the block is ingested, and compile it: a worker's first unit would wait for it."""
+    import onnxruntime  # noqa: F401
+    import skimage.measure  # noqa: F401
+    import xarray  # noqa: F401
+
+    import tasks.stages.exemplars.worker
+    import tasks.stages.facades.worker
+    import tasks.stages.streets.worker  # noqa: F401
+    from tasks.engine.compute.kernel_compilation import compile_together
+
+    compile_together()
+
+
+def standing(token: str) -> tuple[bool, dict[str, str]]:
+    """Of a worker: whether it sees a file and can write beside it, and what it is made of."""
+    return _sees(folder_at(token)), make()
+
+
+def _sees(token: Folder) -> bool:
+    if isinstance(token, Path):
+        return token.is_file() and os.access(token.parent, os.W_OK)
+    beside = token.parent / f"{token.name}-{uuid.uuid4().hex}"
+    try:  # by the address and the credentials of the worker's own environment
+        beside.touch()
+        beside.unlink()
+        return token.is_file()
+    except (FacadeError, OSError):
+        return False

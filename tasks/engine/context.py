@@ -1,0 +1,38 @@
+"""What a unit knows of its run and of itself: the run's plan, the worker it runs on, and its seeds."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
+from tasks.engine.run import Run
+
+
+def worker_name() -> str:
+    """The Dask worker that runs this unit, or "serial"."""
+    import sys
+
+    if "distributed" in sys.modules:
+        from distributed import get_worker
+
+        try:
+            return str(get_worker().name)
+        except ValueError:
+            pass
+    return "serial"
+
+
+def unit_seed(run: Run, unit: str, stage: str) -> int:
+    """The seed of a stage of a unit: from the block's seed, the unit's id and the stage's name, and nothing else."""
+    import hashlib
+
+    text = f"{run.seed}/{unit}/{stage}"
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "big")
+
+
+@lru_cache(maxsize=2)
+def plan_of_run(run: Run) -> Plan:
+    """A run's plan, read once per process. It is written once, before any unit starts, so the newest snapshot holds it."""
+    return read_plan(open_repository(run.store).readonly_session(BRANCH))

@@ -1,0 +1,55 @@
+"""The run of a block, with its key: a digest of the block's inputs and settings and of the code that ingests them."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING
+
+from catalogs.published.places import Folder
+from facade_core.core.errors import InputError, ModelError
+from facade_core.core.types import Models
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code
+
+if TYPE_CHECKING:
+    from catalogs.block import Block
+
+
+def run_of(block: Block, out: Folder) -> Run:
+    """The run that textures `block` into folder `out`."""
+    key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
+    return Run(
+        out=str(out.resolve()),  # workers may have been started elsewhere
+        block=block.name,
+        key=key,
+        crs=block.crs.to_string(),
+        seed=block.seed,
+        storey=block.storey,
+        texture=block.texture,
+        privacy=block.privacy,
+        aerial=block.aerial,
+        roof_material=block.roof_material,
+        materials=block.materials,
+        models=_usable(block.models),
+        failed_limit=block.failed_limit,
+    )
+
+
+def _usable(models: Models) -> Models:
+    """A block's own models. Raises InputError, with the block's key, for one that cannot be used: no facade could be made."""
+    from facade_core.facade.layout import model as layouts
+    from facade_core.parsing.confidence import certainty
+    from facade_core.parsing.segmenter import load_segmenter
+
+    named = (
+        ("parser", models.parser, load_segmenter),
+        ("parser", models.parser, certainty),
+        ("layout", models.layout, layouts.load),
+    )
+    for name, path, opens in named:
+        try:
+            if path is not None:
+                opens(path)
+        except ModelError as error:
+            raise InputError(f"models.{name}: {error}") from error
+    return models

@@ -1,0 +1,318 @@
+"""The code that makes the results of each stage, as digests: what its units import of the house, the models that those modules
+load, and the versions of the libraries that compute. A change makes due what it reaches, and nothing else.
+
+Of a module its syntax counts, not its comments, docstrings, layout or imports for type checkers. A name that a package only
+passes on is followed to where it is defined.
+"""
+
+from __future__ import annotations
+
+import ast
+import gc
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from hashlib import blake2b
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import resolve_name
+from pathlib import Path
+
+from facade_core.imagery.detect.models import models_digest
+
+VERSION = "0.1.0"
+ROOT = Path(__file__).resolve().parent.parent.parent
+HOUSE = ("facade_core", "catalogs", "tasks")
+
+# The translator that only runs with `translator: neural` take.
+NEURAL = "facade_core.street.translator.neural"
+# What finds models in packages that may be installed or not: both the presence and the content of these count.
+DETECT = "facade_core.imagery.detect.models"
+# What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
+APART = frozenset(
+    {
+        "facade_core.core.errors",
+        "facade_core.atlas.journal",
+        "facade_core.atlas.store",
+        "facade_core.core.zarr_types",
+        "tasks.engine.store.commits",
+        "tasks.engine.outcome",
+        "tasks.engine.progress",
+        "tasks.engine.store.disk_space",
+        "tasks.engine.run",
+        "tasks.engine.stage_code",
+        "tasks.stages.order",
+        "tasks.engine.store.integrity",
+    }
+)
+# Likewise of libraries; and what encodes pictures of exports alone, which no unit does, or rewrites the header of a model whose
+# content counts (an environment for tests has it, one for users only where that model is).
+LIBRARIES_APART = frozenset(
+    {
+        "alktx2",
+        "dask",
+        "distributed",
+        "icechunk",
+        "libusb_package",
+        "onnx",
+        "prefect",
+        "psutil",
+        "threadpoolctl",
+        "xarray",
+        "zarr",
+    }
+)
+# Under which name a library is installed, where that is not the one it is imported by.
+INSTALLED_AS = {
+    "PIL": "pillow",
+    "cv2": "opencv-python-headless",
+    "maxflow": "PyMaxflow",
+    "open3d": "open3d-cpu",
+    "skimage": "scikit-image",
+    "sklearn": "scikit-learn",
+    "yaml": "pyyaml",
+}
+# Beside modules, what they do not load: by suffix, and a folder that is there for tests.
+NO_DATA = frozenset({".md", ".py", ".pyc", ".pyi"})
+SCHEMAS = "schemas"
+
+
+@dataclass(frozen=True)
+class Module:
+    """A module of the house: digest of its syntax; imports, pairs of a module and a name of it, "" for the module itself;
+    passes_on, whether it only imports names for others."""
+
+    path: Path
+    digest: str
+    imports: tuple[tuple[str, str], ...]
+    passes_on: bool
+
+
+@cache
+def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
+    """The digest of the code of a stage: of the module of `tasks.units` that is called as the stage is, else of `tasks.stages`.
+
+    neural: whether it takes the network that translates panoramas.
+    """
+    found = reached([module_of(stage, root)], APART if neural else APART | {NEURAL}, root)
+    digest = blake2b(digest_size=8)
+    for name in sorted(found):
+        digest.update(f"{name} {found[name].digest}\n".encode())
+    for path in sorted({path for module in found.values() for path in data_of(module)}):
+        digest.update(f"{path.relative_to(root).as_posix()} {_content(path)}\n".encode())
+    digest.update(f"python {sys.version_info.major}.{sys.version_info.minor}\n".encode())
+    outside = {name.partition(".")[0] for module in found.values() for name, _ in module.imports}
+    for library in sorted(outside - sys.stdlib_module_names - LIBRARIES_APART - set(HOUSE)):
+        digest.update(f"{library} {_version(library)}\n".encode())
+    if DETECT in found:
+        digest.update(f"detect {models_digest()}\n".encode())
+    return digest.hexdigest()
+
+
+def module_of(stage: str, root: Path = ROOT) -> str:
+    """The module that does a stage's units."""
+    return next(name for room in ("units", "stages") if _path(name := f"tasks.{room}.{stage}", root) is not None)
+
+
+@cache
+def code_version(stages: tuple[str, ...], root: Path = ROOT) -> str:
+    """The version and a digest of the code of some stages: workers of one cluster must have the same."""
+    return version_of({stage: stage_code(stage, root=root) for stage in stages})
+
+
+def version_of(codes: Mapping[str, str]) -> str:
+    """The version of the package and a digest of the codes of some stages."""
+    text = "\n".join(f"{stage} {code}" for stage, code in sorted(codes.items()))
+    return f"{VERSION}+{blake2b(text.encode(), digest_size=6).hexdigest()}"
+
+
+def reached(
+    starts: Iterable[str], apart: Iterable[str], root: Path, house: Collection[str] = HOUSE
+) -> dict[str, Module]:
+    """The modules of the house that some modules import, at any depth and in functions too, by name; these among them."""
+    found: dict[str, Module] = {}
+    waiting = list(starts)
+    while waiting:
+        name = waiting.pop()
+        if name in found or name in apart:
+            continue
+        module = _module(name, root)
+        if module is None:
+            continue
+        found[name] = module
+        for imported, member in module.imports:
+            waiting += _sources(imported, member, root, house)
+        # what runs before a module is the code of the packages around it
+        waiting += [
+            package
+            for package in _parents(name)
+            if (around := _module(package, root)) is not None and not around.passes_on
+        ]
+    return found
+
+
+def _sources(name: str, member: str, root: Path, house: Collection[str]) -> list[str]:
+    """The modules of the house that an import reaches: those where the name is defined."""
+    if name.partition(".")[0] not in house:
+        return []
+    below = f"{name}.{member}" if member else name
+    module = _module(name, root)
+    if member and module is not None and module.passes_on:
+        bound = [source for source in module.imports if source[1] == member]
+        if bound:
+            return [one for source in bound for one in _sources(*source, root, house)]
+    if member and _path(below, root) is not None:
+        return [below]
+    return [name]
+
+
+def _parents(name: str) -> list[str]:
+    parts = name.split(".")
+    return [".".join(parts[:depth]) for depth in range(1, len(parts))]
+
+
+@cache
+def _path(name: str, root: Path) -> Path | None:
+    place = root.joinpath(*name.split("."))
+    return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
+
+
+@cache
+def _module(name: str, root: Path) -> Module | None:
+    """A module as it lies below `root`, None where there is none."""
+    path = _path(name, root)
+    return None if path is None else _parsed(name, path, path.stat().st_mtime_ns)
+
+
+@cache
+def _parsed(name: str, path: Path, modified: int) -> Module:
+    collecting = gc.isenabled()
+    gc.disable()  # a tree is many small objects, none of which can go yet
+    try:
+        tree = ast.parse(path.read_bytes())
+        said: list[str] = []
+        imports: list[ast.Import | ast.ImportFrom] = []
+        _say(tree, said, imports)
+    finally:
+        if collecting:
+            gc.enable()
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    return Module(
+        path,
+        blake2b("\n".join(said).encode(errors="surrogatepass"), digest_size=8).hexdigest(),
+        tuple(dict.fromkeys(pair for node in imports for pair in _imported(node, package))),
+        path.name == "__init__.py" and all(map(_only_names, tree.body)),
+    )
+
+
+def _say(node: ast.AST, said: list[str], imports: list[ast.Import | ast.ImportFrom]) -> None:
+    """What a tree is, in words, and its imports; without what nothing is computed by: docstrings and imports for type checkers,
+    and without places in the text."""
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        imports.append(node)
+    said.append(node.__class__.__name__)
+    for field in node._fields:
+        value = getattr(node, field, None)
+        if value is None:
+            said.append("None")
+        elif isinstance(value, list):
+            kept = [one for one in value if not (_is_text(one) or _for_types(one))] if field in _BODIES else value
+            said.append(str(len(kept)))
+            for one in kept:
+                if isinstance(one, ast.AST):
+                    _say(one, said, imports)
+                else:
+                    said.append(repr(one))
+        elif not isinstance(value, ast.AST):
+            said.append(repr(value))
+        elif field != "ctx":  # where a name stands says whether it is read
+            _say(value, said, imports)
+
+
+_BODIES = frozenset({"body", "orelse", "finalbody"})
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _for_types(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def _only_names(node: ast.AST) -> bool:
+    """Whether a statement of a package imports a name, lists those that it passes on, or only tells of them."""
+    listed = isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["__all__"]
+    return listed or isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node) or _for_types(node)
+
+
+def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, str]]:
+    if isinstance(node, ast.Import):
+        yield from ((alias.name, "") for alias in node.names)
+    else:
+        module = resolve_name("." * node.level + (node.module or ""), package)
+        yield from ((module, alias.name) for alias in node.names)
+
+
+def data_of(module: Module) -> list[Path]:
+    """The data that a module loads of those that lie beside it: files that it names, or of whose siblings of another suffix it
+    names one; where no module there names any of these, those in the folders that it names; and what none names at all."""
+    mine = []
+    for path, *tellings in _data_beside(module.path.parent):
+        by = next(filter(None, (_naming(module.path.parent, words) for words in tellings)), None)
+        if by is None or module.path in by:
+            mine.append(path)
+    return mine
+
+
+@cache
+def _naming(folder: Path, words: tuple[str, ...]) -> frozenset[Path]:
+    """The modules in a folder in which one of some words is a string."""
+
+    def names(path: Path) -> bool:
+        text = _text(path)
+        if not any(word.encode() in text for word in words):
+            return False
+        return any(isinstance(node, ast.Constant) and node.value in words for node in ast.walk(ast.parse(text)))
+
+    return frozenset(path for path in folder.glob("*.py") if names(path))
+
+
+@cache
+def _data_beside(folder: Path) -> tuple[tuple[Path, tuple[str, ...], tuple[str, ...]], ...]:
+    """The data of a package: each file, its name and those of its siblings of other suffixes, and the folder it lies in."""
+
+    def files(place: Path) -> Iterator[Path]:
+        for path in sorted(place.iterdir()):
+            if path.is_dir() and path.name not in ("__pycache__", SCHEMAS) and not any(path.glob("*.py")):
+                yield from files(path)
+            elif path.is_file() and path.suffix not in NO_DATA:
+                yield path
+
+    found = list(files(folder))
+    return tuple(
+        (
+            path,
+            tuple(other.name for other in found if other.with_suffix("") == path.with_suffix("")),
+            path.relative_to(folder).parts[:1],
+        )
+        for path in found
+    )
+
+
+@cache
+def _text(path: Path) -> bytes:
+    return path.read_bytes()
+
+
+@cache
+def _content(path: Path) -> str:
+    return blake2b(path.read_bytes(), digest_size=8).hexdigest()
+
+
+@cache
+def _version(library: str) -> str:
+    try:
+        return version(INSTALLED_AS.get(library, library))
+    except PackageNotFoundError:
+        return "none"

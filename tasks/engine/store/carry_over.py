@@ -1,0 +1,196 @@
+"""What an ingest takes over from the one before it: places in the atlas, panoramas and records of units that are still there.
+
+Whether a unit that was taken over is still good is for its key to say; what is here is only where its data lie now.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import icechunk
+import numpy as np
+
+from catalogs.block import Block
+from facade_core.atlas.arrays import FORMAT, OF_STAGE, clear_rasters, resize_arrays
+from facade_core.atlas.journal import Record, forget_record, latest_digests, read_records
+from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters
+from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
+from facade_core.atlas.stored_files import FOLDERS
+from facade_core.core.atlas_spec import AtlasSpec
+from facade_core.core.errors import StoreError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.chart_packing import Places
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Records
+from tasks.stages.order import KINDS, STAGES, read_journals
+
+
+@dataclass(frozen=True)
+class Last:
+    """The ingest before this one: its store as it was, and its plan."""
+
+    group: StoreGroup
+    plan: Plan
+
+    @property
+    def places(self) -> Places:
+        return Places(self.plan.ids, self.plan.scene.placement)
+
+
+def made_for(run: Run) -> dict[str, Any]:
+    """What a store is made for, in which nothing can be taken over from one for anything else."""
+    return {
+        "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
+        "crs": run.crs,
+        "texels_per_metre": run.texture.texels_per_metre,
+    }
+
+
+def why_anew(run: Run, group: StoreGroup) -> str | None:
+    """Why nothing can be taken over of what a store holds, in words; None where it holds nothing."""
+    if "key" not in group.attrs:
+        return None
+    held = group.attrs.get("made_for")
+    if not isinstance(held, dict) or format_of(group) != FORMAT or held.get("pages") != made_for(run)["pages"]:
+        return "another version of Streetloom made the store"
+    changed = []
+    if held["texels_per_metre"] != run.texture.texels_per_metre:
+        changed.append(
+            f"texture.texels_per_metre was {held['texels_per_metre']:g} and is {run.texture.texels_per_metre:g}"
+        )
+    if held["crs"] != run.crs:
+        changed.append(f"the block's frame was {held['crs']} and is {run.crs}")
+    return " and ".join(changed) or "what the store holds cannot be read"
+
+
+def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
+    """What the store holds, where it is of this format, in the same frame and density; None otherwise.
+
+    Other code may have made it: what an ingest takes over stands by its own keys.
+    """
+    session = repository.readonly_session(BRANCH)
+    try:
+        group = open_root(session)
+        held = group.attrs["made_for"]
+        if any(held.get(name) != wanted for name, wanted in made_for(run).items()):
+            return None
+        return Last(group, read_plan(session))
+    except (KeyError, FileNotFoundError, StoreError):
+        return None
+
+
+def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan) -> None:
+    """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
+    cleared, and what is known of units goes to the places where these stand now."""
+    change = Change(
+        run,
+        block,
+        before=last.plan,
+        after=plan,
+        group=root,
+        last=last.group,
+        records=read_journals(last.group),
+        stays=_staying(last.plan, plan),
+    )
+    again = {kind.stage: kind.match_previous(change) for kind in KINDS}
+    spec, placement = last.plan.scene.spec, last.plan.scene.placement
+    cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(change.stays.values())))
+    clear_rasters(root, spec, placement, cleared.tolist())
+    resize_arrays(root, plan.scene.spec, units=counts(block, plan), panorama_width=run.texture.panorama_width)
+    for kind in KINDS:
+        records = _at_new_places(change.records[kind.stage], again[kind.stage], kind.count(block, plan))
+        if kind.relocate is not None:
+            records = kind.relocate(change, again[kind.stage], records)
+        before = list(map(_text, change.records[kind.stage]))
+        for index, text in enumerate(map(_text, records)):
+            if index >= len(before) or before[index] != text:
+                root[f"journal/{kind.stage}"][index] = text
+
+
+def counts(block: Block, plan: Plan) -> dict[str, int]:
+    """How many units a block has, by stage."""
+    return {kind.stage: kind.count(block, plan) for kind in KINDS}
+
+
+def has_all_stages(group: StoreGroup) -> bool:
+    """Whether a store has a journal for every stage, and every folder of files; one from before these were there lacks it."""
+    return all(f"journal/{stage}" in group for stage in STAGES) and all(folder in group for folder in FOLDERS)
+
+
+def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
+    """Forget what is known of units that are due again, by index with the charts that they wrote.
+
+    Whatever becomes of them, nothing of before is left.
+    """
+    if not units:
+        return
+    session = open_repository(run.store).writable_session(BRANCH)
+    group = open_root(session)
+    for index, charts in units.items():
+        forget_record(group, stage, index)
+        if charts:
+            clear_rasters(group, plan.scene.spec, plan.scene.placement, charts, stage)
+    commit(session, f"{len(units)} {stage} are due again")
+
+
+def forget_texels_of(run: Run, plan: Plan, street: int) -> None:
+    """Clear what a street that failed left of itself before: texels that no record of another street has the digest of. Streets
+    that wrote there earlier are due again, as theirs were overwritten."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    group, placement = open_root(session), plan.scene.placement
+    charts = plan.charts_of_street(street)
+    charts = charts[plan.writable[charts]]
+    others = np.setdiff1d(plan.streets_of_charts(charts)[:, 0], [street])
+    records = dict(zip(others.tolist(), read_records(group, "streets", others), strict=True))
+    rasters = Rasters.of(placement, charts)
+    colour, views = (read_rasters(group[array.path], placement, rasters) for array in OF_STAGE["streets"])
+    known = chart_digests(np.zeros_like(colour), np.zeros_like(views), placement, rasters, plan.ids)
+    known |= latest_digests([], list(records.values()))
+    found = chart_digests(colour, views, placement, rasters, plan.ids)
+    stale = {name for name, digest in found.items() if digest != known[name]}
+    if not stale:
+        return
+    clear_rasters(
+        group, plan.scene.spec, placement, [c for c in charts.tolist() if f"{plan.ids[c]:016x}" in stale], "streets"
+    )
+    for other, record in records.items():
+        if record and not stale.isdisjoint(record["digests"]):
+            forget_record(group, "streets", other)
+    commit(session, f"street {plan.streets[street].id} failed: what it left is cleared")
+
+
+def _staying(old: Plan, new: Plan) -> dict[int, int]:
+    """The charts that lie where they lay and are written by the same stages, new -> old."""
+    at = {int(number): chart for chart, number in enumerate(old.ids.tolist())}
+    roles = [_roles(plan) for plan in (old, new)]
+    there, here = ((p.scene.placement.page, p.scene.placement.x, p.scene.placement.y) for p in (old, new))
+    return {
+        chart: o
+        for chart, number in enumerate(new.ids.tolist())
+        if (o := at.get(number)) is not None
+        and all(a[o] == b[chart] for a, b in zip(there, here, strict=True))
+        and (roles[0][o] == roles[1][chart]).all()
+    }
+
+
+def _roles(plan: Plan) -> np.ndarray:
+    """Per chart: whether it is a facade, has a texture of its own, is written by streets, and is in sight of one."""
+    roles = np.zeros((len(plan.ids), 4), bool)
+    roles[plan.facades.chart, 0] = True
+    roles[:, 1], roles[:, 2] = plan.textured, plan.writable
+    roles[plan.views[:, 1], 3] = True
+    return roles
+
+
+def _text(record: Record | None) -> str:
+    return json.dumps(record, sort_keys=True, allow_nan=False) if record else ""
+
+
+def _at_new_places(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
+    """Records by the new indices of their units."""
+    return [records[again[i]] if i in again else None for i in range(count)]

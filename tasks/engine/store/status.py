@@ -1,0 +1,138 @@
+"""Whether a run has anything left to do: read from the store alone, so that asking costs no server and no cluster."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from catalogs.published.files import amiss
+from catalogs.published.places import Folder
+from catalogs.published.runs import CITY
+from catalogs.published.snapshot import current_if_any, snapshot_in
+from catalogs.stac.catalog import CATALOG
+from facade_core.atlas.integrity import DAMAGE, is_whole
+from facade_core.atlas.journal import Record
+from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.core.errors import InputError, StoreError
+from facade_core.core.zarr_types import StoreGroup
+from tasks.engine.outcome import refused
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code, version_of
+from tasks.engine.store.carry_over import has_all_stages
+from tasks.engine.store.integrity import find_wounds, is_suspect
+from tasks.stages.order import KINDS, read_journals
+from tasks.stages.shared.key_parts import parts_of
+
+# In a run's folder: the path of its block file, from there where it lies within.
+SOURCE = "source"
+
+
+def unpublished(out: Folder, snapshot: str) -> str | None:
+    """Why a snapshot is not what `current` names, whole; None where it is."""
+    found = current_if_any(out)
+    if found is None or found.id != snapshot:
+        return "it is not published yet"
+    if fault := amiss(found.folder):
+        return f"published/{snapshot}: {fault}"
+    try:
+        json.loads((out / CATALOG).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return f"{CATALOG} is missing or cut"
+    return None
+
+
+def record_source(out: Folder, source: Path) -> None:
+    """Note in a run's folder which block file it is of: one within it, or within its city's, by the way there, so that a copy
+    of the folder is of the copied one."""
+    noted = source
+    if isinstance(out, Path):
+        city = out.parent.parent
+        if source.is_relative_to(out) or (source.is_relative_to(city) and (city / CITY).is_file()):
+            noted = Path(os.path.relpath(source, out))
+    if _noted(out) != noted:
+        (out / SOURCE).write_text(f"{noted}\n")
+
+
+def recorded_source(out: Folder) -> Path | None:
+    """The block file of which the run in a folder was last; None where it is not noted."""
+    noted = _noted(out)
+    if noted is None or not isinstance(out, Path):
+        return noted
+    return Path(os.path.normpath(out / noted))
+
+
+def _noted(out: Folder) -> Path | None:
+    try:
+        return Path((out / SOURCE).read_text().strip())
+    except (OSError, ValueError):
+        return None
+
+
+def nothing_due(run: Run) -> dict[str, Any] | None:
+    """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
+
+    What any unit's key stands on beside its stage's code is in the run's key too: while these are the same, so are they all.
+    Raises InputError when the store is another block's, which a run would overwrite.
+    """
+    if not run.store.is_dir():
+        return None
+    try:
+        repository = open_repository(run.store)
+        session = repository.readonly_session(BRANCH)
+        group = open_root(session)
+        _check_block(run, group)
+        if group.attrs.get("partial"):
+            return None
+        if group.attrs.get("key") != run.key or unpublished(run.folder, session.snapshot_id):
+            return None
+        if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
+            return None
+        journals = read_journals(group)
+        for stage, codes in _codes(journals).items():
+            if codes != [stage_code(stage, neural=run.texture.translator == "neural")]:
+                return None
+        records = [record for journal in journals.values() for record in journal]
+        if not all(record and record["status"] == "done" for record in records):
+            return None
+        if is_suspect(run.folder) or find_wounds(session) or not is_whole(repository, run.store):
+            return None
+    except (StoreError, *DAMAGE):
+        return None
+    summary = snapshot_in(run.folder, session.snapshot_id).outcome()
+    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]
+    set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
+    return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
+
+
+def made_by(group: StoreGroup) -> str:
+    """The version of the code that made what a store holds, and that publishes it."""
+    codes = _codes(read_journals(group))
+    return version_of(
+        {
+            "ingest": str(group.attrs.get("ingested_by")),
+            "publish": str(group.attrs.get("published_by")),
+            **{stage: " ".join(found) for stage, found in codes.items()},
+        }
+    )
+
+
+def _codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
+    """The codes by which the units of a journal were done, by stage; a viewpoint's is its street's."""
+    found = {
+        kind.stage: sorted({parts_of(r["key"]).get("code", "") for r in journals[kind.stage] if r})
+        for kind in KINDS
+        if kind.part_of is None
+    }
+    return {stage: codes for stage, codes in found.items() if codes}
+
+
+def _check_block(run: Run, group: StoreGroup) -> None:
+    held = group.attrs.get("block", run.block)
+    if held != run.block:
+        raise InputError(
+            f"{run.out}: holds block {held}; give block {run.block} a folder of its own beside it with --out, and "
+            f"`streetloom query {run.folder.parent}` finds both"
+        )

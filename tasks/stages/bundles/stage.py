@@ -1,0 +1,106 @@
+"""Panoramas that show the same walls, refined together once each is refined alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date
+
+import numpy as np
+import shapely
+
+from catalogs.block import Block
+from catalogs.readers.pictures.poses import day_of
+from facade_core.atlas.journal import Record, read_journal
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.charts import CORNERS
+from facade_core.geometry.walls import STREET
+from facade_core.imagery.poses.bundles import LEAST_SEEN, bundles_of
+from facade_core.imagery.poses.joint_refinement import Alone
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.plan.plan import Plan, Sightings
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Stage, same_name
+from tasks.engine.unit import Unit
+from tasks.stages.bundles.worker import Member, bundle_unit
+from tasks.stages.poses.stage import refined
+from tasks.stages.shared.key_parts import bundle_key
+from tasks.stages.shared.memory import bundle_memory
+
+
+def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: of each bundle the panoramas that were refined alone, refused ones aside."""
+    records = read_journal(group, "poses")
+    units = []
+    for index, (name, bundle) in enumerate(zip(names_of_bundles(plan, block), bundles(plan, block), strict=True)):
+        members = tuple(
+            Member(block.panoramas[i].path, plan.poses[i], _alone(record, plan, i))
+            for i in bundle
+            if (record := records[i]) is not None and record["status"] == "done"
+        )
+        surfaces = _surfaces(plan, bundle)
+        key = bundle_key(run, plan, members, surfaces)
+        units.append(Unit(index, name, (key,), (members, surfaces), bundle_memory([one.path for one in members])))
+    return units
+
+
+def bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
+    """The panoramas that are refined together, by the block and the poses that are given."""
+    days = [_number(day_of(panorama.captured)) for panorama in block.panoramas]
+    places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
+    seen = _on_streets(plan)
+    return bundles_of(seen.facade, seen.panorama, seen.seen, places, days)
+
+
+def members_of(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
+    """The panoramas of some bundles."""
+    return {panorama for number in some for panorama in bundles(plan, block)[number]}
+
+
+def names_of_bundles(plan: Plan, block: Block) -> list[str]:
+    """What bundles are called: as their first panoramas."""
+    return [block.panoramas[bundle[0]].path.name for bundle in bundles(plan, block)]
+
+
+def _on_streets(plan: Plan) -> Sightings:
+    """Of facades on streets, by which poses were measured."""
+    seen = plan.sightings
+    kept = plan.facades.role[seen.facade] == STREET
+    return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
+
+
+def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
+    """A panorama as it was refined alone."""
+    spread = record.get("spread")  # a journal from before it was kept has none
+    return Alone(refined(plan.poses[panorama], record), None if spread is None else np.array(spread))
+
+
+def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
+    """The charts of facades that two panoramas of a bundle show, and of ground that two are near, ascending."""
+    seen = _on_streets(plan)
+    shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= LEAST_SEEN)]
+    facade, count = np.unique(shown, return_counts=True)
+    ground = plan.ground_near_cameras()
+    corners = plan.scene.charts.at_shares(ground, CORNERS)[..., :2]
+    boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
+    places = shapely.points([(plan.poses[i].x, plan.poses[i].y) for i in bundle])
+    near = (shapely.distance(boxes[:, None], places) <= GROUND_REACH_M).sum(axis=1) > 1
+    return tuple(np.sort(np.concatenate([plan.facades.chart[facade[count > 1]], ground[near]])).tolist())
+
+
+def _number(day: str | None) -> int | None:
+    return date.fromisoformat(day).toordinal() if day else None
+
+
+def _again(change: Change) -> dict[int, int]:
+    return same_name(change.records["bundles"], names_of_bundles(change.after, change.block))
+
+
+BUNDLES = Stage(
+    "bundles",
+    "panorama bundle",
+    count=lambda block, plan: len(bundles(plan, block)),
+    match_previous=_again,
+    units=bundle_units,
+    function=bundle_unit,
+    reads=("poses",),
+)

@@ -1,0 +1,84 @@
+"""The poses of panoramas that show the same walls, refined together."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.core.types import Pose
+from facade_core.imagery.cameras.exposure import look_down
+from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
+from facade_core.imagery.poses.panorama_camera import camera_from_world, position
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.shared.images import read_panorama
+
+
+class Member(NamedTuple):
+    """A panorama of a bundle: its file, the pose that its source states, and what it was refined to alone."""
+
+    path: Path
+    given: Pose
+    alone: Alone
+
+
+def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Refine the poses of one bundle together; returns the fork, to which nothing is written, and its record."""
+    start = time.time()
+    (unit,) = units
+    members, surfaces = unit.arguments
+    scene = plan_of_run(run).scene
+    together: dict[str, Any] = {}
+    if len(members) > 1:
+        images = (read_panorama(one.path) for one in members)
+        found = refine_together(scene, surfaces, images, [one.alone for one in members])
+        together = {
+            one.path.name: {"alone": _numbers(one.alone.pose), "found": _found(scene, one, at)}
+            for one, at in zip(members, found, strict=True)
+        }
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "together": together,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"refine": round(time.time() - start, 4)},
+    }
+    return fork, {unit.index: record}
+
+
+def _found(scene: Any, one: Member, found: Together) -> dict[str, Any]:
+    """What is known of a panorama now, as in the record of its own; of one that keeps its pose how far others are off."""
+    told: dict[str, Any] = {
+        "shared": found.surfaces,
+        "apart_before_m": _number(found.apart_before),
+        "apart_m": _number(found.apart),
+        "kept_alone": found.reason,
+    }
+    if found.reason:
+        return told
+    ground = look_down(scene, read_panorama(one.path), found.pose)
+    turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
+    return told | {
+        "pose": _numbers(found.pose),
+        "moved_m": _number(float(np.linalg.norm(position(found.pose) - position(one.given)))),
+        "turned_deg": _number(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))),
+        "residual_deg": _number(found.residual_degrees),
+        "over_ground_m": ground.height,
+        "squares": ground.squares,
+    }
+
+
+def _numbers(pose: Pose) -> list[Any]:
+    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll]
+
+
+def _number(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None

@@ -1,0 +1,57 @@
+"""The exemplar library: every exemplar parsed, completed and measured once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from catalogs.block import Block
+from facade_core.core.zarr_types import StoreGroup, group_at
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Records, Stage, same_key_or_name
+from tasks.engine.unit import Unit
+from tasks.stages.exemplars.worker import exemplar_unit
+from tasks.stages.shared.key_parts import exemplar_key
+from tasks.stages.shared.memory import exemplar_memory
+
+
+def exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    return [
+        Unit(i, path.stem, (exemplar_key(run, path),), (path,), exemplar_memory(path))
+        for i, path in enumerate(block.exemplars)
+    ]
+
+
+def _again(change: Change) -> dict[int, int]:
+    units = exemplar_units(change.run, change.block, change.after, change.group)
+    return same_key_or_name(change.records["exemplars"], units)
+
+
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    for new, old in again.items():
+        if new != old:
+            _copy(change.group, change.last, new, old)
+    return records
+
+
+def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
+    for name, array in group_at(last, f"exemplars/{old}").arrays():
+        group.create_array(
+            f"exemplars/{new}/{name}",
+            data=array[:],
+            chunks=array.chunks,
+            dimension_names=array.metadata.dimension_names,
+            overwrite=True,
+        )
+
+
+EXEMPLARS = Stage(
+    "exemplars",
+    "exemplar",
+    count=lambda block, plan: len(block.exemplars),
+    match_previous=_again,
+    units=exemplar_units,
+    function=exemplar_unit,
+    in_every_block=True,
+    relocate=_moved,
+)

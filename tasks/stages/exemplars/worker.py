@@ -1,0 +1,107 @@
+"""One exemplar: read, parsed, completed, measured and brought to the block's density, or to one that it fits at."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import Record, read_records
+from facade_core.atlas.store import open_root
+from facade_core.core.atlas_spec import Array
+from facade_core.core.errors import StoreError
+from facade_core.core.labels import FLAGS, FacadeClass
+from facade_core.core.resizing import resized_with_labels
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.pictures.hidden import draw_cut
+from facade_core.facade.pipeline import Exemplar, prepare_exemplar
+from facade_core.imagery.detect.detection import look, looked_for
+from facade_core.imagery.privacy import shielded
+from facade_core.imagery.rectify.no_data import no_data
+from facade_core.plan.exemplar_style import look_of
+from tasks.engine.context import unit_seed, worker_name
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.shared.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
+
+IMAGE = Array(
+    "image", ("row", "column", "band"), "uint8", "exemplar at the block's density or coarser, without what hid it"
+)
+PREVIEW = Array(
+    "preview", ("preview_row", "preview_column", "band"), "uint8", "picture as given: cut off dark, made anew tinted"
+)
+LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
+
+
+def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Prepare one exemplar and write its image and labels through the fork; returns the fork and the journal record."""
+    start = time.time()
+    (unit,) = units
+    (path,) = unit.arguments
+    picture = read_exemplar_picture(path)
+    hidden = picture.hidden | no_data(picture.rgb)
+    private = look(picture.rgb).hidden(hidden.shape)
+    seconds = {"read": time.time() - start}
+    seed = unit_seed(run, unit.name, "exemplar")
+    prepared = prepare_exemplar(
+        picture.rgb,
+        hidden,
+        storey=run.storey,
+        private=private,
+        labels=read_labels(path, hidden.shape),
+        models=run.models,
+        seed=seed,
+    )
+    seconds |= prepared.seconds
+    begun = time.time()
+    factor = prepared.metres_per_pixel * run.texture.texels_per_metre
+    height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
+    shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
+    size = (round(width * shrink), round(height * shrink))
+    texture, labels = resized_with_labels(prepared.image, prepared.labels, size[::-1])
+    metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
+
+    group = open_root(fork)
+    IMAGE.write(group, f"exemplars/{unit.index}", texture)
+    LABELS.write(group, f"exemplars/{unit.index}", labels)
+    PREVIEW.write(group, f"exemplars/{unit.index}", _preview(run, picture.rgb, private, prepared))
+    seconds["write"] = time.time() - begun
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "width_m": size[0] * metres_per_texel,
+        "height_m": size[1] * metres_per_texel,
+        "metres_per_texel": metres_per_texel,
+        "floors": prepared.floors,
+        "columns": prepared.columns,
+        "hidden": round(float(prepared.occluded.mean()), 4),
+        "shaded": round(prepared.shaded, 4),
+        "cut_found": prepared.found,
+        "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
+        "look": look_of(texture, labels, metres_per_texel),
+        "metres_per_pixel": prepared.metres_per_pixel,
+        "looked": looked_for(),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
+    }
+    return fork, {unit.index: record}
+
+
+def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
+    """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
+    x0, y0, x1, y1 = prepared.box
+    shown = shielded(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
+    shown[y0:y1, x0:x1] = shielded(prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel)
+    return draw_cut(shown, prepared.occluded, prepared.box)
+
+
+def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """A prepared exemplar: image (h, w, 3) uint8, labels (h, w) uint8, and metres per texel: the block's density, or coarser
+    where it would be larger than LONGEST_EXEMPLAR."""
+    (record,) = read_records(group, "exemplars", np.array([index]))
+    if record is None:
+        raise StoreError(f"exemplar {index} has no record; the next run makes it again")
+    return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:], record["metres_per_texel"]

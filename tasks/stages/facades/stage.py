@@ -1,0 +1,269 @@
+"""The facades, those of a building in one go, and what each is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from catalogs.block import Block
+from catalogs.block.part import ENTRANCE_M, Part
+from catalogs.readers.pictures.poses import day_of
+from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.refined_poses import read_posed
+from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, encoded_of, forget_encoded
+from facade_core.core.name_hash import number_of
+from facade_core.core.types import Street
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.walls import LEVEL_M
+from facade_core.plan.exemplar_inputs import outlines_as_walls
+from facade_core.plan.exemplar_style import Library, Walls, choose_exemplars
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Records, Stage
+from tasks.engine.unit import Unit
+from tasks.stages.facades.captures import Captures, captures_of
+from tasks.stages.facades.imagery import Imagery, imagery_of
+from tasks.stages.facades.worker import facade_unit
+from tasks.stages.poses.stage import is_refused, refined
+from tasks.stages.shared.facade_corrections import corrected_of
+from tasks.stages.shared.key_parts import facade_keys, with_house
+from tasks.stages.shared.memory import facade_memory
+
+# A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
+SHOP_M = 15.0
+# Where a wall begins and ends at its foot, as shares of its chart.
+_FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
+
+
+def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: poses that are refined, exemplars that could be prepared."""
+    imagery = facade_imagery(run, block, plan, group)
+    exemplars = {i: r["key"] for i, r in enumerate(read_journal(group, "exemplars")) if r and r["status"] == "done"}
+    charts, texels = plan.facades.chart.tolist(), plan.texels()
+    keys = [
+        facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
+    ]
+    together = _first_building(plan)
+    units = []
+    for index, (pictures, beside) in enumerate(zip(imagery, _pictured_beside(plan, imagery), strict=True)):
+        *first, last = keys[index]
+        if pictures.exemplar is not None:
+            # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
+            last = with_house(last, [keys[other][-2] for other in beside])
+        units.append(
+            Unit(
+                index,
+                plan.facades.id[index],
+                (*first, last),
+                (pictures, block.textures, beside),
+                facade_memory(int(texels[charts[index]]), pictures),
+                (charts[index],),
+                group_id=together[index],
+            )
+        )
+    return units
+
+
+def _first_building(plan: Plan) -> list[int]:
+    """Of each facade the first building of its house: walls of all parts of a house may take the colour of one of them."""
+    first: dict[int, int] = {}
+    houses, buildings = plan.facades.house.tolist(), plan.facades.building.tolist()
+    for house, building in zip(houses, buildings, strict=True):
+        first[house] = min(building, first.get(house, building))
+    return [first[house] for house in houses]
+
+
+def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, ...]]:
+    """The other facades of each one's house that there are pictures, or textures of the model's own, of."""
+    pictured: dict[int, list[int]] = {}
+    houses = plan.facades.house.tolist()
+    for facade, (house, pictures) in enumerate(zip(houses, imagery, strict=True)):
+        if pictures.sources()[0] != "none":
+            pictured.setdefault(house, []).append(facade)
+    return [tuple(other for other in pictured.get(house, ()) if other != facade) for facade, house in enumerate(houses)]
+
+
+def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
+    """The pictures that there are of every facade, with the exemplar chosen for it."""
+    poses = read_posed(group)
+    shown = panoramas_of(plan, block)
+    panoramas, earlier = (
+        [
+            [(block.panoramas[p].path, refined(plan.poses[p], poses[p])) for p in of_one if not is_refused(poses[p])]
+            for of_one in of_all
+        ]
+        for of_all in ([one.newest for one in shown], [one.before for one in shown])
+    )
+    captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
+    shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
+    chosen = (
+        exemplars_of(plan, read_journal(group, "exemplars"), walls_of(plan, block, shops), seed=run.seed)
+        if run.texture.walls == "exemplar"
+        else {}
+    )
+    chosen |= _chosen_by_people(plan, block, read_journal(group, "exemplars")) if chosen else {}
+    own = plan.textured[plan.facades.chart].tolist()
+    return imagery_of(
+        plan.facades.id,
+        block.photos,
+        block.photos_rectified,
+        panoramas,
+        earlier,
+        captured,
+        own,
+        chosen,
+        shops.tolist(),
+        entrances_of(plan, block.entrances),
+        corrected_of(plan, block.corrections, block.crs)[0],
+    )
+
+
+def _chosen_by_people(plan: Plan, block: Block, records: Records) -> dict[int, tuple[int, str]]:
+    """The exemplar that somebody chose for the building of a facade, where it could be prepared."""
+    usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
+    found = {}
+    for facade, building in enumerate(plan.facades.building.tolist()):
+        name = block.corrections.value(plan.scene.names[building], "exemplar")
+        if name in usable:
+            found[facade] = usable[name], name
+    return found
+
+
+def panoramas_of(plan: Plan, block: Block) -> list[Captures]:
+    """The panoramas that each facade is taken from."""
+    days = {index: day for index, one in enumerate(block.panoramas) if (day := day_of(one.captured))}
+    return [captures_of(plan.sightings.of(facade).tolist(), days) for facade in range(len(plan.facades))]
+
+
+def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
+    """Where each facade's wall, as it is laid out, is entered by the map: metres from where its run begins, ascending."""
+    facades = plan.facades
+    found: dict[int, set[float]] = {}
+    low = np.flatnonzero((np.abs(facades.foot) < LEVEL_M) & ~facades.raised)
+    if len(places) and len(low):
+        walls = shapely.linestrings(plan.scene.charts.at_shares(facades.chart[low], _FOOT)[..., :2])
+        points = shapely.points(np.array(places).reshape(-1, 2))
+        of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=ENTRANCE_M, all_matches=False)
+        at = shapely.line_locate_point(walls[wall], points[of]) + facades.along[low[wall]]
+        for facade, metres in zip(low[wall].tolist(), at.tolist(), strict=True):
+            found.setdefault(int(facades.run[facade]), set()).add(round(metres, 2))
+    return [tuple(sorted(found.get(run, ()))) for run in facades.run.tolist()]
+
+
+def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:
+    """Whether the building of each facade has a shop at one of its walls, (n,) int64: 1, or 0; -1 where no map tells."""
+    facades = plan.facades
+    if places is None or not len(facades):
+        return np.full(len(facades), -1)
+    walls = shapely.linestrings(plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2])
+    _, wall = shapely.STRtree(walls).query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=SHOP_M)
+    return np.isin(facades.building, facades.building[wall]).astype(np.int64)
+
+
+def _shops_of_part(plan: Plan, part: Part) -> np.ndarray:
+    """The same of a part of a city, which is told by building."""
+    told = dict(zip(part.buildings, part.shops, strict=False))
+    return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
+
+
+def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> Walls:
+    """The walls by which exemplars are chosen: of the block's facades; of a part of a city of all buildings that the choice
+    stands on, by their outlines."""
+    if block.part is not None:
+        own = set(block.part.buildings)
+        buildings = [*(building for building in block.buildings if building.id in own), *block.part.beyond]
+        return outlines_as_walls(buildings, block.part.fronts, block.part.shops, block.storey)
+    facades = plan.facades
+    # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
+    seen = facades.seen > 0
+    told = np.flatnonzero(seen | ~np.isin(facades.house, facades.house[seen]))
+    return Walls(
+        facades.width[told],
+        facades.height[told],
+        facades.floors[told],
+        facades.house[told],
+        _numbers(plan.streets)[facades.street[told]],
+        plan.scene.charts.at_shares(facades.chart[told], _FOOT)[..., :2],
+        shops[told],
+    )
+
+
+def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> dict[int, tuple[int, str]]:
+    """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
+
+    Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade, and the
+    colour of those of its building that have none, but nobody's exemplar.
+    """
+    # one that an older version prepared lacks its look and shops, and is due
+    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "shop_width" in r]
+    facades = plan.facades
+    if not usable or not len(facades):
+        return {}
+    found = [record for _, record in usable]
+    library = Library(
+        [record["width_m"] for record in found],
+        [record["height_m"] for record in found],
+        [record["floors"] for record in found],
+        # where no facade was found in a picture all of it is a guess
+        [record["hidden"] if record.get("cut_found", True) else 1.0 for record in found],
+        [record["shaded"] for record in found],
+        [record["shop_width"] for record in found],
+        [record["look"] for record in found],
+    )
+    chosen = choose_exemplars(walls, library, seed=seed)
+    of_house = dict(zip(walls.building.tolist(), chosen.tolist(), strict=True))
+    own = [usable[of_house[number]] for number in facades.house.tolist()]
+    return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
+
+
+def _numbers(streets: Sequence[Street]) -> np.ndarray:
+    """A number for each street, (streets,) int64, of its name, else of its id: it stays when others come and go, and is the
+    same for all parts of a street."""
+    return np.array([number_of(street.name or street.id) for street in streets], np.int64)
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Facades with the same name on a chart that stays; the charts of others stay no longer."""
+    before, after = change.before.facades, change.after.facades
+    at = dict(zip(before.id, range(len(before)), strict=True))
+    again = {}
+    for facade, (name, chart) in enumerate(zip(after.id, after.chart.tolist(), strict=True)):
+        if chart not in change.stays:
+            continue
+        if name in at and int(before.chart[at[name]]) == change.stays[chart]:
+            again[facade] = at[name]
+        else:
+            del change.stays[chart]
+    return again
+
+
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """With the facades that are known by their name but stand on another chart now, as stale: they are due."""
+    names = change.after.facades.id
+    keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
+    for index, name in enumerate(names):
+        if records[index] is None and name in keys:
+            records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
+    # files stay where they are; those that no record tells of do not: of facades that are gone, or have no variations now
+    told = {path for index, record in enumerate(records) for path in encoded_of("facades", index, record)}
+    for folder in (HIERARCHIES, EARLIER):
+        forget_encoded(
+            change.group, folder, {path.rpartition("/")[2] for path in told if path.startswith(f"{folder}/")}
+        )
+    return records
+
+
+FACADES = Stage(
+    "facades",
+    "facade",
+    count=lambda block, plan: len(plan.facades),
+    match_previous=_again,
+    units=facade_units,
+    function=facade_unit,
+    reads=("poses", "bundles", "exemplars"),
+    writes_base_layer=True,
+    in_every_block=True,
+    relocate=_moved,
+)

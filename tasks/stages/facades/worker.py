@@ -1,0 +1,359 @@
+"""The facades of one building: from a photo, panoramas, own textures or an exemplar; seeds into the atlas."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from io import BytesIO
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.store import open_root
+from facade_core.atlas.stored_files import earlier_path, encoded_digest, hierarchy_path, write_encoded
+from facade_core.core.errors import FacadeError, ImageError
+from facade_core.core.labels import FacadeClass
+from facade_core.core.provenance import PROVENANCE, Provenance
+from facade_core.core.types import AS_FOUND
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.correction import texels_of, with_elements
+from facade_core.facade.pipeline import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
+from facade_core.facade.texture.ground_floor import without_shops
+from facade_core.facade.texture.retargeting import Style, style_of
+from facade_core.facade.variation.hierarchy import Hierarchy
+from facade_core.geometry.walls import STREET
+from facade_core.imagery.detect.detection import looked_for
+from facade_core.imagery.detect.signs import shop_names
+from facade_core.imagery.privacy import shielded
+from facade_core.parsing.confidence import share_of
+from facade_core.plan.facade_walls import wall_of
+from facade_core.plan.plan import Plan
+from tasks.engine.context import plan_of_run, unit_seed, worker_name
+from tasks.engine.outcome import failure, machine_fault, reason_of, refusal, refusing
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece, Unit
+from tasks.stages.exemplars.worker import read_exemplar
+from tasks.stages.facades.evidence import Before, Evidence, Fit, evidence_of
+from tasks.stages.facades.wall_colour import colour_of_pictured
+
+if TYPE_CHECKING:
+    from tasks.stages.facades.imagery import Imagery
+
+
+# The classes that are counted, and what `facade_core.parsing.confidence.Figures` has, as the catalogue names them.
+_COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
+_TOLD = ("window_to_wall", "windows", "floors")
+
+# Exemplars taken apart, by number and whether with shops, and their metres per texel.
+Styles = dict[tuple[int, bool], tuple[Style, float]]
+
+
+class _Made(NamedTuple):
+    """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
+    well that shows each texel, (h, w) uint8; the day it was taken, where that is known; the names of shops read on it, None
+    where none were looked for; how a photo fits the wall; what changed since an earlier capture."""
+
+    depth: int
+    facade: Facade | None
+    source: str
+    confidence: np.ndarray
+    captured: str | None = None
+    shop_names: str | None = None
+    fit: Fit | None = None
+    before: Before | None = None
+
+
+def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """All facades of one house that are due, which may share chunks. Arguments: the pictures of the facade, the textures that
+    the block brings, and the other facades of the house that there are pictures of.
+
+    Where a picture is refused the next source is taken, and the record says why. A facade that cannot be made at all is set
+    aside with its reason; the others of the house are written.
+    """
+    start = time.time()
+    plan = plan_of_run(run)
+    group = open_root(fork)
+    prepared = time.time()
+    records: dict[int, Record] = {}
+    left: list[tuple[Unit, list[Exception]]] = []
+    styles: Styles = {}
+
+    def done(unit: Unit, make: Callable[[], _Made | None], refused: list[Exception]) -> bool:
+        """Make a facade and keep its record; False where `make` has none."""
+        nonlocal start, prepared
+        about: dict[str, Any] = {"worker": worker_name(), "started": start}
+        try:
+            made = make()
+        except Exception as error:
+            if machine_fault(error):
+                raise
+            records[unit.index] = failure(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
+        else:
+            if made is None:
+                start = prepared = time.time()
+                return False
+            about |= _written(run, plan, group, unit, made, refused, start, prepared)
+            records[unit.index] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
+        start = prepared = time.time()
+        return True
+
+    for unit in units:
+        refused: list[Exception] = []
+        if not done(unit, partial(_pictured, run, plan, unit, refused), refused):
+            left.append((unit, refused))
+    for unit, refused in left:  # once those with pictures are there: these take their walls' colour
+        beside = [
+            facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
+        ]
+        done(unit, partial(_unpictured, run, plan, group, unit, beside, styles), refused)
+    return fork, records
+
+
+def _written(
+    run: Run,
+    plan: Plan,
+    group: StoreGroup,
+    unit: Unit,
+    made: _Made,
+    refused: Sequence[Exception],
+    start: float,
+    prepared: float,
+) -> dict[str, Any]:
+    """Write a facade that was made; what its record says of it."""
+    facade, imagery, result = unit.index, unit.arguments[0], made.facade
+    about: dict[str, Any] = {"source": made.source, "capture_date": made.captured}
+    if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
+        about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
+    about |= refusal(refused, _told(imagery, made.depth, made.source))
+    stages = result.seconds if result is not None else {}
+    seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
+    if result is not None:
+        begun = time.time()
+        density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
+        evidence = shielded(result.evidence, result.occluded, run.privacy, density)
+        digests = _write(group, plan, facade, result, evidence, made.confidence)
+        seconds["write"] = time.time() - begun
+        about |= _summary(result) | {"digests": digests}
+        if result.hierarchy is not None:
+            about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
+            about["variation_digest"] = encoded_digest(result.hierarchy.to_bytes())
+        if imagery.sources()[made.depth] in ("photo", "panoramas"):
+            about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
+        if made.before is not None:
+            about |= _change(group, plan, facade, made.before)
+        if made.fit is not None:
+            kept, found, stretched = made.fit
+            about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
+    about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
+    return about
+
+
+def _change(group: StoreGroup, plan: Plan, facade: int, before: Before) -> dict[str, Any]:
+    """What the record keeps of a change; how the facade was is written beside its variations."""
+    from PIL import Image
+
+    told: dict[str, Any] = {"changed": before.changed, "compared": before.compared, "capture_date_before": before.day}
+    if before.cells:
+        told["change_map"] = list(before.cells)
+    if before.picture is not None:
+        file = BytesIO()
+        Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
+        path = earlier_path(int(plan.ids[plan.facades.chart[facade]]))
+        write_encoded(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
+        told |= {"before_file": path, "before_digest": encoded_digest(file.getvalue())}
+    return told
+
+
+def _told(imagery: Imagery, depth: int, source: str) -> str:
+    """What a facade was textured from, in words."""
+    if imagery.sources()[depth] != "none":
+        return f"from {source}"
+    return f"from exemplar {source}" if imagery.exemplar is not None else f"by the {source}"
+
+
+def _all_of(errors: Sequence[Exception]) -> Exception:
+    """Why no source of a facade could be used, as one error."""
+    if len(errors) == 1:
+        return errors[0]
+    joined = FacadeError("; ".join(map(reason_of, errors)))
+    joined.__cause__ = errors[0]
+    return joined
+
+
+def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Made | None:
+    """The facade from the best picture there is of it; None where none shows enough. Why pictures were refused is added to
+    `refused`."""
+    facade, (imagery, textures, _) = unit.index, unit.arguments
+    facades, placement = plan.facades, plan.scene.placement
+    chart = int(facades.chart[facade])
+    size = (int(placement.height[chart]), int(placement.width[chart]))
+    density = float(placement.texels_per_metre[chart])
+    along, width = float(facades.along[facade]), float(facades.width[facade])
+    said = imagery.corrected
+    *pictures, _ = imagery.sources()
+    for depth, source in enumerate(pictures):
+        with refusing(refused):
+            evidence = evidence_of(source, plan, chart, size, imagery, textures, refused, run.models.parser)
+            if evidence is not None:
+                try:
+                    result = from_photo(
+                        evidence.image,
+                        evidence.hidden | texels_of(said.hide, size),
+                        kept=texels_of(said.keep, size),
+                        outside=evidence.outside,
+                        private=evidence.seen.hidden(size),
+                        clean=evidence.clean,
+                        entrances=[
+                            (place - along) / width for place in imagery.entrances if along < place < along + width
+                        ],
+                        front=int(facades.role[facade]) == STREET,
+                        models=run.models,
+                        seed=unit_seed(run, facades.id[facade], "facade"),
+                    )
+                except ImageError as error:
+                    raise ImageError(f"{evidence.source}: {error}") from error
+                confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
+                result = replace(
+                    result,
+                    masked=evidence.masked + result.masked,
+                    masked_share=evidence.masked_share + result.masked_share,
+                )
+                result = _corrected(result, imagery)
+                names = _names_on(result, evidence, source, density)
+                return _Made(
+                    depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
+                )
+    return None
+
+
+def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _Made:
+    """The facade in the style of its exemplar, in the colour of the walls beside of its house that have pictures; or left to
+    the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
+    facade, (imagery, *_) = unit.index, unit.arguments
+    facades, placement = plan.facades, plan.scene.placement
+    chart = int(facades.chart[facade])
+    size = (int(placement.height[chart]), int(placement.width[chart]))
+    along, width = float(facades.along[facade]), float(facades.width[facade])
+    depth, nothing = len(imagery.sources()) - 1, np.zeros(size, np.uint8)
+    if run.texture.walls == "translate" or not imagery.corrected.facade:
+        return _Made(depth, None, "translator", nothing)
+    if imagery.exemplar is None:
+        raise FacadeError(
+            f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
+        )
+    index, name = imagery.exemplar
+    given = _style(group, index, True, styles)
+    style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
+    first = facades.id[int(facades.run[facade])]
+    result = from_exemplar(
+        style,
+        wall_of(plan.scene, facades, facade, imagery.entrances),
+        size,
+        part=(along, along + width),
+        metres_per_pixel=metres_per_texel,
+        like=given[0],
+        house=unit_seed(run, str(facades.house[facade]), "house"),
+        colour=colour_of_pictured(group, plan, beside),
+        seed=unit_seed(run, first, "facade"),
+    )
+    return _Made(depth, _corrected(result, imagery), name, nothing)
+
+
+def _corrected(facade: Facade, imagery: Imagery) -> Facade:
+    """A facade with the elements that somebody gave it."""
+    elements = imagery.corrected.elements
+    return facade if elements is None else with_elements(facade, elements)
+
+
+def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:
+    """An exemplar taken apart, with or without its shops, and its metres per texel."""
+    if (index, shops) not in styles:
+        image, labels, metres_per_texel = read_exemplar(group, index)
+        if not shops:
+            image, labels = without_shops(image, labels)
+        styles[index, shops] = style_of(image, labels), metres_per_texel
+    return styles[index, shops]
+
+
+def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
+    """The names of shops on a facade's own photo; None where there is no photo or names are not looked for."""
+    if source != "photo" or not looked_for():
+        return None
+    seen = evidence.seen
+    return "; ".join(shop_names(seen.lines, result.labels, result.occluded, seen.plates, texels_per_metre))
+
+
+def _write(
+    group: StoreGroup, plan: Plan, facade: int, result: Facade, shown: np.ndarray, confidence: np.ndarray
+) -> dict[str, str]:
+    """Write a facade's rasters, with what may be shown (h, w, 3) of its evidence, and hierarchy; returns its chart's digest."""
+    scene, chart = plan.scene, int(plan.facades.chart[facade])
+    rasters = Rasters.of(scene.placement, [chart])
+    seed = result.image.reshape(-1, 3)
+    evidence = result.provenance.reshape(-1)
+    arrays = {
+        "atlas/seed": seed,
+        "atlas/seed_evidence": evidence,
+        "facade_maps/labels": result.labels.reshape(-1),
+    }
+    if result.hierarchy is not None:  # of others there is no more to tell: nothing is kept twice
+        arrays |= {
+            "facade_maps/evidence": shown.reshape(-1, 3),
+            "facade_maps/occluded": result.occluded.reshape(-1),
+            "facade_maps/confidence": confidence.reshape(-1),
+        }
+        path = hierarchy_path(int(plan.ids[chart]))
+        write_encoded(group, path, result.hierarchy.to_bytes(), f"variations of {plan.facades.id[facade]}")
+    for name, flat in arrays.items():
+        write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
+    return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
+
+
+def _summary(result: Facade) -> dict[str, Any]:
+    """What the catalogue and the report say of a facade."""
+    pictured = result.provenance == Provenance.PHOTO
+    counts: dict[str, Any] = {}
+    for name, plural in _COUNTED.items():
+        own = [element for element in result.elements if element.label == name]
+        counts[plural] = len(own)
+        counts[f"{plural}_seen"] = sum(share_of(~pictured, element) <= HIDDEN_SHARE for element in own)
+    told: dict[str, Any] = {
+        "window_to_wall": round(float((result.labels == FacadeClass.WINDOW).mean()), 4),
+        "floors": result.floors,
+    }
+    if result.told is not None:
+        for name, low, high in zip(_TOLD, result.told.low, result.told.high, strict=True):
+            if name == "floors" and not result.floors:  # without windows only the map tells
+                continue
+            told |= {f"{name}_low": round(low, 4), f"{name}_high": round(high, 4)}
+    return {
+        "elements": [
+            [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in result.elements
+        ],
+        "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
+        "columns": count_columns(result.elements),
+        "shop_width": round(float((result.labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
+        **counts,
+        **told,
+        "occluded": round(float(result.occluded.mean()), 4),
+        "masked": [list(map(int, box)) for box in result.masked],
+        "masked_share": round(result.masked_share, 4),
+        "provenance": [
+            round(float(share), 4)
+            for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
+        ],
+        "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
+    } | ({} if result.hierarchy is None else _variation(result.hierarchy))
+
+
+def _variation(hierarchy: Hierarchy) -> dict[str, int]:
+    """What the catalogue says of a hierarchy of variations."""
+    return {
+        "variation_types": int((hierarchy.levels[0].counts > 0).sum()),
+        "variation_levels": len(hierarchy.levels),
+        "variation_bytes": int(hierarchy.nbytes),
+    }

@@ -1,0 +1,76 @@
+"""Pieces of ground that panoramas show, one after the other into the atlas."""
+
+from __future__ import annotations
+
+from catalogs.block import Block
+from facade_core.atlas.journal import Record
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.charts import CORNERS
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Stage, same_name
+from tasks.engine.unit import Unit
+from tasks.stages.grounds.worker import ground_unit
+from tasks.stages.shared.key_parts import ground_key
+from tasks.stages.shared.memory import ground_memory
+from tasks.stages.shared.nearby_panoramas import cameras_of_block
+
+# A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
+LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
+
+
+def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: poses that are refined, and what their pictures show of the ground."""
+    charts = plan.ground_near_cameras()
+    if not len(charts):
+        return []
+    cameras = cameras_of_block(block, plan, group, _over_ground)
+    corners = plan.scene.charts.at_shares(charts, CORNERS)[..., :2]
+    texels = plan.texels()
+    units = []
+    for index, (chart, name) in enumerate(zip(charts.tolist(), names_of_ground(plan), strict=True)):
+        taken = cameras.near(corners[index], GROUND_REACH_M)
+        key = ground_key(run, plan, chart, taken)
+        memory = ground_memory(int(texels[chart]), [one.path for one in taken])
+        units.append(Unit(index, name, (key,), (chart, taken), memory, (chart,)))
+    return units
+
+
+def names_of_ground(plan: Plan) -> list[str]:
+    """What its pieces that panoramas may show are called."""
+    return [_name(number) for number in plan.ids[plan.ground_near_cameras()].tolist()]
+
+
+def _name(number: int) -> str:
+    return f"ground-{number:016x}"
+
+
+def _over_ground(record: Record | None) -> bool:
+    height = None if record is None or record["status"] != "done" else record.get("over_ground_m")
+    return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Pieces that stay where they are; those that no panorama shows any more stay no longer, nor do those that moved."""
+    names, charts = names_of_ground(change.after), change.after.ground_near_cameras().tolist()
+    same = same_name(change.records["grounds"], names)
+    again = {new: old for new, old in same.items() if charts[new] in change.stays}
+    shown = set(names)
+    of_chart = {_name(number): chart for chart, number in enumerate(change.after.ids.tolist())}
+    for record in change.records["grounds"]:
+        if record and record["unit"] not in shown and record["unit"] in of_chart:
+            change.stays.pop(of_chart[record["unit"]], None)
+    return again
+
+
+GROUNDS = Stage(
+    "grounds",
+    "photographed surface",
+    count=lambda block, plan: len(plan.ground_near_cameras()),
+    match_previous=_again,
+    units=ground_units,
+    function=ground_unit,
+    reads=("poses", "bundles"),
+    writes_base_layer=True,
+)

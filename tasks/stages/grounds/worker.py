@@ -1,0 +1,41 @@
+"""What panoramas show of a piece of ground, into the atlas."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, cast
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.store import open_root
+from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.occluder_masks import in_the_way
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.outcome import refusal
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.shared.panorama_cameras import cameras_of, write_shown
+
+
+def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write what panoramas show of one piece of ground through the fork; returns the fork and the journal record."""
+    start = time.time()
+    (unit,) = units
+    chart, taken = unit.arguments
+    plan = plan_of_run(run)
+    refused: list[Exception] = []
+    cameras, used = cameras_of(taken, in_the_way, refused)
+    read = time.time()
+    found = photographed(plan.scene, chart, cameras) if cameras else None
+    digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "digests": digests,
+        "cameras": told,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"read": round(read - start, 4), "ground": round(time.time() - read, 4)},
+    }
+    record |= cast(Record, refusal(refused, "without it"))
+    return fork, {unit.index: record}

@@ -1,0 +1,62 @@
+"""From a block to its plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from catalogs.block.digest import geometry_digest
+from facade_core.geometry.chart_packing import Places
+from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.plan.core_region import Own
+from facade_core.plan.identity import Each, here
+from facade_core.plan.ingest import ingest, on_ground, with_panoramas
+from facade_core.plan.plan import Plan
+from tasks.engine.stage_code import stage_code
+from tasks.stages.shared.images import image_size
+from tasks.stages.shared.materials import under_aerial
+
+if TYPE_CHECKING:
+    from catalogs.block import Block
+
+
+def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan:
+    """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas. `each`
+    says where rays are cast."""
+    texture = block.texture
+    plan = ingest(
+        block.buildings,
+        block.streets,
+        ground=block.ground,
+        elevation=block.terrain,
+        poses=[panorama.pose for panorama in block.panoramas],
+        panorama_sizes=_sizes(block),
+        texels_per_metre=texture.texels_per_metre,
+        spacing=texture.viewpoint_spacing,
+        height=texture.viewpoint_height,
+        visibility_range=texture.visibility_range,
+        panorama_width=texture.panorama_width,
+        storey=block.storey,
+        walls=texture.walls,
+        last=last,
+        each=each,
+        own=None if block.part is None else Own(frozenset(block.part.buildings), frozenset(block.part.streets)),
+    )
+    return plan if block.aerial is None else under_aerial(plan, block.aerial)
+
+
+def plan_key(block: Block) -> str:
+    """What a block's plan stands on, its panoramas aside: where it is that of the last ingest, so is the plan."""
+    return f"{geometry_digest(block)} {stage_code('ingest')}"
+
+
+def plan_again(block: Block, plan: Plan) -> Plan:
+    """The plan of a block by that of its last ingest, which had the same key: as `plan_of` makes it with the places of that,
+    without looking from every viewpoint."""
+    poses = tuple(panorama.pose for panorama in block.panoramas)
+    if any(pose.z is None for pose in poses):
+        poses = on_ground(poses, terrain_of(block.buildings, block.terrain), block.texture.viewpoint_height)
+    return with_panoramas(plan, poses, _sizes(block))
+
+
+def _sizes(block: Block) -> list[tuple[int, int]]:
+    return [image_size(panorama.path) for panorama in block.panoramas]

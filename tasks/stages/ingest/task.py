@@ -1,0 +1,206 @@
+"""Ingest a block: its geometry, facades, viewpoints and waves into the store."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from catalogs.block.corrections import OF_BUILDINGS
+from catalogs.features import file_stem
+from facade_core.atlas.arrays import FORMAT, create_arrays
+from facade_core.atlas.store import BRANCH, commit, format_of, new_root, open_repository, root_of_any_format
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.charts import ChartKind
+from facade_core.geometry.streets import predecessors
+from facade_core.geometry.walls import STREET
+from facade_core.plan.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
+from facade_core.plan.identity import Each, here
+from facade_core.plan.plan import Plan
+from facade_core.plan.plan_tables import read_plan, write_plan
+from tasks.engine.progress import advance, begin_stage
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code
+from tasks.engine.store.carry_over import carry_over, counts, has_all_stages, last_ingest, made_for, why_anew
+from tasks.engine.store.disk_space import require_room, room_for
+from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
+from tasks.stages.shared.facade_corrections import corrected_of, facades_by_place
+
+if TYPE_CHECKING:
+    from catalogs.block import Block
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What the flow needs of a plan to order the work: streets by index, no arrays.
+
+    streets: their names, or ids.
+    waves: the streets of each wave.
+    after: for each street those of earlier waves that it shares chunks with, and has to wait for.
+    viewpoints: how many each street has.
+    windows: texels that each street sees, and those of them that it writes.
+    set_aside: input that cannot be used, as (kind, unit, reason).
+    ingested: when the plan was written, seconds since 1970.
+    skipped: whether the store held it already.
+    anew: why nothing of an earlier ingest was taken over, if so.
+    """
+
+    streets: tuple[str, ...]
+    waves: tuple[tuple[int, ...], ...]
+    after: tuple[tuple[int, ...], ...]
+    viewpoints: tuple[int, ...]
+    windows: tuple[tuple[int, int], ...]
+    set_aside: tuple[tuple[str, str, str], ...]
+    ingested: float
+    skipped: bool
+    anew: str | None = None
+
+
+@task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
+def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
+    """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
+
+    Arrays are empty, or hold what is left of an earlier ingest. `each` says where rays are cast, in this process without.
+    """
+    begin_stage("ingest", 1)
+    repository = open_repository(run.store, create=True)
+    session = repository.writable_session(BRANCH)
+    root = root_of_any_format(session)
+    skipped, anew = root.attrs.get("key") == run.key and format_of(root) == FORMAT and has_all_stages(root), None
+    if skipped:
+        plan = read_plan(session)
+    else:
+        last = last_ingest(run, repository)
+        standing = plan_key(block)
+        same = last is not None and root.attrs.get("plan") == standing
+        plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None, each)
+        require_room(run.local, room_for(plan, run.texture.panorama_width, stored=run.local == run.folder))
+        if last is None:
+            anew = why_anew(run, root)
+            root = new_root(session)
+        set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
+        set_aside += [("building", unit, reason) for unit, reason in plan.refused]
+        set_aside += [("building", "all buildings", reason) for reason in no_facade(plan)]
+        set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
+        root.attrs.update(
+            block=run.block,
+            key=run.key,
+            plan=standing,
+            made_for=made_for(run),
+            ingested_by=stage_code("ingest"),
+            published_by=stage_code("publish"),
+            crs=run.crs,
+            seed=run.seed,
+            translator=run.texture.translator,
+            sun=run.texture.sun and [run.texture.sun.azimuth, run.texture.sun.elevation],
+            roof_material=run.roof_material and [str(run.roof_material[0]), run.roof_material[1]],
+            materials=[[one.name, str(one.path), one.metres] for one in run.materials],
+            geoid_separation=block.geoid_separation,
+            notes=_notes(block, plan),
+            set_aside=set_aside,
+            corrected=sorted(block.corrections.of_kind(OF_BUILDINGS)),
+            known_by_place={**block.corrections.renamed, **facades_by_place(plan, block.corrections, block.crs)},
+            ingested=time.time(),
+        )
+        write_plan(session, plan, block.buildings, run.crs)
+        if last is None:
+            create_arrays(
+                root,
+                plan.scene.spec,
+                counts(block, plan),
+                crs=run.crs,
+                panorama_width=run.texture.panorama_width,
+            )
+        else:
+            carry_over(root, last, run, block, plan)
+        commit(session, f"ingest {run.block}")
+    advance("ingest", 1)
+    return replace(_outline(plan, root, skipped), anew=anew)
+
+
+def no_facade(plan: Plan) -> list[str]:
+    """Why a block has no facade on a street at all, in one line, with the remedy; nothing where it has one."""
+    if (plan.facades.role == STREET).any():
+        return []
+    charts = plan.scene.charts
+    wall = charts.kind == ChartKind.WALL
+    small = wall & ((charts.size[:, 0] < FACADE_WIDTH_M) | (charts.size[:, 1] < FACADE_HEIGHT_M))
+    coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < FACADE_TEXELS)
+    unseen = int(wall.sum() - small.sum() - coarse.sum())
+    return [
+        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {FACADE_WIDTH_M:g} x {FACADE_HEIGHT_M:g} m, "
+        f"{coarse.sum()} have under {FACADE_TEXELS} texels a side (raise texture.texels_per_metre), {unseen} are seen from no "
+        "street (check streets, or raise texture.visibility_range)"
+    ]
+
+
+def _notes(block: Block, plan: Plan) -> list[str]:
+    """What was left out or assumed, and what was derived."""
+    notes = list(block.notes)
+    if not block.streets:
+        length = sum(street.line.length for street in plan.streets)
+        notes.append(f"no streets given: {len(plan.streets)} of {length:.0f} m derived from the gaps between buildings")
+    if block.corrections:
+        notes += _lost(block, plan)
+    return notes
+
+
+def _lost(block: Block, plan: Plan) -> list[str]:
+    """A note of corrections that are of no facade, building or exemplar of the block as it is: they are kept, and wait."""
+    lost = corrected_of(plan, block.corrections, block.crs)[1]
+    buildings, exemplars = set(plan.scene.names), {path.stem for path in block.exemplars}
+    for id, said in block.corrections.of_kind(OF_BUILDINGS).items():
+        unknown = "exemplar" in said and said["exemplar"].value not in exemplars
+        if id not in buildings or unknown:
+            lost.append(id)
+    if not lost:
+        return []
+    return [
+        f"corrections of what is not in the block as it is, kept and not used: {len(lost)} ({', '.join(sorted(lost)[:3])})"
+    ]
+
+
+def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
+    per_street = np.bincount(plan.street_of_viewpoints, minlength=len(plan.wave)).tolist()
+    waves: list[list[int]] = [[] for _ in range(int(plan.wave.max(initial=-1)) + 1)]
+    for street, wave in enumerate(plan.wave.tolist()):
+        if per_street[street]:
+            waves[wave].append(street)
+    return Outline(
+        streets=tuple(street.name or street.id for street in plan.streets),
+        waves=tuple(map(tuple, waves)),
+        after=_after(plan),
+        viewpoints=tuple(per_street),
+        windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
+        set_aside=tuple(map(tuple, root.attrs["set_aside"])),
+        ingested=float(root.attrs["ingested"]),
+        skipped=skipped,
+    )
+
+
+def _after(plan: Plan) -> tuple[tuple[int, ...], ...]:
+    placement, spec = plan.scene.placement, plan.scene.spec
+    # charts that share a chunk have no other, so the first chunk of each stands for all that it has
+    corner = (placement.y - spec.gutter, placement.x - spec.gutter)
+    first = np.column_stack([placement.page, *(side // spec.chunk for side in corner)])
+    chunk = np.unique(first, axis=0, return_inverse=True)[1].reshape(-1)
+    street, chart = plan.street_charts.T
+    reads = np.column_stack([street, chunk[chart]])
+    return tuple(tuple(found.tolist()) for found in predecessors(plan.wave, reads, reads[plan.writable[chart]]))
+
+
+def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
+    """Photos whose name is no facade's id, as (file name, reason with the nearest id)."""
+    strays = []
+    for name in sorted(set(photos) - set(facades) - set(map(file_stem, facades))):
+        near = get_close_matches(name, facades, n=1, cutoff=0.6)
+        hint = f"the nearest is {near[0]}; " if near else "ids are in `streetloom query`; "
+        strays.append((photos[name].name, f"no facade has the id {name}; {hint}rename or remove the photo"))
+    return strays

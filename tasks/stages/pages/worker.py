@@ -1,0 +1,46 @@
+"""A page of the atlas: coloured between its charts, and encoded."""
+
+from __future__ import annotations
+
+import io
+import time
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.store import open_root
+from facade_core.atlas.stored_files import encoded_digest, page_path, write_encoded
+from facade_core.export.models.pages import between_charts
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+
+# Exports cut their pictures from published pages: as little as can be is lost to being encoded twice.
+QUALITY = 95
+
+
+def page_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write the JPEG of one page through the fork; returns the fork and the journal record."""
+    from PIL import Image
+
+    start = time.time()
+    (unit,) = units
+    scene = plan_of_run(run).scene
+    group = open_root(fork)
+    colour = between_charts(scene, unit.index, np.asarray(group["atlas/colour"][unit.index]))
+    buffer = io.BytesIO()
+    Image.fromarray(colour).save(buffer, "JPEG", quality=QUALITY, subsampling=0)
+    data = buffer.getvalue()
+    write_encoded(group, page_path(unit.index), data, f"page {unit.index} of the atlas, JPEG")
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "bytes": len(data),
+        "digest": encoded_digest(data),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"page": round(time.time() - start, 4)},
+    }
+    return fork, {unit.index: record}

@@ -1,0 +1,138 @@
+"""Pictures of the report: a view of the block, or what is shown of a facade."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from io import BytesIO
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import Record, read_journal, read_records
+from facade_core.atlas.store import open_root
+from facade_core.atlas.stored_files import (
+    encoded_digest,
+    page_path,
+    picture_path,
+    read_checked,
+    read_encoded,
+    tile_paths,
+    write_encoded,
+)
+from facade_core.core.errors import ImageError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.facade_stages import TEXTURE, StoredFacade, stages_of
+from facade_core.export.pictures.picture import aim, file_of
+from facade_core.export.pictures.views import SAMPLES, paint
+from facade_core.export.tiles.block_tiles import tiles_of
+from facade_core.export.tiles.tile_model import coarse_rasters
+from facade_core.plan.plan import Plan
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.outcome import failure, machine_fault, store_fault
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece, Unit
+
+# Pages that are decoded for a view at most: one that shows more is so far away that coarse rasters do.
+DECODED = 32
+# What a view shows of the context of a part of a city.
+BARE = np.full((1, 1, 3), 176, np.uint8)
+
+
+def pictures_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write a view, or the pictures of some facades, through the fork: a file for each unit. Arguments: of a view its name and
+    camera; of a facade the name of its file, its number, and whether it is shown stage by stage.
+
+    One that cannot be drawn is set aside with its reason, also where the store cannot be read: the block is published without.
+    """
+    plan, group = plan_of_run(run), open_root(fork)
+    records: dict[int, Record] = {}
+    for unit in units:
+        start = time.time()
+        try:
+            data, drawn = (_view if isinstance(unit.arguments[1], Camera) else _facade)(plan, group, unit)
+        except Exception as error:
+            if machine_fault(error) and not store_fault(error):
+                raise
+            about = failure(unit.name, unit.key, error)
+            about["unread"] = store_fault(error)
+        else:
+            about = {"unit": unit.name, "key": unit.key, "status": "done"}
+            about |= drawn | _written(group, unit, data)
+        about |= {"worker": worker_name(), "started": start, "seconds": {"pictures": round(time.time() - start, 4)}}
+        records[unit.index] = about
+    return fork, records
+
+
+def _view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
+    """A view as JPEG, painted from the pages that it shows, or from coarse rasters of tiles where these are very many."""
+    _, camera = unit.arguments
+    picture = aim(plan.scene, camera, samples=SAMPLES)
+    own = plan.own[picture.seen]
+    pages = np.unique(plan.scene.placement.page[picture.seen[own]])
+    parts = _on_pages if len(pages) <= DECODED else _coarse
+    bare = {chart: BARE for chart in picture.seen[~own].tolist()}
+    painted = paint(picture, chain([bare], parts(plan, group, picture.seen[own])))
+    return file_of(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
+
+
+def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
+    """The stages of a facade that the report shows, or its texture alone, as WebP files one after the other; nothing where it
+    has none."""
+    _, facade, staged = unit.arguments
+    (made,) = read_records(group, "facades", np.array([facade]))
+    stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
+    joined, listed = BytesIO(), []
+    for stage in stages_of(stored):
+        if stage.report is None or not (staged or stage.report.name == TEXTURE):
+            continue
+        data = file_of(stage.draw(), "WEBP", quality=82, method=2)
+        listed.append([stage.report.name, stage.report.title, joined.tell(), len(data)])
+        joined.write(data)
+    return joined.getvalue(), {"pictures": listed}  # type: ignore[typeddict-item]
+
+
+def _written(group: StoreGroup, unit: Unit, data: bytes) -> Record:
+    """Put the file of a unit in the store; there is none of a facade without pictures."""
+    name = unit.arguments[0]
+    path = picture_path(name)
+    if data:
+        write_encoded(group, path, data, f"picture of {unit.name}")
+        return {"file": name, "bytes": len(data), "digest": encoded_digest(data)}  # type: ignore[typeddict-item]
+    if path in group:
+        del group[path]
+    return {}  # type: ignore[typeddict-item]
+
+
+def _on_pages(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
+    """The rasters (h, w, 3) of some charts (k,) as the encoded pages show them, by chart, a page at a time."""
+    from PIL import Image
+
+    place = plan.scene.placement
+    pages = np.unique(place.page[charts])
+    for page, record in zip(pages.tolist(), read_records(group, "pages", pages), strict=True):
+        data = read_encoded(group, page_path(page), _done(record, f"page {page:04}")["digest"])
+        with Image.open(BytesIO(data)) as image:
+            colour = np.asarray(image.convert("RGB"))
+        yield {
+            c: colour[place.y[c] : place.y[c] + place.height[c], place.x[c] : place.x[c] + place.width[c]]
+            for c in charts[place.page[charts] == page].tolist()
+        }
+
+
+def _coarse(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
+    """The coarse rasters of the tiles that have some of these charts (k,), by chart, a tile at a time."""
+    place = plan.scene.placement
+    texels = np.column_stack([place.width, place.height]).astype(np.int64)
+    for tile, record in zip(tiles_of(plan), read_journal(group, "tiles"), strict=True):
+        if np.isin(tile.charts, charts).any():
+            digest = _done(record, f"tile {tile.path}")["coarse"]
+            yield coarse_rasters(texels, tile.charts, read_checked(group, tile_paths(tile.path)[1], digest))
+
+
+def _done(record: Record | None, what: str) -> Record:
+    if record is None or record["status"] != "done":
+        raise ImageError(f"{what} failed")
+    return record

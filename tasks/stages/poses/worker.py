@@ -1,0 +1,66 @@
+"""The pose of one panorama, refined."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+from facade_core.atlas.journal import Record
+from facade_core.core.errors import ImageError
+from facade_core.imagery.cameras.exposure import look_down
+from facade_core.imagery.poses.misplaced import misplaced
+from facade_core.imagery.poses.outlines import outline
+from facade_core.imagery.poses.refinement import refine_pose
+from facade_core.imagery.rectify.full_circle import check_full
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.shared.images import read_panorama
+
+# Where outlines of buildings fit so well, of 1, a pose is not doubted; on painted streets those that are right fit from .57 on.
+PLACED = 0.5
+
+
+def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Refine the pose of one panorama against the block; returns the fork, to which nothing is written, and its record.
+
+    Raises ImageError for a picture that is no panorama, or that was not taken as its pose says.
+    """
+    start = time.time()
+    (unit,) = units
+    path, carried = unit.arguments
+    plan = plan_of_run(run)
+    picture, given = read_panorama(path), plan.poses[unit.index]
+    if given.view == (0.0, 0.0, 1.0, 1.0):
+        check_full(picture)
+    found = refine_pose(plan.scene, picture, given, carried=carried)
+    pose = found.pose
+    if not found.fit >= PLACED:  # nor where nothing tells
+        fitting = found.fit if math.isfinite(found.fit) else 0.0
+        if why := misplaced(plan.scene, picture, pose, outline(plan.scene, pose), fitting):
+            raise ImageError(why)
+    ground = look_down(plan.scene, picture, pose)
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "pose": [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll],
+        "moved_m": round(found.moved_m, 3),
+        "turned_deg": round(found.turned_deg, 3),
+        # degrees between lines and axes on the rectified walls; None where there are no lines
+        "given_deg": _number(found.given_degrees),
+        "residual_deg": _number(found.residual_degrees),
+        "left": list(found.reasons),
+        "spread": None if found.spread is None else found.spread.round(6).tolist(),
+        "over_ground_m": ground.height,
+        "squares": ground.squares,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"refine": round(time.time() - start, 4)},
+    }
+    return fork, {unit.index: record}
+
+
+def _number(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None

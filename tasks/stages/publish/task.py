@@ -1,0 +1,191 @@
+"""Publish a snapshot: tables, pages, tiles, models, report and catalogue, then point `current` at it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+from contextlib import nullcontext
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import icechunk
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from catalogs.block.sources import sources_of
+from catalogs.published.files import amiss, predecessor_of, write_files
+from catalogs.published.items import write_items
+from catalogs.published.made import Made
+from catalogs.published.places import Folder, local_side
+from catalogs.published.s3 import S3Folder
+from catalogs.published.sent import send
+from catalogs.published.snapshot import Snapshot, current_if_any, make_current, pointer_tag, snapshot_in
+from catalogs.stac.catalog import write_catalog
+from catalogs.stac.snapshot import write_stac
+from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_root
+from tasks.engine.progress import advance, begin_stage
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code
+from tasks.engine.store.commits import standing_tags
+from tasks.engine.store.integrity import suspect
+from tasks.published.aside import Aside
+from tasks.published.attribution import attribution_of
+from tasks.published.catalogue_facts import block_facts, models_used, run_facts, street_facts
+from tasks.published.images import Images, write_images
+from tasks.published.limit import over_limit
+from tasks.published.pages import write_pages
+from tasks.published.prune import READ_FOR
+from tasks.published.report import write_block_report
+from tasks.published.rows import rows_of, write_masked, write_summary
+from tasks.published.stored import stored_block
+from tasks.published.tiles import WrittenTile, write_model, write_overview, write_tiles
+
+log = logging.getLogger(__name__)
+
+# Tables, pages, tiles, models, pictures, report, catalogue, list of files.
+STEPS = 8
+
+
+@task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
+def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
+    """Write published/<snapshot>/ from the newest snapshot, unless `current` already points at it, whole.
+
+    Where too many units failed, `current` stays, and so does the snapshot that it names; the summary says so as `withheld`.
+
+    block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
+    earlier version, and files that it has of the same are linked. What could not be published, each with its reason, is in the
+    summary as `unpublished`; the rest is, and the next run tries again.
+    """
+    _stand_by_code(run)
+    session = open_repository(run.store).readonly_session(BRANCH)
+    out = run.folder
+    final, over, last = snapshot_in(out, session.snapshot_id), pointer_tag(out), current_if_any(out)
+    begin_stage("publish", STEPS)
+    aside = Aside()
+    if last != final or amiss(final.folder):
+        predecessor = predecessor_of(final.folder) if last == final else last.id if last else None
+        temporary = _hidden(snapshot_in(local_side(out), final.id), "tmp")
+        temporary.mkdir(parents=True)
+        # what is damaged is made again, and what is whole of it is not; there sizes are not trusted
+        made = Made(temporary, last.folder if last else None, doubted=last == final)
+        aside = _write(run, session, made, block_file, predecessor, final.folder.parent)
+        if aside.suspect:
+            suspect(out)
+        _put_in_place(temporary, final.folder, made)
+        if withheld := over_limit(run, open_root(session)):
+            advance("publish", 1)
+            return final.outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
+        make_current(final, over)
+        _forget_history(run, last)
+        advance("publish", 1)
+    else:
+        advance("publish", STEPS)
+    with aside.trying("catalog.json"):
+        write_catalog(out)  # also where a run ended between the two
+    told = [{"unit": what, "reason": why} for what, why in aside.failed.items()]
+    return final.outcome() | ({"unpublished": told} if told else {})
+
+
+def _put_in_place(written: Path, final: Folder, made: Made) -> None:
+    """Give what was written its name, or send it there; what has that name is damaged."""
+    if isinstance(final, S3Folder):
+        send(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
+        shutil.rmtree(written)
+        return
+    damaged = _hidden(Snapshot(final), "damaged.tmp")
+    if final.exists():
+        os.replace(final, damaged)
+    os.replace(written, final)
+    shutil.rmtree(damaged, ignore_errors=True)
+
+
+def _hidden(snapshot: Snapshot[Path], suffix: str) -> Path:
+    """A folder beside a snapshot's that no reader looks into, and that is not there yet."""
+    folder = snapshot.folder.with_name(f".{snapshot.id}.{suffix}")
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
+
+
+def _stand_by_code(run: Run) -> None:
+    """Have the store say which code publishes it: by another the same texels are another snapshot, in a folder of its own."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    root = open_root(session)
+    if root.attrs.get("published_by") != stage_code("publish"):
+        root.attrs["published_by"] = stage_code("publish")
+        commit(session, "published by other code")
+
+
+def _forget_history(run: Run, last: Snapshot | None) -> None:
+    """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
+    published last, it is left to the next run."""
+    try:
+        with last.alone() if last else nullcontext(True) as nobody:
+            if nobody:
+                expire(open_repository(run.store), READ_FOR if isinstance(run.folder, S3Folder) else timedelta())
+    except icechunk.IcechunkError as error:  # an earlier snapshot is damaged: what is published does not depend on it
+        log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
+
+
+def _write(
+    run: Run,
+    session: icechunk.Session,
+    made: Made,
+    block_file: Path | None,
+    predecessor: str | None,
+    published: Folder,
+) -> Aside:
+    """Everything that is published of a session's snapshot; what is set aside of it.
+
+    Tables come first, as a snapshot is nothing without them. All else may fail by itself; whatever is written at once is one
+    file, so that the memory that this takes does not grow with the pictures of a block.
+    """
+    snapshot, aside = Snapshot(made.folder), Aside()
+    block = stored_block(session)
+    rows = rows_of(run, block)
+    write_items(snapshot.items, rows.every, run.crs)
+    write_masked(snapshot.masked, block.records)
+    summary = write_summary(snapshot.summary, block, rows)
+    advance("publish", 1)
+    with aside.trying("pages"):
+        write_pages(snapshot, block, made, aside)
+    advance("publish", 1)
+    sources = sources_of(block_file) if block_file else ()
+    attribution = attribution_of(sources)
+    tiles: list[WrittenTile] = []
+    with aside.trying("tiles"):
+        tiles = write_tiles(snapshot, block, made, aside, attribution)
+    advance("publish", 1)
+    with aside.trying("block.glb"):
+        if not write_model(snapshot, block, tiles, made, attribution):
+            log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
+    with aside.trying("overview.glb"):
+        write_overview(snapshot, block, tiles, made, aside, attribution)
+    advance("publish", 1)
+    snapshot.report.mkdir(exist_ok=True)
+    images = Images((), (), {}, frozenset(), {}, {})
+    with aside.trying("pictures"):
+        images = write_images(snapshot, block, made, aside)
+    advance("publish", 1)
+    with aside.trying("report"):
+        models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]
+        names = [path.relative_to(snapshot.folder).as_posix() for path in models]
+        write_block_report(snapshot.report, run, block, rows, summary, images, names)
+    advance("publish", 1)
+    with aside.trying("stac"):
+        work = run_facts(block.journals, block.ingested)
+        write_stac(
+            snapshot.folder,
+            rows=rows.every,
+            block=block_facts(run, block, session.snapshot_id, rows, work.ended, sources),
+            streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
+            run=work,
+            models=models_used(run, block.records, block.journals["viewpoints"]),
+            predecessor=predecessor,
+            published=published,
+        )
+    advance("publish", 1)
+    tags = standing_tags(block.group)
+    write_files(snapshot.folder, predecessor, tags, made=made.of, known=made.linked, failed=aside.failed)
+    return aside

@@ -1,0 +1,111 @@
+"""Image files into arrays, none larger than its use needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.readers.pictures.days import day_taken
+from catalogs.readers.pictures.folders import labels_beside
+from catalogs.readers.pictures.opening import LEAST_SIDE, Picture, opened, read_picture
+from facade_core.core.errors import ImageError
+from facade_core.core.labels import CLASSES, UNKNOWN
+from tasks.engine.outcome import refusing
+
+# Of a frame of 35 mm film, 36 x 24 mm.
+DIAGONAL_35MM = math.hypot(36, 24)
+# A picture is worked on at no more pixels than the widest panorama of a block has: 1300 a radian, a texel of 5 cm at 65 m.
+MOST_PIXELS = 8192 * 4096
+# Longest side of an exemplar in pixels, and of what is prepared from it in texels: 100 m at 20 texels per metre.
+LONGEST_EXEMPLAR = 2000
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Rows and columns of an image file, from its header."""
+    with opened(path) as image:
+        return image.height, image.width
+
+
+def focal_length(path: Path) -> float | None:
+    """The focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None where that is not told."""
+    from PIL import ExifTags
+
+    with opened(path) as image:
+        diagonal = math.hypot(image.width, image.height)
+        try:
+            told = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
+        except Exception:  # damaged in any way
+            return None
+    return told * diagonal / DIAGONAL_35MM if 0 < told < math.inf else None
+
+
+def capture_date(path: Path) -> str | None:
+    """The day that a picture was taken, as "2024-05-17", from its EXIF; None where that does not tell."""
+    with opened(path) as image:
+        return day_taken(image)
+
+
+def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:
+    """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none.
+
+    Why one cannot be read is added to `refused`.
+    """
+    found = {}
+    for index in np.unique(used[used >= 0]).tolist():
+        with refusing(refused):
+            found[index] = read_image(paths[index])[0]
+    return found
+
+
+def read_panorama(path: Path) -> np.ndarray:
+    """A panorama (h, w, 3) uint8; facades of one building come one after the other and share it."""
+    state = path.stat()
+    return _read_panorama(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _read_panorama(path: Path, size: int, modified: int) -> np.ndarray:
+    return read_image(path)[0]
+
+
+def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """An image file as RGB (h, w, 3) uint8 and its hidden part (h, w) bool, as read_whole has them."""
+    picture = read_whole(path)
+    return picture.rgb, picture.hidden
+
+
+def read_whole(path: Path, *, least: int = 1) -> Picture:
+    """A picture of at most MOST_PIXELS; a larger one is reduced as it is read, to the scale that comes with it."""
+    return read_picture(path, most=MOST_PIXELS, least=least)
+
+
+def read_exemplar_picture(path: Path) -> Picture:
+    """An exemplar, reduced to what can be prepared from it."""
+    return read_picture(path, longest=LONGEST_EXEMPLAR, least=LEAST_SIDE)
+
+
+def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
+    """The labels (h, w) uint8 that lie beside an exemplar, at the size it was reduced to; None where there are none.
+
+    Raises ImageError where they are not of a picture of these proportions, or no classes of `facade_core.core.labels`.
+    """
+    import cv2
+
+    beside = labels_beside(path)
+    if beside is None:
+        return None
+    with opened(beside) as image:
+        labels = np.asarray(image if image.mode in ("L", "P") else image.convert("L"))
+    known = np.isin(np.unique(labels), [*range(len(CLASSES)), UNKNOWN]).all()
+    if (
+        not known
+        or abs(labels.shape[0] * shape[1] - labels.shape[1] * shape[0]) > labels.shape[0] + shape[0] + shape[1]
+    ):
+        raise ImageError(
+            f"{beside.name} is no label map of {path.name}; give one grey value a class, at its size, or remove it"
+        )
+    return cv2.resize(labels, shape[::-1], interpolation=cv2.INTER_NEAREST)

@@ -1,0 +1,91 @@
+"""What a block's charts are made of, and what its own imagery says of roofs and ground: a picture from above, or one of the
+roofs' material."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.materials import MaterialPicture
+from facade_core.core.errors import InputError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.overhead_view import Aerial as Sampler
+from facade_core.geometry.overhead_view import shown_from_above
+from facade_core.plan.plan import Plan
+from facade_core.street.materials.field import Materials
+from facade_core.street.materials.grain import Grains, learn
+from facade_core.street.materials.grain_file import with_own
+from facade_core.street.materials.tiled import Material
+from tasks.engine.run import Run
+from tasks.stages.shared.images import read_whole
+
+# Places along either side of a roof that are looked for on the picture.
+LOOKED_AT = 8
+
+
+def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
+    """The plan with the roofs that the picture shows marked as textured."""
+    scene, charts = plan.scene, plan.scene.charts
+    roofs = np.flatnonzero(shown_from_above(scene) & plan.own)
+    share = (np.stack(np.meshgrid(*[np.arange(LOOKED_AT)] * 2), axis=-1).reshape(-1, 2) + 0.5) / LOOKED_AT
+    points = charts.at_shares(roofs, share)
+    inside = aerial.covers(points.reshape(-1, 3)[:, :2]).reshape(len(roofs), len(share))
+    textured = plan.textured.copy()
+    textured[roofs[inside.any(axis=1)]] = True
+    return replace(plan, textured=textured)
+
+
+def sampler(run: Run) -> Sampler | None:
+    """Colours of the block from above, None where there is no picture."""
+    return None if run.aerial is None else run.aerial.sample
+
+
+def materials(
+    plan: Plan, seed: int, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture] = ()
+) -> Materials:
+    """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given;
+    pictures: those of other materials."""
+    laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), own_grains(pictures)
+    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
+
+
+def own_grains(pictures: Sequence[MaterialPicture]) -> Grains | None:
+    """The grain of all materials with that of a block's pictures, by what makes those that are shipped; None without any."""
+    examples = {}
+    for name, path, metres in pictures:
+        try:
+            examples[name] = learn(read_whole(path).rgb, metres)
+        except InputError as error:
+            raise InputError(f"texture.materials: {path}: {error}") from error
+    return with_own(examples) if examples else None
+
+
+def field_of(group: StoreGroup, plan: Plan) -> Materials | None:
+    """What the translator of a stored block answers with, as its ingest noted; None where that is pictures."""
+    if group.attrs["translator"] == "neural":
+        return None
+    roofs = cast(Sequence[Any] | None, group.attrs["roof_material"])
+    pictures = cast(Sequence[Any], group.attrs.get("materials", []))
+    return materials(
+        plan,
+        cast(int, group.attrs["seed"]),
+        None if roofs is None else (Path(roofs[0]), float(roofs[1])),
+        [MaterialPicture(name, Path(path), metres) for name, path, metres in pictures],
+    )
+
+
+def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> Material | None:
+    """The material that roofs take, None where none is given."""
+    if roofs is None:
+        return None
+    path, metres_per_pixel = roofs
+    try:
+        picture = read_whole(path)
+        return Material.of(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
+    except InputError as error:
+        raise InputError(f"texture.roof_material: {path}: {error}") from error

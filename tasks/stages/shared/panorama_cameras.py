@@ -1,0 +1,136 @@
+"""Panoramas as the units that take surfaces from them open them, and what these show, into the atlas."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.core.provenance import Provenance
+from facade_core.core.types import Pose
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.scene import Scene
+from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.exposure import usual_of
+from facade_core.imagery.detect.detection import look_on_panorama
+from facade_core.imagery.poses.panorama_camera import position
+from facade_core.plan.plan import Plan
+from tasks.engine.outcome import refusing
+from tasks.stages.facades.imagery import Taken
+from tasks.stages.shared.images import read_panorama
+
+# Panoramas of which it is kept what hides surfaces on them.
+KEPT = 8
+
+# What stands before surfaces on a panorama (H, W, 3) uint8 of a pose: (H, W) bool.
+Hides = Callable[[np.ndarray, Pose], np.ndarray]
+
+
+def cameras_of(taken: Sequence[Taken], hides: Hides, refused: list[Exception]) -> tuple[list[Camera], list[Taken]]:
+    """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `refused`."""
+    opened = [(camera, one) for one in taken if (camera := camera_of(one, hides, refused)) is not None]
+    return [camera for camera, _ in opened], [one for _, one in opened]
+
+
+def camera_of(one: Taken, hides: Hides, refused: list[Exception]) -> Camera | None:
+    """A panorama as a camera; where it cannot be opened None, and why is added to `refused`."""
+    with refusing(refused):
+        image = read_panorama(one.path)
+        return Camera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), usual_of(one.squares))
+    return None
+
+
+def shown_in_turn(
+    taken: Mapping[int, Sequence[Taken]],
+    opened: Callable[[Taken], Camera | None],
+    show: Callable[[int, Sequence[Camera]], Shown | None],
+) -> tuple[dict[int, Shown], dict[int, list[Taken]]]:
+    """What cameras show of charts, each taken from panoramas of its own, where that is enough; and of each chart those that
+    could be opened. At most the panoramas of one chart are open at a time: charts of the same follow each other."""
+    held: dict[Taken, Camera | None] = {}
+    found, used = {}, {}
+    for chart in sorted(taken, key=lambda chart: [str(one.path) for one in taken[chart]]):
+        # one that could not be opened is told once
+        held = {one: camera for one, camera in held.items() if camera is None or one in taken[chart]}
+        for one in taken[chart]:
+            if one not in held:
+                held[one] = opened(one)
+        used[chart] = [one for one in taken[chart] if held[one] is not None]
+        shown = show(chart, list(filter(None, map(held.get, used[chart])))) if used[chart] else None
+        if shown is not None:
+            found[chart] = shown
+    return found, used
+
+
+def write_shown(
+    group: StoreGroup, plan: Plan, found: Mapping[int, Shown], used: Mapping[int, Sequence[Taken]]
+) -> tuple[dict[str, str], list[list[Any]]]:
+    """Write what cameras show of charts, by chart, as are their panoramas; returns the charts' digests, and of each panorama
+    that shows some its name, its share of all their texels and how far it was on the mean, metres."""
+    scene, placement = plan.scene, plan.scene.placement
+    if not found:
+        return {}, []
+    showing = {
+        used[chart][camera] for chart, one in found.items() for camera in np.unique(one.camera).tolist() if camera >= 0
+    }
+    numbers = {one: number for number, one in enumerate(sorted(showing, key=lambda one: one.path), 1)}
+    rasters = Rasters.of(placement, sorted(found))
+    seed, evidence = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
+    camera, confidence = np.empty(rasters.total, np.uint16), np.empty(rasters.total, np.uint8)
+    for chart, one in found.items():
+        texels = rasters.slice(placement, chart)
+        seed[texels] = one.rgb.reshape(-1, 3)
+        evidence[texels] = np.where(one.shown, Provenance.PHOTO, Provenance.UNSEEN).reshape(-1)
+        # the first is none
+        of_chart = np.array([0, *(numbers.get(panorama, 0) for panorama in used[chart])], np.uint16)
+        camera[texels] = of_chart[one.camera.astype(np.int64) + 1].reshape(-1)
+        confidence[texels] = np.round(255 * one.confidence.clip(0, 1)).reshape(-1)
+    arrays: dict[str, np.ndarray] = {
+        "atlas/seed": seed,
+        "atlas/seed_evidence": evidence,
+        "facade_maps/camera": camera,
+        "facade_maps/confidence": confidence,
+    }
+    for name, flat in arrays.items():
+        write_rasters(group[name], scene.spec, placement, rasters, flat)
+    told = []
+    for one, number in numbers.items():
+        own = {chart: shown.camera == used[chart].index(one) for chart, shown in found.items() if one in used[chart]}
+        told.append([one.path.name, round(float((camera == number).mean()), 4), _far(scene, own, one)])
+    return chart_digests(seed, evidence, placement, rasters, plan.ids), told
+
+
+def _far(scene: Scene, own: Mapping[int, np.ndarray], one: Taken) -> float:
+    """How far the camera was on the mean from some texels (h, w) bool of charts, metres."""
+    away = []
+    for chart, texels in own.items():
+        rows, columns = np.nonzero(texels)
+        step = 1 / scene.placement.texels_per_metre[chart]
+        points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        away.append(np.linalg.norm(points - position(one.pose), axis=1))
+    return round(float(np.concatenate(away).mean()), 2)
+
+
+# What hides surfaces on the panoramas looked at last, in bits, by what looked and their file and pose: units side by side share
+# them.
+_LOOKED_AT: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
+
+
+def _hidden(one: Taken, image: np.ndarray, hides: Hides) -> np.ndarray:
+    """What stands before surfaces on a panorama, and the faces and plates that there are on it: (H, W) bool."""
+    state = one.path.stat()
+    of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)
+    bits = _LOOKED_AT.get(of)
+    if bits is None:
+        seen = look_on_panorama(image, one.pose.view)
+        hidden = hides(image, one.pose)
+        bits = np.packbits(hidden | seen.hidden(image.shape[:2]) if seen.any() else hidden)
+        _LOOKED_AT[of] = bits
+        if len(_LOOKED_AT) > KEPT:
+            _LOOKED_AT.popitem(last=False)
+    _LOOKED_AT.move_to_end(of)
+    return np.unpackbits(bits, count=image.shape[0] * image.shape[1]).reshape(image.shape[:2]).astype(bool)

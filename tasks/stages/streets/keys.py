@@ -1,0 +1,142 @@
+"""The keys of a street and its viewpoints: each viewpoint stands on what it sees and on what is known of that; where panoramas
+are blended into texels, on the one before it too. The street's texels stand on all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from catalogs.file_digest import file_digest
+from facade_core.atlas.journal import Record, latest_digests, read_records, unit_key
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code
+from tasks.stages.shared.key_parts import material_digests, parts_key
+
+# The records of some units (n,) of a stage, in that order.
+_Read = Callable[[str, np.ndarray], list[Record | None]]
+
+# The stages that seed charts, in the order in which they write.
+SEEDING = ("textures", "grounds", "walls", "facades")
+# Settings that streets' texels depend on.
+SETTINGS = ("texels_per_metre", "panorama_width", "translator")
+
+
+@dataclass(frozen=True)
+class StreetKeys:
+    """The key of a street's texels, and of each of its viewpoints in order; chain: a digest of these where the texels are made
+    of what the viewpoints made, else empty."""
+
+    street: str
+    viewpoints: tuple[str, ...]
+    chain: str
+
+
+def street_keys(
+    run: Run, plan: Plan, group: StoreGroup, street: int, journals: Mapping[str, Sequence[Record | None]] | None = None
+) -> StreetKeys:
+    """The keys of a street as the journal stands, when those of earlier waves and all that seed are done.
+
+    A translator that answers with a field gives the same texels whatever lies elsewhere in a panorama: then a viewpoint stands
+    on no other, and the street's texels on no seeds of charts that it does not write.
+
+    journals: those of all that seed and of viewpoints, where they were read as a whole, for one who asks for many streets.
+    """
+
+    def records(stage: str, units: np.ndarray) -> list[Record | None]:
+        return [journals[stage][unit] for unit in units.tolist()] if journals else read_records(group, stage, units)
+
+    viewpoints = plan.of_street(street)
+    blends = run.texture.translator == "neural"
+    code, settings = stage_code("streets", neural=blends), _settings(run, plan)
+    charts = plan.charts_of_street(street)
+    seeds = _seeds(plan, records, charts)
+    shown = _shown_by_cameras(plan, records, charts)
+    known = latest_digests(seeds + shown, [])
+    names = {chart: f"{number:016x}" for chart, number in zip(charts.tolist(), plan.ids[charts].tolist(), strict=True)}
+    visible = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
+    earlier, passed = _earlier(plan, records, street, charts)
+
+    key = first = unit_key(code, settings)
+    keys: list[str] = []
+    views, read, passes = [], [], []
+    for viewpoint, seen in zip(viewpoints, visible, strict=True):
+        views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
+        read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
+        blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
+        passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
+        key = unit_key(key, views[-1], read[-1], passes[-1]) if blends else unit_key(first, views[-1], read[-1])
+        keys.append(key)
+    photographed = [one["digests"] for one in shown if one and one.get("digests")]
+    return StreetKeys(
+        parts_key(
+            code,
+            settings=settings,
+            views=views,
+            seeds=read if blends else [],
+            earlier=passes,
+            others=[_seeding(plan, seeds, charts), _later(plan, street, charts)],
+            **({"ground": photographed} if photographed else {}),
+        ),
+        tuple(keys),
+        unit_key(keys) if blends else "",
+    )
+
+
+def _settings(run: Run, plan: Plan) -> dict[str, Any]:
+    settings: dict[str, Any] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in SETTINGS}
+    if run.roof_material is not None:
+        path, metres_per_pixel = run.roof_material
+        settings["roof_material"] = [file_digest(path), metres_per_pixel]
+    if run.materials:
+        settings["materials"] = material_digests(run)
+    return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
+
+
+def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+    """The records of those who seeded the buildings of some charts, in the order in which they wrote."""
+    buildings = np.unique(plan.scene.charts.building[charts])
+    textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
+    facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
+    return records("textures", textures) + records("facades", facades)
+
+
+def _shown_by_cameras(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+    """The records of those who took some charts, of the ground and of buildings, from panoramas."""
+    near, own = plan.ground_near_cameras(), np.unique(charts)
+    at = np.searchsorted(near, own)
+    buildings = np.array(list(plan.walls_near_cameras()), np.int64)
+    walls = np.flatnonzero(np.isin(buildings, plan.scene.charts.building[own]))
+    return records("grounds", at[np.append(near, -1)[at] == own]) + records("walls", walls)
+
+
+def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tuple[np.ndarray, dict[int, str | None]]:
+    """Pairs (k, 2) of a viewpoint of an earlier wave and a chart that it shows and this street writes, and by viewpoint the
+    digest of what it passes on, None where it is not done."""
+    pairs = plan.views_of_charts(charts[plan.writable[charts]])
+    pairs = pairs[plan.wave[plan.street_of_viewpoints[pairs[:, 0]]] < plan.wave[street]]
+    viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
+    return pairs, {
+        viewpoint: record["passes"] if record and record["status"] == "done" else None
+        for viewpoint, record in zip(viewpoints.tolist(), records("viewpoints", viewpoints), strict=True)
+    }
+
+
+def _seeding(plan: Plan, seeds: Sequence[Record | None], charts: np.ndarray) -> list[str]:
+    """The keys of those who seed charts that the street writes too: when they write again, so must the street."""
+    if not plan.writable[np.concatenate([plan.facades.chart, np.flatnonzero(plan.textured)])].any():
+        return []
+    return [record["key"] for record in seeds if record and record["status"] == "done"]
+
+
+def _later(plan: Plan, street: int, charts: np.ndarray) -> list[list[str]]:
+    """Which charts of the street others write in later waves: one that they write no longer is this street's again."""
+    pairs = plan.streets_of_charts(charts[plan.writable[charts]])
+    found: dict[int, set[str]] = {}
+    for other, chart in pairs[plan.wave[pairs[:, 0]] > plan.wave[street]].tolist():
+        found.setdefault(other, set()).add(f"{plan.ids[chart]:016x}")
+    return sorted(sorted(ids) for ids in found.values())

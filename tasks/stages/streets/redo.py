@@ -1,0 +1,83 @@
+"""Which streets to do again, with whoever reads what they write. Asked before Prefect is there, so there is no task here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from facade_core.atlas.journal import forget_record, read_journal, write_record
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from facade_core.core.errors import InputError
+from facade_core.plan.plan import Plan
+from tasks.engine.context import plan_of_run
+from tasks.engine.run import Run
+
+
+@dataclass(frozen=True)
+class Redo:
+    """Streets to do again, and those of later waves that read what they write, by index, in the order of their waves."""
+
+    streets: tuple[int, ...]
+    dependants: tuple[int, ...]
+
+
+def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[str]]:
+    """Forget what the journal holds of a street, given by id or name, and of its dependants; with `only` these keep their
+    texels and are marked stale, which the next run mends. Returns the ids of both.
+
+    Raises InputError for an unknown street, and where everything is due anyway.
+    """
+    session = open_repository(run.store).writable_session(BRANCH)
+    group = open_root(session)
+    if group.attrs.get("key") != run.key:
+        raise InputError(f"{run.out}: its inputs or the code changed since it was made; run it without --redo first")
+    plan = plan_of_run(run)
+    found = find_redo(plan, street)
+    names = [[plan.streets[index].id for index in indices] for indices in (found.streets, found.dependants)]
+    records = read_journal(group, "streets")
+    for index in (*found.streets, *found.dependants):
+        record = records[index]
+        if index in found.streets or not only:
+            forget_record(group, "streets", index)
+            for viewpoint in plan.of_street(index):
+                forget_record(group, "viewpoints", viewpoint.id)
+        elif record and record["status"] == "done":
+            reason = f"street {' and '.join(names[0])} was done again without it; run the block to bring it up to date"
+            write_record(group, "streets", index, record | {"status": "stale", "reason": reason})
+    commit(session, f"redo {', '.join(names[0])}")
+    return names[0], names[1]
+
+
+def find_redo(plan: Plan, street: str) -> Redo:
+    """The streets of an id or name, and whoever reads what they write. Raises InputError where there is none."""
+    chosen = [i for i, one in enumerate(plan.streets) if street in (one.id, one.name)]
+    if not chosen:
+        known = sorted({one.name or one.id for one in plan.streets})
+        near = get_close_matches(street, known, n=1, cutoff=0.4) or known[:1]
+        raise InputError(f"no street has the id or name {street!r}; there is {near[0]!r} among {len(known)}")
+    reads, writes = zip(*(street_chunks(plan, i) for i in range(len(plan.streets))), strict=True)
+    changed = frozenset().union(*(writes[i] for i in chosen))
+    dependants = []
+    for index in sorted(range(len(plan.streets)), key=lambda i: (int(plan.wave[i]), i)):
+        if index not in chosen and plan.wave[index] > min(plan.wave[chosen]) and reads[index] & changed:
+            dependants.append(index)
+            changed |= writes[index]
+    return Redo(tuple(sorted(chosen, key=lambda i: int(plan.wave[i]))), tuple(dependants))
+
+
+def chosen_streets(run: Run, only: str | None) -> frozenset[int] | None:
+    """The streets to texture where only some are wanted; None for all."""
+    return None if only is None else frozenset(find_redo(plan_of_run(run), only).streets)
+
+
+def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
+    """The chunks that a street reads, and those of them that it writes, as "page/row/column"."""
+    charts = plan.charts_of_street(street)
+    spec, placement = plan.scene.spec, plan.scene.placement
+    reads, writes = set(), set()
+    for chart in charts.tolist():
+        cells = {"/".join(map(str, cell)) for cell in placement.chunks(chart, spec.chunk, spec.gutter).tolist()}
+        reads |= cells
+        if plan.writable[chart]:
+            writes |= cells
+    return frozenset(reads), frozenset(writes)

@@ -1,0 +1,75 @@
+"""The viewpoints of streets, and the streets: one after the other, so they are not fanned out as the other kinds are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from facade_core.atlas.journal import Record
+from tasks.engine.stage import Change, Records, Stage
+
+
+def _same_streets(change: Change) -> dict[int, int]:
+    """Streets with the same line, else the same id."""
+    before, after = change.before.streets, change.after.streets
+    lines = {street.line.wkb: i for i, street in reversed(list(enumerate(before)))}
+    names = {street.id: i for i, street in enumerate(before)}
+    again: dict[int, int] = {}
+    taken: set[int] = set()
+    for by in (lambda s: lines.get(s.line.wkb), lambda s: names.get(s.id)):
+        for index, street in enumerate(after):
+            match = by(street)
+            if index not in again and match is not None and match not in taken:
+                again[index] = match
+                taken.add(match)
+    return again
+
+
+def _moved_streets(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Under the names and waves that they have now."""
+    plan = change.after
+    return [
+        record and Record(**(record | {"unit": plan.streets[index].id, "wave": int(plan.wave[index])}))
+        for index, record in enumerate(records)
+    ]
+
+
+def _same_viewpoints(change: Change) -> dict[int, int]:
+    """The viewpoints of streets that are still there, by their number along the street; none where panoramas begin anew."""
+    if change.last["panoramas/rgb"].shape[2] != change.run.texture.panorama_width:
+        return {}
+    return {
+        viewpoint.id: earlier.id
+        for street, before in _same_streets(change).items()
+        for viewpoint, earlier in zip(change.after.of_street(street), change.before.of_street(before), strict=False)
+    }
+
+
+def _moved_viewpoints(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Under the names that their streets have now, with their panoramas."""
+    plan = change.after
+    for new, old in again.items():
+        if new != old:
+            change.group["panoramas/rgb"][new] = change.last["panoramas/rgb"][old]
+    for index, record in enumerate(records):
+        if record:
+            step = record["unit"].rpartition("/")[2]
+            records[index] = record | {"unit": f"{plan.streets[plan.viewpoints[index].street].id}/{step}"}
+    return records
+
+
+VIEWPOINTS = Stage(
+    "viewpoints",
+    "viewpoint",
+    count=lambda block, plan: len(plan.viewpoints),
+    match_previous=_same_viewpoints,
+    in_every_block=True,
+    relocate=_moved_viewpoints,
+    part_of="streets",
+)
+STREETS = Stage(
+    "streets",
+    "street",
+    count=lambda block, plan: len(plan.streets),
+    match_previous=_same_streets,
+    relocate=_moved_streets,
+)

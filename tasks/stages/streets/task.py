@@ -1,0 +1,174 @@
+"""Texture one street, viewpoint by viewpoint, in order."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from threading import Lock
+
+import icechunk
+import numpy as np
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from facade_core.atlas.journal import read_journal, read_records
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from facade_core.core.errors import StoreError
+from tasks.engine.compute.connect import Compute
+from tasks.engine.context import plan_of_run
+from tasks.engine.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
+from tasks.engine.progress import advance
+from tasks.engine.run import Run
+from tasks.engine.store.carry_over import forget_texels_of, forget_units
+from tasks.engine.store.commits import begin, finish, tag_of
+from tasks.stages.streets.keys import SEEDING, street_keys
+from tasks.stages.streets.redo import street_chunks
+from tasks.stages.streets.worker import forget_street, street_unit, viewpoints_unit
+
+
+def note_partial(run: Run, partial: bool) -> None:
+    """Have the store say whether the last run left streets out: then there is more to do than its records show."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    root = open_root(session)
+    if bool(root.attrs.get("partial", False)) != partial:
+        root.attrs["partial"] = partial
+        commit(session, "streets were left out" if partial else "no street is left out")
+
+
+def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]]) -> dict[int, Outcome]:
+    """The streets of which nothing is due, with what came of them: asked at once, as each would read its records by itself.
+
+    streets: in the order of their waves; after: for each street of the block those that it waits for. One that waits for a
+    street of which something is due is not among them: what it stands on is known when that is done. Only where a translator
+    answers with a field, by which few are due.
+    """
+    group = open_root(open_repository(run.store).readonly_session(BRANCH))
+    records = read_journal(group, "streets")
+    if run.texture.translator == "neural" or not any(records[street] for street in streets):
+        return {}
+    plan = plan_of_run(run)
+    journals = {stage: read_journal(group, stage) for stage in (*SEEDING, "viewpoints")}
+    found: dict[int, Outcome] = {}
+    chosen = set(streets)
+    for street in streets:
+        if not chosen.intersection(after[street]) <= found.keys():
+            continue
+        keys = street_keys(run, plan, group, street, journals)
+        held = [journals["viewpoints"][viewpoint.id] for viewpoint in plan.of_street(street)]
+        if is_done(records[street], keys.street) and all(map(is_done, held, keys.viewpoints)):
+            found[street] = Outcome(skipped=len(held) + 1)
+            advance("viewpoints", earlier=len(held))
+    return found
+
+
+@task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
+def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> Outcome:
+    """Every viewpoint not yet journalled, those of about a second in one commit, then the street's texels in one, tagged.
+
+    One worker keeps the street's state of `memory` bytes; where it is lost, another rebuilds that from the panoramas.
+    """
+    plan = plan_of_run(run)
+    session = open_repository(run.store).readonly_session(BRANCH)
+    group = open_root(session)
+    wave, name = int(plan.wave[street]), plan.streets[street].id
+    own = [v.id for v in plan.of_street(street)]
+    reads, writes = street_chunks(plan, street)
+    found = street_keys(run, plan, group, street)
+    street_key, keys = found.street, found.viewpoints
+    held = read_records(group, "viewpoints", np.array(own, np.int64))
+    due = [k for k in range(len(own)) if not is_done(held[k], keys[k])]
+    done = is_done(read_records(group, "streets", np.array([street]))[0], street_key)
+    outcome = Outcome(skipped=len(own) - len(due) + done)
+    advance("viewpoints", earlier=len(own) - len(due))
+    if done and not due:
+        return outcome
+    # who reads them later must not take them for what this street shows now
+    forget_units(run, plan, "viewpoints", {own[k]: [] for k in due if held[k]})
+    at = ""
+    commits: list[float] = []
+    try:
+        with (
+            compute.lease(memory, (forget_street, run, street, street_key)) as worker,
+            _claimed(run, name, reads, writes),
+        ):
+            while due:
+                at = f"viewpoint {due[0]}"
+                session, fork = begin(run.store)
+                fork, made = compute.submit(viewpoints_unit, run, fork, street, due, street_key, worker=worker).result()
+                records = {
+                    own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
+                    for k, record in zip(due, made, strict=False)
+                }
+                started = time.perf_counter()
+                finish(session, fork, "viewpoints", records, f"{len(records)} viewpoints from {name}/{due[0]} on")
+                commits.append(round(time.perf_counter() - started, 4))
+                log_units("viewpoints", records.values())
+                outcome = outcome.add(records.values())
+                advance("viewpoints", len(records))
+                due = due[len(records) :]
+            if done:
+                return outcome
+            at = "end of the street"
+            session, fork = begin(run.store)
+            fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
+            record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
+            record["chain"] = found.chain
+            snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
+    except Exception as error:
+        if machine_fault(error):
+            raise machine_error(f"street {name}", error) from error
+        session, fork = begin(run.store)
+        if done and due:  # the street's texels stand on no panorama: they stay
+            record = failure(f"{name}/{due[0]}", keys[due[0]], error)
+            finish(session, fork, "viewpoints", {own[due[0]]: record}, f"viewpoint {name}/{due[0]} failed")
+            log_units("viewpoints", [record])
+            return outcome.add([record])
+        record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
+        record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
+        finish(session, fork, "streets", {street: record}, f"street {name} failed")
+        forget_texels_of(run, plan, street)
+        log_units("streets", [record])
+        return outcome.add([record])
+    log_units("streets", [record])
+    _tag(run, tag_of(record), snapshot)
+    return outcome.add([record])
+
+
+# Chunks that the streets under way in this process read and write, by store and street.
+_under_way: dict[tuple[str, str], tuple[frozenset[str], frozenset[str]]] = {}
+_claiming = Lock()
+
+
+@contextmanager
+def _claimed(run: Run, name: str, reads: frozenset[str], writes: frozenset[str]) -> Iterator[None]:
+    """Hold a street's chunks while it runs.
+
+    Raises StoreError where a street under way writes what this one reads, or the other way round: forks that write one chunk
+    merge without an error, and one of the writes is lost.
+    """
+    with _claiming:
+        for (store, other), (their_reads, their_writes) in _under_way.items():
+            shared = (writes & their_reads) | (their_writes & reads)
+            if store == run.out and shared:
+                raise StoreError(
+                    f"street {name} and street {other} share {len(shared)} chunks, such as {min(shared)}, and run at the same "
+                    "time; ingest the block again, which orders its streets anew"
+                )
+        _under_way[run.out, name] = (reads, writes)
+    try:
+        yield
+    finally:
+        with _claiming:
+            del _under_way[run.out, name]
+
+
+def _tag(run: Run, tag: str, snapshot: str) -> None:
+    repository = open_repository(run.store)
+    if tag not in repository.list_tags():
+        try:
+            repository.create_tag(tag, snapshot)
+        except (
+            icechunk.IcechunkError
+        ):  # a tag once deleted cannot be made again; the snapshot stays reachable from main
+            return

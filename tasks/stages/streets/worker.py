@@ -1,0 +1,259 @@
+"""One viewpoint of a street, and the street's end. The truth is the translated panoramas; blend state is only a cache."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import read_records
+from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters, write_rasters
+from facade_core.atlas.store import open_root
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.streets import Viewpoint
+from facade_core.plan.plan import Plan
+from facade_core.street.lighting.sky import under_sky
+from facade_core.street.materials.field import Materials
+from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.propagate import mark_first_visible, propagate
+from facade_core.street.propagation.render import render
+from facade_core.street.propagation.texel_buffer import TexelBuffer
+from facade_core.street.surfaces import paint
+from facade_core.street.translator import neural
+from facade_core.street.translator.translate import Swatches, Translator
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.run import Run
+from tasks.stages.shared.materials import own_grains, roof_material
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a worker keeps between the units of a run: its plan and translator, read once per process; the field that the
+    translator answers with, where that is no picture."""
+
+    plan: Plan
+    translator: Translator
+    field: Materials | None
+
+
+@lru_cache(maxsize=2)
+def context(run: Run) -> Context:
+    plan = plan_of_run(run)
+    if run.texture.translator == "neural":
+        return Context(plan, neural.load(), None)
+    laid, own = roof_material(run.roof_material, run.texture.texels_per_metre), own_grains(run.materials)
+    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own)
+    return Context(plan, swatches, swatches.materials)
+
+
+@dataclass
+class _Progress:
+    """A street in this process: its window and how many of its viewpoints are in it."""
+
+    window: TexelBuffer
+    done: int
+
+
+# Seconds in which viewpoints begin that are committed together: where one takes a fraction of that, its commit would cost a
+# third of it.
+TOGETHER_S = 1.0
+
+# A street of a run, by its key.
+_Street = tuple[Run, int, str]
+# One entry per street under way in this process; dropped when its worker is to forget it, or when a unit of another run comes.
+# While a unit works on a window its own mark stands there: a second copy of a unit, come back to a worker whose first one was
+# late, must not blend into the same window, and what a unit leaves that failed is not gone on from.
+_streets: dict[_Street, _Progress | object] = {}
+_taking = Lock()
+
+
+def viewpoints_unit(
+    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str
+) -> tuple[Any, list[dict[str, Any]]]:
+    """Texture viewpoints of a street, by their numbers along it: the first of `steps`, and those after it that begin within
+    TOGETHER_S.
+
+    Their panoramas go through the fork; returns it and a record of each. One that fails after others is left to the next unit,
+    so that what they made is kept.
+    """
+    begun = time.time()
+    records: list[dict[str, Any]] = []
+    for step in steps:
+        if records and time.time() - begun > TOGETHER_S:
+            break
+        try:
+            records.append(_viewpoint(run, open_root(fork), street, step, street_key))
+        except Exception:
+            if not records:
+                raise
+            break
+    return fork, records
+
+
+def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
+    """Texture one viewpoint: render, translate, propagate, write the panorama."""
+    start = time.time()
+    here = context(run)
+    entry = (run, street, street_key)
+    # what a field answers does not depend on the viewpoints before, which the window need not have seen
+    progress, mark = _take(entry, here, group, step if here.field is None else None)
+    viewpoint = here.plan.of_street(street)[step]
+    size = (run.texture.panorama_width // 2, run.texture.panorama_width)
+    seconds: dict[str, float] = {"prepare": time.time() - start}
+    clock = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        seconds[stage] = now - clock
+        clock = now
+
+    panorama = render(here.plan.scene, progress.window, viewpoint, size)
+    lap("render")
+    rgb = under_sky(here.translator.translate(panorama), panorama.depth)
+    lap("translate")
+    in_turn = progress.done == step
+    if here.field is None:
+        propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
+    elif in_turn:
+        mark_first_visible(here.plan.scene, progress.window, viewpoint, panorama.chart)
+    lap("propagate")
+    group["panoramas/rgb"][viewpoint.id] = rgb
+    _keep(entry, mark, _Progress(progress.window, step + 1 if in_turn else progress.done))
+    lap("write")
+    return {
+        "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
+        if (panorama.chart >= 0).any()
+        else 0.0,
+        # what of a field others see is told by the looks of viewpoints
+        "passes": _passes(here.plan, panorama.chart, rgb) if here.field is None else "",
+        "panorama": picture_digest(rgb),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
+    }
+
+
+def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -> tuple[Any, dict[str, Any]]:
+    """Write what the street's `steps` viewpoints made of its charts: colour and how many views it is of."""
+    start = time.time()
+    here = context(run)
+    group = open_root(fork)
+    window = _take((run, street, street_key), here, group, steps)[0].window
+    scene = here.plan.scene
+    rasters = Rasters.of(scene.placement, window.writable)
+    if here.field is None:
+        colour, views = blend(window.state)
+    else:
+        for viewpoint in _earlier(here.plan, group, street, window.writable):
+            add_viewpoint(here.plan, group, window, viewpoint, field=True)
+        paint(window, scene.placement, here.field)
+        views = window.state.views
+        colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
+    written = replace(rasters, charts=rasters.charts[~_held_by_later(here.plan, group, street, rasters.charts)])
+    for name, flat in {"street": colour, "street_views": views}.items():
+        write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, written, flat)
+    return fork, {
+        "digests": chart_digests(colour, views, scene.placement, rasters, here.plan.ids),
+        "texels": int((views > 0).sum()),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"write": round(time.time() - start, 4)},
+    }
+
+
+def _passes(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
+    """A digest of what other streets may take of a panorama: its pixels on charts that the street stage writes."""
+    shared = (chart >= 0) & plan.writable[chart]
+    return picture_digest(np.where(shared[..., None], rgb, np.uint8(0)))
+
+
+def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
+    """Which of the charts (k,) of a street that is done again hold the texels of one of a later wave: (k,) bool.
+
+    Those are blended of more views than this street's, or will be once that street is done again too.
+    """
+    pairs = plan.streets_of_charts(charts)
+    pairs = pairs[plan.wave[pairs[:, 0]] > plan.wave[street]]
+    later = np.unique(pairs[:, 0])
+    records = dict(zip(later.tolist(), read_records(group, "streets", later), strict=True))
+    held = [
+        chart
+        for other, chart in pairs.tolist()
+        if (record := records[other]) and record["status"] == "done" and f"{plan.ids[chart]:016x}" in record["digests"]
+    ]
+    return np.isin(charts, held)
+
+
+def forget_street(run: Run, street: int, street_key: str) -> None:
+    """Let go of what this process keeps of a street."""
+    _streets.pop((run, street, street_key), None)
+
+
+def _take(entry: _Street, here: Context, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
+    """The street's window with its first `step` viewpoints in it, None for any number of them: from this process, else replayed
+    from panoramas. And the mark that now stands for it. Where a field answers, what other streets see is not in it: only the
+    street's end needs that."""
+    for other in [held for held in list(_streets) if held[0] != entry[0]]:
+        _streets.pop(other, None)
+    mark = object()
+    with _taking:
+        held, _streets[entry] = _streets.get(entry), mark
+    if not isinstance(held, _Progress) or step not in (None, held.done):
+        field = here.field is not None
+        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=field, own=field), step or 0)
+    return held, mark
+
+
+def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
+    with _taking:
+        if _streets.get(entry) is mark:
+            _streets[entry] = progress
+
+
+def replay(
+    plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, own: bool = False, threads: int = 1
+) -> TexelBuffer:
+    """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
+    one of its charts, then the street's own, or its `own` alone. field: whether the translator answers with one; its texels are
+    left to `paint`."""
+    scene = plan.scene
+    viewpoints = plan.of_street(street)
+    charts = plan.charts_of_street(street)
+    rasters, writable = TexelBuffer.layout(scene.placement, charts[plan.writable[charts]], charts)
+    seed, evidence = (
+        read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
+    )
+    window = TexelBuffer.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
+
+    earlier = [] if own else _earlier(plan, group, street, writable)
+    for viewpoint in [*earlier, *viewpoints[:step]]:
+        add_viewpoint(plan, group, window, viewpoint, field=field, threads=threads)
+    return window
+
+
+def _earlier(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> list[Viewpoint]:
+    """The viewpoints of earlier waves that are done and show some charts (k,)."""
+    shows = np.unique(plan.views_of_charts(charts)[:, 0]).astype(np.int64)
+    shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
+    records = read_records(group, "viewpoints", shows)
+    return [
+        plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record and record["status"] == "done"
+    ]
+
+
+def add_viewpoint(
+    plan: Plan, group: StoreGroup, window: TexelBuffer, viewpoint: Viewpoint, *, field: bool, threads: int = 1
+) -> None:
+    """Take a viewpoint that is done into a window: its panorama, or what it sees."""
+    if field:
+        mark_first_visible(
+            plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2]
+        )
+    else:
+        propagate(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)

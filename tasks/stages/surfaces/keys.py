@@ -1,0 +1,61 @@
+"""The keys of finished surfaces: what they are made of, what is known of them and beside them, and what takes their light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from catalogs.file_digest import file_digest
+from facade_core.geometry.charts import CORNERS, ChartKind
+from facade_core.geometry.daylight import REACH_M
+from facade_core.plan.plan import Plan
+from facade_core.street.lighting.sun import REACH_M as SHADOWS_M
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code
+from tasks.stages.shared.key_parts import material_digests, parts_key
+
+
+def surface_key(
+    run: Run,
+    plan: Plan,
+    charts: Sequence[int],
+    beside: Sequence[int],
+    seeds: Mapping[str, str],
+    streets: Mapping[str, str],
+) -> str:
+    """Of the charts of a unit, with those beside them that they are levelled to; seeds, streets: the digests of what facade
+    stages and streets made of charts, by their ids."""
+    known = [f"{number:016x}" for number in plan.ids[[*charts, *beside]].tolist()]
+    corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    reach = REACH_M if run.texture.sun is None else SHADOWS_M
+    parts: dict[str, Any] = {
+        "settings": _settings(run),
+        "geometry": [known[: len(charts)], sorted(known[len(charts) :])],
+        "around": plan.things.within(low - reach, high + reach),
+        "seeds": [seeds.get(name) for name in known],
+        "streets": [streets.get(name) for name in known],
+    }
+    if run.texture.translator == "neural":  # from where its pixels were seen
+        views = np.unique(plan.views_of_charts(np.array(charts))[:, 0]).tolist()
+        parts["views"] = [run.texture.panorama_width, [plan.viewpoints[v].position.tolist() for v in views]]
+    if (plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any():
+        parts["lines"] = plan.ground_under(charts)
+        if run.aerial is not None:
+            parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
+    return parts_key(stage_code("surfaces"), **parts)
+
+
+def _settings(run: Run) -> list[Any]:
+    texture = run.texture
+    settings: list[Any] = [run.seed, texture.texels_per_metre, texture.levelling, texture.translator]
+    if run.roof_material is not None:
+        path, metres_per_pixel = run.roof_material
+        settings += [file_digest(path), metres_per_pixel]
+    if run.materials:
+        settings.append(material_digests(run))
+    if texture.sun is not None:
+        settings.append({"azimuth": texture.sun.azimuth, "elevation": texture.sun.elevation})
+    return settings

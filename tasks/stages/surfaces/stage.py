@@ -1,0 +1,84 @@
+"""Everything that is no panorama: the charts of each building and each piece of ground, finished once all streets are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from catalogs.block import Block
+from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.surroundings import pieces_around
+from facade_core.core.grouping import Grouped
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.geometry.charts import ChartKind
+from facade_core.plan.plan import Plan
+from facade_core.street.surfaces import BESIDE_M
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Stage
+from tasks.engine.unit import Unit
+from tasks.stages.shared.memory import surface_memory
+from tasks.stages.streets.keys import SEEDING
+from tasks.stages.surfaces.keys import surface_key
+from tasks.stages.surfaces.worker import surface_unit
+
+# Of a chart that is context: no building has this row, nor has the ground.
+NOT_OWN = -2
+
+
+def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
+    """The units: name and charts of each of the block's own buildings that has some, then of each piece of ground."""
+    owner = Grouped(np.where(plan.own, plan.scene.charts.building, NOT_OWN))
+    buildings = [(name, owner.of(building).tolist()) for building, name in enumerate(plan.scene.names)]
+    ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.of(-1).tolist()]
+    return [(name, charts) for name, charts in [*buildings, *ground] if charts]
+
+
+def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: what facades, textures and streets made."""
+    seeds = latest_digests([record for stage in SEEDING for record in read_journal(group, stage)], [])
+    walls = latest_digests(read_journal(group, "walls"), [])
+    streets = latest_digests([], read_journal(group, "streets"))
+    texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
+    is_ground = plan.scene.charts.kind == ChartKind.GROUND
+    units = []
+    for index, (name, charts) in enumerate(parts_of_block(plan)):
+        beside = sorted(
+            {int(one) for chart in charts for one in pieces_around(plan.scene.charts, chart, BESIDE_M)} - set(charts)
+        )
+        reads = [*charts, *beside]
+        seeded, written, pictured = (
+            frozenset(c for c in reads if ids[c] in digests) for digests in (seeds, streets, walls)
+        )
+        continued = bool(pictured) or (bool(seeded) and bool(is_ground[charts[0]]))
+        units.append(
+            Unit(
+                index,
+                name,
+                (surface_key(run, plan, charts, beside, seeds, streets),),
+                (tuple(charts), seeded, written, pictured),
+                surface_memory(texels[charts], continued=continued),
+                tuple(charts),
+            )
+        )
+    return units
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Buildings and ground of which every chart stays: the charts of others are cleared."""
+    before = {name: (unit, charts) for unit, (name, charts) in enumerate(parts_of_block(change.before))}
+    return {
+        unit: before[name][0]
+        for unit, (name, charts) in enumerate(parts_of_block(change.after))
+        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]
+    }
+
+
+SURFACES = Stage(
+    "surfaces",
+    "surface",
+    count=lambda block, plan: len(parts_of_block(plan)),
+    match_previous=_again,
+    units=surface_units,
+    function=surface_unit,
+    reads=(*SEEDING, "streets"),
+    in_every_block=True,
+)

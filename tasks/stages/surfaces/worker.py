@@ -1,0 +1,144 @@
+"""The charts of a building, or a piece of ground, finished into the atlas: material where nobody saw them, seams levelled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.store import open_root
+from facade_core.atlas.surroundings import Reader
+from facade_core.core.provenance import resolve
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.facade.wall_material import wall_material
+from facade_core.geometry.chart_packing import Placement
+from facade_core.plan.plan import Plan
+from facade_core.street.materials.field import Materials
+from facade_core.street.surfaces import Known, Pixels, surface
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.shared.materials import materials, sampler
+
+
+@lru_cache(maxsize=2)
+def _field(run: Run) -> Materials:
+    return materials(plan_of_run(run), run.seed, run.roof_material, run.materials)
+
+
+def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write colour and provenance of the charts of one building, or of one piece of ground, through the fork. Arguments: these
+    charts; those that facades or textures seeded, those that streets wrote, and those of walls and roofs that cameras show,
+    among them and beside them."""
+    start = time.time()
+    (unit,) = units
+    charts, seeded, written, pictured = unit.arguments
+    plan = plan_of_run(run)
+    scene, group = plan.scene, open_root(fork)
+    field = _field(run)
+    prepared = time.time()
+    scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
+    known = Known(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
+    above = sampler(run)
+    field, own = _with_own_wall(group, plan, field, charts, seeded)
+    rasters = Rasters.of(scene.placement, charts)
+    colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
+    for chart in charts:
+        rgb, rank = surface(
+            scene,
+            field,
+            chart,
+            known,
+            network=run.texture.translator == "neural",
+            pixels=_pixels(run, plan, chart),
+            levelling=run.texture.levelling,
+            aerial=above,
+            anew=chart in own,
+            sun=run.texture.sun,
+            labels=None if run.texture.sun is None or chart not in seeded else _labels(group, plan, chart),
+        )
+        texels = rasters.slice(scene.placement, chart)
+        colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
+    painted = time.time()
+    for name, flat in {"colour": colour, "provenance": provenance}.items():
+        write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, rasters, flat)
+    digests = chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
+    seconds = {"prepare": prepared - start, "paint": painted - prepared, "write": time.time() - painted}
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "digests": digests,
+        "texels": rasters.total,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {step: round(s, 4) for step, s in seconds.items()},
+    }
+    return fork, {unit.index: record}
+
+
+def _with_own_wall(
+    group: StoreGroup, plan: Plan, field: Materials, charts: Sequence[int], seeded: Collection[int]
+) -> tuple[Materials, set[int]]:
+    """What a building's charts are made of, with the wall that its largest facade shows; and the charts that take that."""
+    placement = plan.scene.placement
+    facades = [chart for chart in charts if chart in seeded and plan.is_facade(chart)]
+    if not facades:
+        return field, set()
+    chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
+    part = _part(placement, chart)
+    image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
+    wall = wall_material(image, labels, float(placement.texels_per_metre[chart]))
+    if wall is None:
+        return field, set()
+    changed, own = field.with_wall(charts, wall, chart)
+    return changed, set(own.tolist())
+
+
+def _part(placement: Placement, chart: int) -> tuple[int, slice, slice]:
+    """Where a chart is in the arrays of the atlas."""
+    y, x = int(placement.y[chart]), int(placement.x[chart])
+    height, width = int(placement.height[chart]), int(placement.width[chart])
+    return int(placement.page[chart]), slice(y, y + height), slice(x, x + width)
+
+
+def _labels(group: StoreGroup, plan: Plan, chart: int) -> np.ndarray | None:
+    """Of a facade (h, w) uint8; None of other charts."""
+    return (
+        np.asarray(group["facade_maps/labels"][_part(plan.scene.placement, chart)]) if plan.is_facade(chart) else None
+    )
+
+
+def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:
+    """Those of the network that a chart was translated from, where it is no facade: windows have no grain."""
+    seen = plan.views_of_charts(np.array([chart]))[:, 0]
+    if run.texture.translator != "neural" or plan.is_facade(chart) or not len(seen):
+        return None
+    return Pixels(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
+
+
+def _reader(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> Reader:
+    """What facades, textures and streets know of charts; of others nothing is read, whatever lies there."""
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        part = (
+            int(placement.page[chart]),
+            slice(y + rows.start, y + rows.stop),
+            slice(x + columns.start, x + columns.stop),
+        )
+        shape = (rows.stop - rows.start, columns.stop - columns.start)
+        seed, evidence = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+        street, views = seed, np.zeros(shape, np.uint16)
+        if chart in seeded:
+            seed, evidence = np.asarray(group["atlas/seed"][part]), np.asarray(group["atlas/seed_evidence"][part])
+        if chart in written:
+            street, views = np.asarray(group["atlas/street"][part]), np.asarray(group["atlas/street_views"][part])
+        return resolve(seed, evidence, street, views)
+
+    return read

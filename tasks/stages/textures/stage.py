@@ -1,0 +1,72 @@
+"""The textures that buildings carry, and what is seen of them from above, into the atlas, a building at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from catalogs.block import Block
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Stage
+from tasks.engine.unit import Unit
+from tasks.stages.shared.key_parts import texture_key
+from tasks.stages.shared.memory import texture_memory
+from tasks.stages.textures.worker import texture_unit
+
+
+def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """A unit for each building with textures of its own, its facades aside."""
+    buildings = plan.textured_buildings()
+    if not buildings:
+        return []
+    texels = _texels(plan)
+    pictures = plan.own_pictures()
+    return [
+        Unit(
+            index,
+            plan.scene.names[building],
+            (texture_key(run, plan, building, block.textures),),
+            (building, block.textures),
+            texture_memory(int(texels[building]), [block.textures[p] for p in pictures.get(building, ())]),
+            tuple(plan.own_charts(building)),
+        )
+        for index, building in enumerate(buildings)
+    ]
+
+
+def _texels(plan: Plan) -> np.ndarray:
+    """Texels of the textured charts of each building (b,)."""
+    building = plan.scene.charts.building
+    textured = np.flatnonzero(plan.textured & (building >= 0))
+    totals = np.zeros(int(building.max(initial=-1)) + 1, np.int64)
+    np.add.at(totals, building[textured], plan.texels()[textured])
+    return totals
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Buildings whose textured charts all stay; the charts of others stay no longer."""
+
+    def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
+        buildings = enumerate(plan.textured_buildings())
+        return {plan.scene.names[building]: (unit, plan.own_charts(building)) for unit, building in buildings}
+
+    before, again = units(change.before), {}
+    for name, (unit, charts) in units(change.after).items():
+        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]:
+            again[unit] = before[name][0]
+        else:
+            for chart in charts:
+                change.stays.pop(chart, None)
+    return again
+
+
+TEXTURES = Stage(
+    "textures",
+    "textured building",
+    count=lambda block, plan: len(plan.textured_buildings()),
+    match_previous=_again,
+    units=texture_units,
+    function=texture_unit,
+    writes_base_layer=True,
+)

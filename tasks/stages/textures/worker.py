@@ -1,0 +1,60 @@
+"""What a building's own textures and the picture from above show of it, into the atlas: every chart but its facades, which have
+a stage of their own."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, cast
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.store import open_root
+from facade_core.core.provenance import Provenance
+from facade_core.geometry.overhead_view import from_above, shown_from_above
+from facade_core.imagery.rectify.model_texture import own_texture
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.outcome import refusal
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.shared.images import read_textures
+from tasks.stages.shared.materials import sampler
+
+
+def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write the textured charts of one building through the fork; returns the fork and the journal record."""
+    start = time.time()
+    (unit,) = units
+    building, textures = unit.arguments
+    plan = plan_of_run(run)
+    scene = plan.scene
+    charts = plan.own_charts(building)
+    refused: list[Exception] = []
+    images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
+    group = open_root(fork)
+    digests: dict[str, str] = {}
+    aerial, roofs = sampler(run), shown_from_above(scene)
+    for chart in charts:
+        rgb, covered = own_texture(scene, chart, images)
+        if aerial is not None and roofs[chart]:
+            seen, known = from_above(scene, chart, aerial)
+            rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
+        seed = rgb.reshape(-1, 3)
+        evidence = np.where(covered, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8).reshape(-1)
+        rasters = Rasters.of(scene.placement, [chart])
+        for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
+            write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
+        digests |= chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "charts": len(charts),
+        "digests": digests,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"texture": round(time.time() - start, 4)},
+    }
+    record |= cast(Record, refusal(refused, "without it"))
+    return fork, {unit.index: record}

@@ -1,0 +1,96 @@
+"""A tile of the block: some buildings and pieces of ground as one model, and coarse rasters of it for views from afar."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import Record, read_records
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.store import open_root
+from facade_core.atlas.stored_files import encoded_digest, read_checked, read_encoded, tile_paths, write_encoded
+from facade_core.core.errors import StoreError
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.models.textured_parts import Textured, textured_scene
+from facade_core.export.tiles.tile_model import Earlier, tile_model
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece, Unit
+
+
+def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write the model of one tile and its coarse rasters through the fork; returns the fork and the journal record."""
+    start = time.time()
+    (unit,) = units
+    charts, digests, shape, origin = unit.arguments
+    plan = plan_of_run(run)
+    placement = plan.scene.placement
+    group = open_root(fork)
+
+    def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
+        held = Rasters.of(placement, chosen)
+        flat = read_rasters(group["atlas/colour"], placement, held)
+        return {
+            chart: flat[held.slice(placement, chart)].reshape(
+                int(placement.height[chart]), int(placement.width[chart]), 3
+            )
+            for chart in chosen.tolist()
+        }
+
+    names = dict(enumerate(plan.scene.names))
+    earlier = _earlier(group, unit, shape)
+    extras = {"origin": list(origin), "crs": run.crs}
+    tile = tile_model(_shown(run), charts, digests, names, rasters, extras, earlier)
+    model, coarse = tile_paths(unit.name)
+    write_encoded(group, model, tile.glb, f"tile {unit.name}, GLB")
+    group.create_array(
+        coarse,
+        data=tile.coarse,
+        chunks=tile.coarse.shape,
+        dimension_names=(f"texel_of_{unit.name}", "band"),
+        attributes={"long_name": f"charts of tile {unit.name} made smaller, one after the other"},
+        overwrite=True,
+    )
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "charts": len(charts),
+        "shape": shape,
+        "made_of": list(tile.made_of),
+        "bytes": len(tile.glb),
+        "digest": encoded_digest(tile.glb),
+        "box": tile.box.round(3).tolist(),
+        "coarse": encoded_digest(tile.coarse.tobytes()),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"tile": round(time.time() - start, 4)},
+    }
+    return fork, {unit.index: record}
+
+
+def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
+    """The tile as the store holds it, where it has the same shape and is whole."""
+    (record,) = read_records(group, "tiles", np.array([unit.index]))
+    if record is None or record["status"] != "done" or record.get("shape") != shape:
+        return None
+    model, path = tile_paths(unit.name)
+    try:
+        glb = read_encoded(group, model, record["digest"])
+        coarse = read_checked(group, path, record["coarse"])
+    except StoreError:
+        return None
+    return Earlier(glb, coarse, tuple(record["made_of"]))
+
+
+@lru_cache(maxsize=1)
+def _shown(run: Run) -> Textured:
+    """The block as models have it, whose charts are read elsewhere."""
+
+    def nothing(page: int) -> np.ndarray:
+        raise StoreError(f"page {page} is not read as a whole")
+
+    return textured_scene(plan_of_run(run).scene, nothing)

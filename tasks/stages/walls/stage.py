@@ -1,0 +1,74 @@
+"""Walls that are no facades, and roofs, that panoramas show, a building at a time into the atlas."""
+
+from __future__ import annotations
+
+from catalogs.block import Block
+from facade_core.atlas.journal import Record
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage import Change, Stage
+from tasks.engine.unit import Unit
+from tasks.stages.shared.key_parts import wall_key
+from tasks.stages.shared.memory import wall_memory
+from tasks.stages.shared.nearby_panoramas import cameras_of_block
+from tasks.stages.walls.worker import wall_unit
+
+
+def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: poses that are refined, and one exposure of their pictures. Buildings that are taken from the same
+    panoramas follow each other, whatever their order in the source: what stands before them is found once."""
+    near = plan.walls_near_cameras()
+    if not near:
+        return []
+    cameras = cameras_of_block(block, plan, group, _placed)
+    texels = plan.texels()
+    units = []
+    for index, (building, charts) in enumerate(near.items()):
+        taken = cameras.of_building(plan.scene.charts, charts, WALL_REACH_M)
+        key = wall_key(run, plan, charts, taken)
+        memory = wall_memory(texels[charts], [[one.path for one in of_chart] for of_chart in taken])
+        arguments = (tuple(charts), tuple(taken))
+        units.append(Unit(index, plan.scene.names[building], (key,), arguments, memory, tuple(charts)))
+    return sorted(units, key=lambda unit: sorted({str(one.path) for of_chart in unit.arguments[1] for one in of_chart}))
+
+
+def names_of_walls(plan: Plan) -> list[str]:
+    """The buildings that have some."""
+    return [plan.scene.names[building] for building in plan.walls_near_cameras()]
+
+
+def _placed(record: Record | None) -> bool:
+    return record is not None and record["status"] == "done"
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Buildings whose charts that cameras may show all stay, and are the same; the other charts of either stay no longer."""
+
+    def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
+        near = enumerate(plan.walls_near_cameras().items())
+        return {plan.scene.names[building]: (unit, charts) for unit, (building, charts) in near}
+
+    before, again = units(change.before), {}
+    gone = {chart for _, charts in before.values() for chart in charts}
+    for name, (unit, charts) in units(change.after).items():
+        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]:
+            again[unit] = before[name][0]
+            gone -= set(before[name][1])
+    for chart, old in list(change.stays.items()):
+        if old in gone:
+            del change.stays[chart]
+    return again
+
+
+WALLS = Stage(
+    "walls",
+    "photographed building",
+    count=lambda block, plan: len(plan.walls_near_cameras()),
+    match_previous=_again,
+    units=wall_units,
+    function=wall_unit,
+    reads=("poses", "bundles"),
+    writes_base_layer=True,
+)

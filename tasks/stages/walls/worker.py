@@ -1,0 +1,70 @@
+"""What panoramas show of a building's walls that are no facades, and of its roofs, into the atlas."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from functools import lru_cache, partial
+from typing import Any, cast
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.store import open_root
+from facade_core.core.types import Pose
+from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
+from facade_core.imagery.cameras.walls import photographed_wall
+from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.outcome import refusal
+from tasks.engine.run import Run
+from tasks.engine.unit import Piece
+from tasks.stages.facades.imagery import Taken
+from tasks.stages.shared.panorama_cameras import KEPT, camera_of, shown_in_turn, write_shown
+
+
+def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write what panoramas show of one building's walls and roofs through the fork; returns the fork and the journal record."""
+    start = time.time()
+    (unit,) = units
+    charts, taken = unit.arguments
+    plan = plan_of_run(run)
+    refused: list[Exception] = []
+    reading: list[float] = []
+
+    def opened(one: Taken) -> Camera | None:
+        begun = time.time()
+        camera = camera_of(one, before_buildings, refused)
+        if camera is not None:
+            camera = replace(camera, hidden=camera.hidden | _beside_edges(run, one.pose, camera.hidden.shape))
+        reading.append(time.time() - begun)
+        return camera
+
+    shown, used = shown_in_turn(dict(zip(charts, taken, strict=True)), opened, partial(photographed_wall, plan.scene))
+    digests, told = write_shown(open_root(fork), plan, shown, used)
+    read = sum(reading)
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "digests": digests,
+        "cameras": told,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"read": round(read, 4), "walls": round(time.time() - start - read, 4)},
+    }
+    record |= cast(Record, refusal(refused, "without it"))
+    return fork, {unit.index: record}
+
+
+def _beside_edges(run: Run, pose: Pose, shape: tuple[int, ...]) -> np.ndarray:
+    """Of a panorama of so many pixels (H, W): bool."""
+    rows, columns = shape
+    bits = _edges_in_bits(run, pose, rows, columns)
+    return np.unpackbits(bits, count=rows * columns).reshape(rows, columns).astype(bool)
+
+
+@lru_cache(maxsize=KEPT)
+def _edges_in_bits(run: Run, pose: Pose, rows: int, columns: int) -> np.ndarray:
+    """Units side by side share them."""
+    return np.packbits(beside_edges(plan_of_run(run).scene, pose, (rows, columns)))

@@ -1,0 +1,160 @@
+"""Digests and part files do not depend on names in the code: what is pinned here must stay."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import sys
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import shapely
+from pyproj import CRS
+
+from catalogs.block import Block
+from catalogs.block.corrections import LINE_KEYS, Correction, Corrections, add_corrections
+from catalogs.block.digest import block_digest, geometry_digest
+from catalogs.block.extract import read_extract, write_extract
+from catalogs.block.keys import MaterialSettings, SunSettings, TextureSettings
+from catalogs.block.part import Part
+from catalogs.block.reading import extract_of
+from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
+from catalogs.features import Fault
+from catalogs.imagery.account import ACCOUNT_KEYS, Kept, read_account
+from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.materials import MaterialPicture
+from catalogs.readers.pictures.panoramas import PosedPanorama
+from facade_core.core.types import Area, Building, Elevation, Finish, Ground, Models, Pose, Roof, Shell, Street, Way
+
+
+def small_block(folder: Path) -> Block:
+    """Build a block in memory that holds every kind of value that is hashed or written."""
+    names = ("wall.png", "photo.png", "panorama.png", "texture.png", "tiles.png", "parser.onnx", "parser.json")
+    for number, name in enumerate(names):
+        (folder / name).write_bytes(bytes([number, 7]))
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.5]], np.float64)
+    triangles, uv = np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 2), np.float32)
+    shell = Shell(corners, triangles, np.zeros(1, np.uint8), np.array([0], np.int32), uv)
+    roof, finish = Roof("gabled", 3.5, 90.0, True, 30.0, 0.5), Finish((1, 2, 3), None, "brick", "slate")
+    house = Building("a", shapely.box(0, 0, 10, 8), 7.25, "height", 2, "A", 1.5, roof, None, finish, 0.5, "whole")
+    model = Building("b", shapely.box(20, 0, 30, 8), 9.0, "model", shell=shell)
+    line = shapely.LineString([(0, -5), (30, -5)])
+    way = Way("w", line, "road", 6.5, "asphalt", False, 2, True, (2.5, 0.0), (0.0, 2.1), 3)
+    outline = shapely.box(-50, -50, 80, 80)
+    return Block(
+        name="small",
+        crs=CRS.from_user_input("EPSG:32635"),
+        buildings=(house, model),
+        streets=(Street("s1", "High Street", line),),
+        shops=((5.0, 0.0),),
+        entrances=((2.0, 0.0),),
+        ground=Ground((way,), (Area("g", shapely.multipolygons([outline]), "grass"),), outline),
+        terrain=Elevation(-1.0, 9.0, 2.0, np.array([[1, 2], [3, np.nan]], np.float32)),
+        exemplars=(folder / "wall.png",),
+        photos={"a-0": folder / "photo.png"},
+        photos_rectified=False,
+        privacy="blur",
+        panoramas=(PosedPanorama("p", folder / "panorama.png", Pose(5, -5, None, 12.5), "2024-05-17"),),
+        textures=(folder / "texture.png",),
+        aerial=Aerial(folder / "above.png", "EPSG:32635", "EPSG:32635", "c0ffee"),
+        roof_material=(folder / "tiles.png", 0.01),
+        materials=(MaterialPicture("slabs", folder / "tiles.png", 0.8),),
+        texture=TextureSettings(walls="translate", sun=SunSettings(azimuth=135, elevation=40.5)),
+        storey=3.0,
+        geoid_separation=17.25,
+        failed_limit=0.1,
+        seed=4,
+        notes=("a note",),
+        faults=(Fault("x", "building", "has no outline; draw it again", shapely.Point(1, 2)),),
+        digest="",
+        corrections=Corrections({"a-0": {"facade": Correction("a-0", "facade", False, (24.9, 60.2), 8.0, "anna")}}),
+        part=Part(("a",), ("s1",), (model,), ("High Street", "High Street"), (1, -1)),
+        models=Models(parser=folder / "parser.onnx"),
+    )
+
+
+def test_digests_are_pinned(tmp_path: Path) -> None:
+    block = small_block(tmp_path)
+    assert block_digest(block) == "90e82d2441a3851481c96590c215a3d476a4cd20c2a5c39d650ad9b5d8f74b26"
+    assert geometry_digest(block) == "2f03118a3c0144d442caae07c4f35a85a461baa25ed7a47bc2f7d798553874dc"
+    alone = replace(block, corrections=Corrections(), part=None, models=Models(), aerial=None, roof_material=None)
+    assert block_digest(alone) == "17f0009247c149c5f95b741763383441538760cd5749995da7bcc398286fd275"
+    assert geometry_digest(alone) == "2ea05933b5eb5c88d32c3778573588e29bcc971c75da7935eac67e110c6140af"
+
+
+def test_the_text_of_a_part_file_is_pinned(tmp_path: Path) -> None:
+    block = small_block(tmp_path)
+    write_extract(tmp_path / "part.npz", extract_of(block, block))
+    with np.load(tmp_path / "part.npz") as arrays:
+        content = arrays["text"].tobytes() + arrays["blob"].tobytes()
+    assert hashlib.sha256(content).hexdigest() == "e0e97afaa77ad1ae39dc4a17d915a5a8efdd1e2c1ac16ada2d86fbea49ac3e10"
+    values = read_extract(tmp_path / "part.npz")
+    again = replace(block, **{name: value for name, value in values.items() if name not in ("crs", "extent")})
+    assert block_digest(again) == block_digest(block)
+
+
+def test_the_keys_of_a_correction_line_are_pinned(tmp_path: Path) -> None:
+    place = (24.9, 60.2)
+    one = Correction("a-0", "hide", ((0.1, 0.2, 0.3, 0.4),), place, 8.5, "anna", "2026-11-25T10:00:00Z", "a van")
+    add_corrections(tmp_path / "block.yaml", [one])
+    [line] = (tmp_path / "block.corrections.jsonl").read_text().splitlines()
+    assert line == (
+        '{"id": "a-0", "what": "hide", "value": [[0.1, 0.2, 0.3, 0.4]], "place": [24.9, 60.2], "width": 8.5, '
+        '"who": "anna", "when": "2026-11-25T10:00:00Z", "why": "a van"}'
+    )
+
+
+ACCOUNT_LINE = (
+    '{"source": "s", "id": "1", "file": "1.jpg", "sha256": "ab", "bytes": 7, "lon": 24.9, "lat": 60.2, "heading": 10.0, '
+    '"z": 2.5, "pitch": 1.0, "roll": -1.0, "captured": "2024-05-17", "author": "anna", "licence": "CC0-1.0", '
+    '"licence_url": "https://example.org"}'
+)
+
+
+def test_the_keys_of_a_line_of_fetched_pictures_are_pinned(tmp_path: Path) -> None:
+    (tmp_path / "fetched.jsonl").write_text(f"{ACCOUNT_LINE}\n")
+    account = read_account(tmp_path)
+    [picture] = account.kept.values()
+    account.add(picture)
+    assert (tmp_path / "fetched.jsonl").read_text() == f"{ACCOUNT_LINE}\n" * 2
+    account.add(replace(picture, file="", refused="is a drawing"))
+    line = json.loads((tmp_path / "fetched.jsonl").read_text().splitlines()[-1])
+    assert line == json.loads(ACCOUNT_LINE) | {"file": "", "refused": "is a drawing"}
+    (tmp_path / "1.jpg").touch()
+    account.add(picture)
+    poses = json.loads(account.write_poses().read_text())["poses"]["1.jpg"]
+    assert list(poses) == [
+        "lon", "lat", "z", "heading", "pitch", "roll", "captured", "author", "licence", "licence_url", "source", "id",
+        "sha256",
+    ]  # fmt: skip
+
+
+def test_every_field_is_serialised_or_named_as_omitted() -> None:
+    for cls, schema in SCHEMAS.items():
+        attributes = [attribute for _, attribute in schema.fields]
+        assert sorted([*attributes, *schema.omitted]) == sorted(field.name for field in fields(cls)), cls
+        assert len(dict(schema.fields)) == len(attributes), f"{cls}: names are unique"
+    assert [attribute for _, attribute in BLOCK_FIELDS] == [field.name for field in fields(Block)]
+    assert set(LINE_KEYS.values()) == {field.name for field in fields(Correction)}
+    assert set(ACCOUNT_KEYS.values()) == {field.name for field in fields(Kept)}
+    assert len({schema.tag for schema in SCHEMAS.values()}) == len(SCHEMAS)
+
+
+def test_every_class_that_a_block_reaches_has_a_schema() -> None:
+    """`MaterialSettings` is replaced before hashing, and `Corrections` and `Models` are hashed by functions of their own."""
+    handled = {Block, Correction, Corrections, MaterialSettings, Models}
+    waiting, reached = [Block], set()
+    while waiting:
+        cls = waiting.pop()
+        if cls in reached:
+            continue
+        reached.add(cls)
+        names = {name for field in fields(cls) for name in re.findall(r"\w+", str(field.type))}
+        waiting += [other for other in (*SCHEMAS, *handled) if other.__name__ in names]
+        in_module = (getattr(sys.modules[cls.__module__], name, None) for name in names)
+        waiting += [
+            one for one in in_module if is_dataclass(one) and one.__module__.startswith(("catalogs", "facade_core"))
+        ]
+    assert reached - handled == set(SCHEMAS)
