@@ -90,7 +90,7 @@ class Module:
 
 @cache
 def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
-    """The digest of the code of a stage: of the module of `tasks.units` that is called as the stage is, else of `tasks.stages`.
+    """The digest of the code of a stage: of the module of `tasks.stages.<stage>`.
 
     neural: whether it takes the network that translates panoramas.
     """
@@ -111,7 +111,7 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
 
 def module_of(stage: str, root: Path = ROOT) -> str:
     """The module that does a stage's units."""
-    return next(name for room in ("units", "stages") if _path(name := f"tasks.{room}.{stage}", root) is not None)
+    return next(name for part in ("worker", "task") if _path(name := f"tasks.stages.{stage}.{part}", root) is not None)
 
 
 @cache

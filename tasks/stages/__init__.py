@@ -1,1 +1,1 @@
-"""The stages of a run in their order: which units are due, and the tasks that do them."""
+"""The stages of a run, one folder each; `order.py` lists them."""

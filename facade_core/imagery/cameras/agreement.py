@@ -21,7 +21,7 @@ LEAST_CLEAR = 0.25
 THIN_M, BESIDE_M, THIN, RIM = 0.125, 1.6, 0.3, 2
 
 
-class Compared(NamedTuple):
+class SquareAgreement(NamedTuple):
     """Squares of n views, `side` texels each: whether enough of each is clear, whether another view agrees with it there, and
     whether one contradicts it, (n, r, c) bool; the logarithms (n, r, c, 3) of its mean colour."""
 
@@ -31,12 +31,12 @@ class Compared(NamedTuple):
     opposed: np.ndarray
     logs: np.ndarray
 
-    def alone(self, view: int) -> np.ndarray:
+    def unconfirmed_squares(self, view: int) -> np.ndarray:
         """The squares (r, c) bool that one view shows and no other."""
         return self.there[view] & ~self.supported[view] & ~self.opposed[view]
 
 
-def compared(views: Sequence[View], density: float) -> Compared:
+def compared(views: Sequence[View], density: float) -> SquareAgreement:
     """The squares of views of one exposure; density in texels per metre. A view agrees with another that shows its colour there
     or in a square beside, as a pose may be off by one."""
     side = max(1, round(SQUARE_M * density))
@@ -51,7 +51,7 @@ def compared(views: Sequence[View], density: float) -> Compared:
             agree = both & _near(logs[i], logs[j], there[j]) & _near(logs[j], logs[i], there[i])
             supported[i] |= agree
             opposed[i] |= both & ~agree
-    return Compared(side, there, supported, opposed, logs)
+    return SquareAgreement(side, there, supported, opposed, logs)
 
 
 def thin(views: Sequence[View], density: float) -> list[np.ndarray]:

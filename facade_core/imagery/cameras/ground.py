@@ -60,7 +60,7 @@ def believed(
 
     squares, kept, rim = compared(views, density), [], round(BESIDE_M * density)
     for i, view in enumerate(views):
-        supported, opposed, alone = squares.supported[i], squares.opposed[i], squares.alone(i)
+        supported, opposed, alone = squares.supported[i], squares.opposed[i], squares.unconfirmed_squares(i)
         like = usual[i]
         agreed = int(supported.sum())
         if like is None or agreed < VOUCHED or agreed < VOUCHED_SHARE * (supported | opposed).sum():

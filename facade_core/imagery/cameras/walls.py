@@ -42,7 +42,7 @@ def believed_of_wall(views: Sequence[View], low: Sequence[np.ndarray], density: 
     squares, kept = compared(views, density), []
     for i, view in enumerate(views):
         agreed, alone = (
-            on_texels(one, squares.side, view.seen.shape) for one in (squares.supported[i], squares.alone(i))
+            on_texels(one, squares.side, view.seen.shape) for one in (squares.supported[i], squares.unconfirmed_squares(i))
         )
         kept.append(view.clear & (agreed | (alone & ~low[i])))
     return kept

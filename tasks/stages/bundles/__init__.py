@@ -1,1 +1,1 @@
-"""Bundles."""
+"""Refine panoramas that show the same walls together."""

@@ -1,1 +1,1 @@
-"""Exemplars."""
+"""Parse, complete and measure each exemplar picture."""

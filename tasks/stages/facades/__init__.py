@@ -1,1 +1,1 @@
-"""Facades."""
+"""Rectify, parse, complete and texture the facades of each building."""

@@ -1,1 +1,1 @@
-"""Grounds."""
+"""Write ground that panoramas show to the base layer."""

@@ -1,1 +1,1 @@
-"""Ingest."""
+"""Ingest a block: geometry, facades and viewpoints into the store."""

@@ -1,1 +1,1 @@
-"""Pages."""
+"""Encode the pages of the atlas."""

@@ -1,1 +1,1 @@
-"""Pictures."""
+"""Draw the pictures of the report."""

@@ -1,1 +1,1 @@
-"""Poses."""
+"""Refine the pose of each panorama against the block."""

@@ -1,1 +1,1 @@
-"""Publish."""
+"""Publish a snapshot of the store."""

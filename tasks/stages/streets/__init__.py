@@ -1,1 +1,1 @@
-"""Streets."""
+"""Texture streets viewpoint by viewpoint, and blend their panoramas into the atlas."""

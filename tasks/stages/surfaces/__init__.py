@@ -1,1 +1,1 @@
-"""Surfaces."""
+"""Resolve the final colour of the charts of each building and piece of ground."""

@@ -1,1 +1,1 @@
-"""Textures."""
+"""Write the textures of building models, and roofs from aerial pictures, to the base layer."""

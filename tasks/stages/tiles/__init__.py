@@ -1,1 +1,1 @@
-"""Tiles."""
+"""Encode the tiles of the block."""

@@ -1,1 +1,1 @@
-"""Walls."""
+"""Write walls and roofs that panoramas show to the base layer."""

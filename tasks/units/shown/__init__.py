@@ -1,1 +1,0 @@
-"""What pictures show of a surface, as units take it."""
