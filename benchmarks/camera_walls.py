@@ -32,7 +32,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import raster_points
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import taken_whole
-from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
 from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
 from facade_core.imagery.cameras.walls import covered, photographed_wall
@@ -88,7 +88,7 @@ def _recovered(
     paint = painted_sides(street)
     squares = [look_down(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     cameras = [
-        Camera(image, pose, mask | beside_edges(scene, pose, mask.shape), factor, usual_of(own))
+        PanoramaCamera(image, pose, mask | beside_edges(scene, pose, mask.shape), factor, usual_of(own))
         for image, pose, mask, factor, own in zip(images, poses, hidden, factors(squares), squares, strict=True)
     ]
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))

@@ -32,7 +32,7 @@ from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
 from facade_core.imagery.cameras.ground import photographed
 from facade_core.imagery.cameras.occluder_masks import in_the_way
@@ -132,7 +132,7 @@ def _recovered(
         hidden = in_the_way(image, pose)
         seconds["look"].append(looked - start)
         seconds["mask"].append(time.perf_counter() - looked)
-        cameras.append(Camera(image, pose, hidden, np.ones(3), usual_of(squares[-1])))
+        cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), usual_of(squares[-1])))
     factor = factors(squares)
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)

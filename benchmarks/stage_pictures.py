@@ -24,7 +24,7 @@ from facade_core.export.pictures.picture import file_of, perspective
 from facade_core.export.pictures.views import cameras, view_names
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
-from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
 from facade_core.imagery.cameras.ground import photographed
 from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges, in_the_way
@@ -196,7 +196,7 @@ def ground() -> np.ndarray:
     seen = [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
     squares = [look_down(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
     found = [
-        Camera(image, pose, in_the_way(image, pose), factor, usual_of(own))
+        PanoramaCamera(image, pose, in_the_way(image, pose), factor, usual_of(own))
         for image, pose, factor, own in zip(images, seen, factors(squares), squares, strict=True)
     ]
     shown = {c: photographed(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
@@ -219,7 +219,7 @@ def walls() -> np.ndarray:
     poses = refined(scene, images, given)
     squares = [look_down(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     seen = [
-        Camera(
+        PanoramaCamera(
             image,
             pose,
             before_buildings(image, pose) | beside_edges(scene, pose, (image.shape[0], image.shape[1])),

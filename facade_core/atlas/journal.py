@@ -75,7 +75,7 @@ class Record(TypedDict, total=False):
     changed: float | None
     compared: float
     capture_date_before: str | None
-    # where it changed, `Compared.by_cell`; where the store has a picture of how it was, and its
+    # where it changed, `SquareAgreement.by_cell`; where the store has a picture of how it was, and its
     # digest
     change_map: list[str]
     before_file: str

@@ -13,7 +13,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import taken_whole
-from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
 from facade_core.imagery.cameras.occluder_masks import beside_edges
 from facade_core.imagery.cameras.walls import believed_of_wall, covered, photographed_wall
 from facade_core.imagery.rectify.fusion import View
@@ -53,7 +53,7 @@ class Seen:
 
     street: SyntheticStreet
     chart: int
-    cameras: list[Camera]
+    cameras: list[PanoramaCamera]
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def end() -> Seen:
         pose = Pose(float(x), float(y), 2.5, 40.0)
         image = panorama(street, pose, 1024, seed=1, sides=painted_sides(street))
         hidden = beside_edges(street.scene, pose, image.shape[:2])
-        cameras.append(Camera(image, pose, hidden, np.ones(3), None))
+        cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), None))
     return Seen(street, chart, cameras)
 
 

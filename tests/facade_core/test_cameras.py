@@ -9,7 +9,7 @@ import pytest
 
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
-from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
 from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, believed, photographed
 from facade_core.imagery.cameras.occluder_masks import HIGHEST_DEG, in_the_way
@@ -108,7 +108,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
         ground = look_down(scene, image, pose)
         assert ground.height == pytest.approx(2.5, abs=0.01)
         squares.append(ground.squares)
-        cameras.append(Camera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), usual_of(ground.squares)))
+        cameras.append(PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), usual_of(ground.squares)))
     gains = factors(squares)
     assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, gains, strict=True)]

@@ -274,7 +274,7 @@ def test_units_done_by_other_code_are_due(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("keys.units", "keys.streets"):
+    for reader in ("stages.facades.keys", "stages.streets.keys"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("facades"))
     done, made = again(folder)
     assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}
@@ -286,7 +286,7 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    for reader in ("keys.runs", "stages.ingest"):
+    for reader in ("engine.run_key", "stages.ingest.task"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("ingest"))
     done, made = again(folder)
     assert done == set()
@@ -318,7 +318,7 @@ def test_other_code_that_publishes_does_nothing_else(
     done = nothing_due(run)
     assert done is not None
     assert done["units_done"] == 0
-    for reader in ("stages.publish", "store.standing"):
+    for reader in ("stages.publish.task", "engine.store.status"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("publish"))
     assert nothing_due(run) is None
     before = started(folder / "out")

@@ -270,7 +270,7 @@ def test_models_that_other_code_puts_together_are_not_linked(
     seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(seeded, tmp_path)
-    for reader in ("stages.publish", "published.tiles"):
+    for reader in ("stages.publish.task", "published.tiles"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", lambda stage: f"other {stage}", raising=False)
     first = current(folder / "out")
     _, _, second = again(folder)

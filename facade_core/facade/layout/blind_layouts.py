@@ -14,13 +14,13 @@ Box = tuple[float, float, float, float]
 # Columns of LayoutModel.styles: width to height of the facade; columns and floors of windows; a window's width to the column
 # pitch and height to the floor pitch; the first column's margin and the top margin in pitches; the ground floor's height
 # in floor pitches; doors; shops; balconies a window.
-PROPORTION, COLUMNS, FLOORS, WIDE, HIGH, SIDE, TOP, GROUND, DOORS, SHOPS, BALCONIES = range(11)
-STYLE = 11
+PROPORTION, COLUMNS, FLOORS, WINDOW_WIDTH, WINDOW_HEIGHT, SIDE_MARGIN, TOP_MARGIN, GROUND, DOORS, SHOPS, BALCONIES = range(11)
+STYLE_LENGTH = 11
 # No facade is so low in pixels, and none so high in metres.
-_METRES = 60.0
+_MAX_METRIC_HEIGHT = 60.0
 
 
-def style_of(elements: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray | None:
+def facade_style(elements: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray | None:
     """(STYLE,) of a whole layout; None where its windows show no columns or floors."""
     if len(facade.columns) < 2 or len(facade.floors) < 2:
         return None
@@ -58,21 +58,21 @@ def sample_layouts(
         floors = style[FLOORS]
         # a narrower wall has fewer columns of the same proportions
         columns = style[COLUMNS] * (width / height) / style[PROPORTION]
-        if height <= _METRES:
+        if height <= _MAX_METRIC_HEIGHT:
             floors = height / metric["floor pitch"] - 1 + 0.5 * rng.uniform()
             columns = width / (metric["column pitch"] * rng.uniform(0.85, 1.25))
-        yield _layout(domain, style, max(1, round(columns)), max(1, round(floors)))
+        yield _draw_layout(domain, style, max(1, round(columns)), max(1, round(floors)))
 
 
-def _layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> list[Element]:
+def _draw_layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> list[Element]:
     x0, y0, x1, y1 = domain
-    side = float(np.clip(style[SIDE], 0.45, 1.2))
+    side = float(np.clip(style[SIDE_MARGIN], 0.45, 1.2))
     pitch_x = (x1 - x0) / (columns - 1 + 2 * side)
-    top, ground = float(np.clip(style[TOP], 0.55, 1.5)), float(np.clip(style[GROUND], 0.7, 2.2))
+    top, ground = float(np.clip(style[TOP_MARGIN], 0.55, 1.5)), float(np.clip(style[GROUND], 0.7, 2.2))
     pitch_y = (y1 - y0) / (floors - 1 + top + ground)
     xs = x0 + pitch_x * (side + np.arange(columns))
     ys = y0 + pitch_y * (top + np.arange(floors))
-    w, h = style[WIDE] * pitch_x / 2, style[HIGH] * pitch_y / 2
+    w, h = style[WINDOW_WIDTH] * pitch_x / 2, style[WINDOW_HEIGHT] * pitch_y / 2
     rail = min(1.2 * w, 0.48 * pitch_x)
     found = [Element("window", x - w, y - h, x + w, y + h) for y in ys.tolist() for x in xs.tolist()]
     if style[BALCONIES] > 0.5:

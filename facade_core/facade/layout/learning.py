@@ -12,7 +12,7 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import statistics as st
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.blind_layouts import style_of
+from facade_core.facade.layout.blind_layouts import facade_style
 from facade_core.facade.layout.densities import (
     ALIGN_X,
     ALIGN_Y,
@@ -88,7 +88,7 @@ def learn(
             _typical_floors(used, 8, seed),
             _ratios(used),
         ),
-        np.array([s for s in (style_of(es, frame(es, d), d) for es, d in used) if s is not None]),
+        np.array([s for s in (facade_style(es, frame(es, d), d) for es, d in used) if s is not None]),
         metric_priors(metric),
         Trees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
         np.ones(LABELS),

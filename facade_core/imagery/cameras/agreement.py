@@ -26,17 +26,17 @@ class SquareAgreement(NamedTuple):
     whether one contradicts it, (n, r, c) bool; the logarithms (n, r, c, 3) of its mean colour."""
 
     side: int
-    there: np.ndarray
-    supported: np.ndarray
-    opposed: np.ndarray
-    logs: np.ndarray
+    is_usable: np.ndarray
+    is_confirmed: np.ndarray
+    is_contradicted: np.ndarray
+    log_colour: np.ndarray
 
     def unconfirmed_squares(self, view: int) -> np.ndarray:
         """The squares (r, c) bool that one view shows and no other."""
-        return self.there[view] & ~self.supported[view] & ~self.opposed[view]
+        return self.is_usable[view] & ~self.is_confirmed[view] & ~self.is_contradicted[view]
 
 
-def compared(views: Sequence[View], density: float) -> SquareAgreement:
+def compare_squares(views: Sequence[View], density: float) -> SquareAgreement:
     """The squares of views of one exposure; density in texels per metre. A view agrees with another that shows its colour there
     or in a square beside, as a pose may be off by one."""
     side = max(1, round(SQUARE_M * density))
@@ -54,7 +54,7 @@ def compared(views: Sequence[View], density: float) -> SquareAgreement:
     return SquareAgreement(side, there, supported, opposed, logs)
 
 
-def thin(views: Sequence[View], density: float) -> list[np.ndarray]:
+def find_thin_objects(views: Sequence[View], density: float) -> list[np.ndarray]:
     """Texels (h, w) bool of each view that stand out from the surface around them, which no other view confirms."""
     import cv2
 
@@ -71,11 +71,11 @@ def thin(views: Sequence[View], density: float) -> list[np.ndarray]:
             if j != i and odd.any():
                 odd &= ~_near(logs[i], logs[j], there[j], RIM)
         wide = cv2.dilate(odd.astype(np.uint8), np.ones((2 * RIM + 1,) * 2, np.uint8)) > 0
-        found.append(on_texels(wide, side, view.seen.shape))
+        found.append(squares_to_texels(wide, side, view.seen.shape))
     return found
 
 
-def on_texels(squares: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
+def squares_to_texels(squares: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
     """Squares (r, c) of `side` texels on the texels (h, w) of a raster."""
     return squares.repeat(side, axis=0).repeat(side, axis=1)[: shape[0], : shape[1]]
 

@@ -15,15 +15,15 @@ LEAST_M2, NARROW_M = 2.0, 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+class PanoramaCamera:
     """A posed panorama: image (H, W, 3) uint8, its pose, what of it is hidden (H, W) bool, the factors (3,) to its exposure,
     and what the ground around it usually looks like, as of `usual_of`."""
 
     image: np.ndarray
     pose: Pose
     hidden: np.ndarray
-    factor: np.ndarray
-    usual: tuple[np.ndarray, np.ndarray] | None
+    exposure_factor: np.ndarray
+    ground_colour: tuple[np.ndarray, np.ndarray] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,10 +37,10 @@ class Shown:
     confidence: np.ndarray
 
 
-def in_one_exposure(view: View, camera: Camera, within: np.ndarray) -> View:
+def in_one_exposure(view: View, camera: PanoramaCamera, within: np.ndarray) -> View:
     """A view by a camera in the exposure of all, of the texels `within` (h, w) bool."""
     seen = view.seen & within
-    rgb = np.clip(view.rgb * camera.factor.astype(np.float32) + 0.5, 0, 255).astype(np.uint8)
+    rgb = np.clip(view.rgb * camera.exposure_factor.astype(np.float32) + 0.5, 0, 255).astype(np.uint8)
     return View(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
 
 

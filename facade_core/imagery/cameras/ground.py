@@ -12,8 +12,8 @@ import numpy as np
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.agreement import compared, on_texels, thin
-from facade_core.imagery.cameras.camera_view import Camera, Shown, in_one_exposure, shown_by
+from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels, find_thin_objects
+from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown, in_one_exposure, shown_by
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, position
 from facade_core.imagery.rectify.fusion import View
 from facade_core.imagery.rectify.panorama import rectify_view
@@ -32,7 +32,7 @@ ODD, OFTEN = 0.35, 3.0
 BESIDE_M = 0.3
 
 
-def photographed(scene: Scene, chart: int, cameras: Sequence[Camera]) -> Shown | None:
+def photographed(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> Shown | None:
     """A chart of the ground from panoramas; None where they show too little.
 
     A square that several cameras show is taken from those that agree with another one; what one alone shows is taken where it
@@ -58,24 +58,24 @@ def believed(
     """
     import cv2
 
-    squares, kept, rim = compared(views, density), [], round(BESIDE_M * density)
+    squares, kept, rim = compare_squares(views, density), [], round(BESIDE_M * density)
     for i, view in enumerate(views):
-        supported, opposed, alone = squares.supported[i], squares.opposed[i], squares.unconfirmed_squares(i)
+        supported, opposed, alone = squares.is_confirmed[i], squares.is_contradicted[i], squares.unconfirmed_squares(i)
         like = usual[i]
         agreed = int(supported.sum())
         if like is None or agreed < VOUCHED or agreed < VOUCHED_SHARE * (supported | opposed).sum():
             alone[:] = False
         else:
             middle, half = like
-            alone &= (np.abs(squares.logs[i] - middle) <= np.maximum(ODD, OFTEN * half)).all(axis=2)
-        doubted = squares.there[i] & ~supported & ~alone
-        whole = [on_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
+            alone &= (np.abs(squares.log_colour[i] - middle) <= np.maximum(ODD, OFTEN * half)).all(axis=2)
+        doubted = squares.is_usable[i] & ~supported & ~alone
+        whole = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
         beside = cv2.dilate(whole[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
         kept.append(view.clear & (whole[0] | (whole[1] & (away[i] >= ALONE_M))) & ~beside)
-    return [one & ~odd for one, odd in zip(kept, thin(views, density), strict=True)]
+    return [one & ~odd for one, odd in zip(kept, find_thin_objects(views, density), strict=True)]
 
 
-def _view(scene: Scene, chart: int, camera: Camera) -> View:
+def _view(scene: Scene, chart: int, camera: PanoramaCamera) -> View:
     """A chart as one camera shows it, in the common exposure, from NEAR_M to GROUND_REACH_M."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     away = _away(scene, chart, camera.pose)
@@ -96,6 +96,6 @@ def _away(scene: Scene, chart: int, pose: Pose) -> np.ndarray:
     return np.hypot(east, north).astype(np.float32)
 
 
-def _usual(camera: Camera) -> tuple[np.ndarray, np.ndarray] | None:
+def _usual(camera: PanoramaCamera) -> tuple[np.ndarray, np.ndarray] | None:
     """In the common exposure."""
-    return None if camera.usual is None else (camera.usual[0] + np.log(camera.factor), camera.usual[1])
+    return None if camera.ground_colour is None else (camera.ground_colour[0] + np.log(camera.exposure_factor), camera.ground_colour[1])

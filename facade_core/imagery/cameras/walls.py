@@ -12,8 +12,8 @@ import numpy as np
 
 from facade_core.geometry.overhead_view import raster_points
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.agreement import compared, on_texels
-from facade_core.imagery.cameras.camera_view import Camera, Shown, in_one_exposure, shown_by
+from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels
+from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown, in_one_exposure, shown_by
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, position
 from facade_core.imagery.rectify.fusion import View
 from facade_core.imagery.rectify.panorama import rectify_view
@@ -25,7 +25,7 @@ BELOW_M = 1.3
 SHIFT = 4
 
 
-def photographed_wall(scene: Scene, chart: int, cameras: Sequence[Camera]) -> Shown | None:
+def photographed_wall(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> Shown | None:
     """A wall or a roof from panoramas; None where they show too little."""
     own = covered(scene, chart)
     views = [_view(scene, chart, camera, own) for camera in cameras]
@@ -39,22 +39,22 @@ def photographed_wall(scene: Scene, chart: int, cameras: Sequence[Camera]) -> Sh
 def believed_of_wall(views: Sequence[View], low: Sequence[np.ndarray], density: float) -> list[np.ndarray]:
     """Which clear texels of each view are believed, (h, w) bool each; low (h, w) bool: where each alone is not; density in
     texels per metre."""
-    squares, kept = compared(views, density), []
+    squares, kept = compare_squares(views, density), []
     for i, view in enumerate(views):
         agreed, alone = (
-            on_texels(one, squares.side, view.seen.shape) for one in (squares.supported[i], squares.unconfirmed_squares(i))
+            squares_to_texels(one, squares.side, view.seen.shape) for one in (squares.is_confirmed[i], squares.unconfirmed_squares(i))
         )
         kept.append(view.clear & (agreed | (alone & ~low[i])))
     return kept
 
 
-def _low(scene: Scene, chart: int, camera: Camera) -> np.ndarray:
+def _low(scene: Scene, chart: int, camera: PanoramaCamera) -> np.ndarray:
     """The texels (h, w) bool of a chart that lie so far below a camera that things on the ground may stand before them."""
     rows, columns = (np.arange(int(n)) + 0.5 for n in (scene.placement.height[chart], scene.placement.width[chart]))
     return np.asarray(raster_points(scene, chart, rows, columns)[..., 2] < position(camera.pose)[2] - BELOW_M)
 
 
-def _view(scene: Scene, chart: int, camera: Camera, own: np.ndarray) -> View:
+def _view(scene: Scene, chart: int, camera: PanoramaCamera, own: np.ndarray) -> View:
     """A chart as one camera shows it, in the common exposure, within WALL_REACH_M."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     points = raster_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)

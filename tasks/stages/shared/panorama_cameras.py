@@ -14,7 +14,7 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.camera_view import Camera, Shown
+from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
 from facade_core.imagery.cameras.exposure import usual_of
 from facade_core.imagery.detect.detection import look_on_panorama
 from facade_core.imagery.poses.panorama_camera import position
@@ -30,28 +30,28 @@ KEPT = 8
 Hides = Callable[[np.ndarray, Pose], np.ndarray]
 
 
-def cameras_of(taken: Sequence[Taken], hides: Hides, refused: list[Exception]) -> tuple[list[Camera], list[Taken]]:
+def cameras_of(taken: Sequence[Taken], hides: Hides, refused: list[Exception]) -> tuple[list[PanoramaCamera], list[Taken]]:
     """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `refused`."""
     opened = [(camera, one) for one in taken if (camera := camera_of(one, hides, refused)) is not None]
     return [camera for camera, _ in opened], [one for _, one in opened]
 
 
-def camera_of(one: Taken, hides: Hides, refused: list[Exception]) -> Camera | None:
+def camera_of(one: Taken, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
     """A panorama as a camera; where it cannot be opened None, and why is added to `refused`."""
     with refusing(refused):
         image = read_panorama(one.path)
-        return Camera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), usual_of(one.squares))
+        return PanoramaCamera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), usual_of(one.squares))
     return None
 
 
 def shown_in_turn(
     taken: Mapping[int, Sequence[Taken]],
-    opened: Callable[[Taken], Camera | None],
-    show: Callable[[int, Sequence[Camera]], Shown | None],
+    opened: Callable[[Taken], PanoramaCamera | None],
+    show: Callable[[int, Sequence[PanoramaCamera]], Shown | None],
 ) -> tuple[dict[int, Shown], dict[int, list[Taken]]]:
     """What cameras show of charts, each taken from panoramas of its own, where that is enough; and of each chart those that
     could be opened. At most the panoramas of one chart are open at a time: charts of the same follow each other."""
-    held: dict[Taken, Camera | None] = {}
+    held: dict[Taken, PanoramaCamera | None] = {}
     found, used = {}, {}
     for chart in sorted(taken, key=lambda chart: [str(one.path) for one in taken[chart]]):
         # one that could not be opened is told once

@@ -12,7 +12,7 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.core.types import Pose
-from facade_core.imagery.cameras.camera_view import Camera
+from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
 from facade_core.imagery.cameras.walls import photographed_wall
 from tasks.engine.context import plan_of_run, worker_name
@@ -32,7 +32,7 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     refused: list[Exception] = []
     reading: list[float] = []
 
-    def opened(one: Taken) -> Camera | None:
+    def opened(one: Taken) -> PanoramaCamera | None:
         begun = time.time()
         camera = camera_of(one, before_buildings, refused)
         if camera is not None:
