@@ -32,10 +32,10 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.overhead_view import raster_points
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import taken_whole
-from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
-from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
+from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
-from facade_core.imagery.cameras.walls import covered, photographed_wall
+from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_world, position
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.street.materials.field import Materials
@@ -86,19 +86,19 @@ def _recovered(
     pictures: Path | None,
 ) -> dict[str, Any]:
     paint = painted_sides(street)
-    squares = [look_down(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
+    squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     cameras = [
-        PanoramaCamera(image, pose, mask | beside_edges(scene, pose, mask.shape), factor, usual_of(own))
-        for image, pose, mask, factor, own in zip(images, poses, hidden, factors(squares), squares, strict=True)
+        PanoramaCamera(image, pose, mask | beside_edges(scene, pose, mask.shape), factor, typical_ground_colour(own))
+        for image, pose, mask, factor, own in zip(images, poses, hidden, exposure_factors(squares), squares, strict=True)
     ]
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = Materials(scene, (line,), seed=1)
     seconds: dict[str, list[float]] = {"take": [], "finish": []}
     charts = [c for c in np.flatnonzero(taken_whole(scene.charts)).tolist() if c not in street.charts]
-    shown: dict[int, Shown] = {}
+    shown: dict[int, CameraView] = {}
     for chart in charts:
         start = time.perf_counter()
-        found = photographed_wall(scene, chart, cameras)
+        found = fuse_wall_view(scene, chart, cameras)
         seconds["take"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
@@ -109,7 +109,7 @@ def _recovered(
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         points = raster_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
         views = [rectify_view(scene, chart, c.image, c.pose, size) for c in cameras]
-        own = covered(scene, chart)
+        own = chart_coverage(scene, chart)
         near = [np.linalg.norm(points - position(c.pose), axis=2) <= WALL_REACH_M for c in cameras]
         seen = np.stack([v.seen & own & n for v, n in zip(views, near, strict=True)])
         somewhere = np.asarray(seen.any(axis=0))

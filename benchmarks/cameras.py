@@ -32,9 +32,9 @@ from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
-from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
-from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import in_the_way
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.panorama import rectify_view
@@ -127,22 +127,22 @@ def _recovered(
     cameras, squares = [], []
     for image, pose in zip(images, poses, strict=True):
         start = time.perf_counter()
-        squares.append(look_down(scene, image, pose).squares)
+        squares.append(sample_ground(scene, image, pose).squares)
         looked = time.perf_counter()
         hidden = in_the_way(image, pose)
         seconds["look"].append(looked - start)
         seconds["mask"].append(time.perf_counter() - looked)
-        cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), usual_of(squares[-1])))
-    factor = factors(squares)
+        cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), typical_ground_colour(squares[-1])))
+    factor = exposure_factors(squares)
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
     street_line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = Materials(scene, (street_line,), seed=1)
     grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
-    shown: dict[int, Shown] = {}
+    shown: dict[int, CameraView] = {}
     for chart in grounds:
         start = time.perf_counter()
-        found = photographed(scene, chart, cameras)
+        found = fuse_ground_view(scene, chart, cameras)
         seconds["ground"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
@@ -213,7 +213,7 @@ def _compared(whole: dict[str, np.ndarray], region: np.ndarray) -> dict[str, Any
     return found
 
 
-def shown_reader(scene: Scene, shown: Mapping[int, Shown]) -> Reader:
+def shown_reader(scene: Scene, shown: Mapping[int, CameraView]) -> Reader:
     """What cameras show of charts, as a run reads it."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -221,7 +221,7 @@ def shown_reader(scene: Scene, shown: Mapping[int, Shown]) -> Reader:
             shape = (rows.stop - rows.start, columns.stop - columns.start)
             return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
         found = shown[chart]
-        rank = np.where(found.shown, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
+        rank = np.where(found.is_visible, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
         return found.rgb[rows, columns], rank[rows, columns]
 
     return read

@@ -22,7 +22,7 @@ from PIL import Image, ImageDraw
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.models.glb import header_of
-from facade_core.export.models.textured_parts import local_frame
+from facade_core.export.models.textured_mesh import local_frame
 from tasks.export.formats import export
 from tasks.published.opened import published
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.export.pictures.picture import file_of, perspective
+from facade_core.export.pictures.rendering import file_of, perspective
 from facade_core.export.pictures.views import cameras, view_names
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact import contact

@@ -31,7 +31,7 @@ from benchmarks.city.runs import run
 from catalogs.block import Block, read_block
 from facade_core.core.types import Pose
 from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.picture import aim, averaged
+from facade_core.export.pictures.rendering import aim, averaged
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import before_buildings

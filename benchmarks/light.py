@@ -22,7 +22,7 @@ from PIL import Image
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.core.types import Sun
-from facade_core.export.models.textured_parts import local_frame, y_up
+from facade_core.export.models.textured_mesh import local_frame, y_up
 from facade_core.export.pictures.views import cameras, view_names
 from facade_core.street.lighting.sun import direction
 from tasks.export.formats import export

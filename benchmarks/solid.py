@@ -50,10 +50,10 @@ def of_model(given: Path, folder: Path) -> Path:
     """The buildings of a file as they are exported, without textures: what was read of it becomes charts, and these a file."""
     from catalogs.block import read_block
     from facade_core.core.grouping import grouped
-    from facade_core.export.bodies.buildings import modelled
+    from facade_core.export.bodies.building_models import modelled
     from facade_core.export.city_models.attribution import Attribution
     from facade_core.export.city_models.cityjson import Pool, document, geometry_of
-    from facade_core.export.models.textured_parts import SMALLEST_M2, Textured, layout_of, part_of, shown_area
+    from facade_core.export.models.textured_mesh import SMALLEST_M2, Textured, layout_of, part_of, shown_area
     from facade_core.geometry.block_surfaces import block_surfaces
     from facade_core.geometry.ground.terrain import terrain_of
 

@@ -19,16 +19,16 @@ from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
 from facade_core.core.types import Pose, Street
-from facade_core.export.pictures.facade_stages import StoredFacade, chart_raster, stages_of
-from facade_core.export.pictures.picture import file_of, perspective
+from facade_core.export.pictures.rendering import file_of, perspective
+from facade_core.export.pictures.stage_pictures import StoredFacade, chart_raster, stages_of
 from facade_core.export.pictures.views import cameras, view_names
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
-from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges, in_the_way
-from facade_core.imagery.cameras.walls import photographed_wall
+from facade_core.imagery.cameras.walls import fuse_wall_view
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.imagery.rectify.photo import rectify
@@ -194,19 +194,19 @@ def ground() -> np.ndarray:
     street, _, given, images = _street()
     scene = street.scene
     seen = [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
-    squares = [look_down(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
+    squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
     found = [
-        PanoramaCamera(image, pose, in_the_way(image, pose), factor, usual_of(own))
-        for image, pose, factor, own in zip(images, seen, factors(squares), squares, strict=True)
+        PanoramaCamera(image, pose, in_the_way(image, pose), factor, typical_ground_colour(own))
+        for image, pose, factor, own in zip(images, seen, exposure_factors(squares), squares, strict=True)
     ]
-    shown = {c: photographed(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
-    chart = max(shown, key=lambda c: float(part.shown.sum()) if (part := shown[c]) else 0.0)
+    shown = {c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
+    chart = max(shown, key=lambda c: float(part.is_visible.sum()) if (part := shown[c]) else 0.0)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = Materials(scene, (line,), seed=1)
     material = materials.raster(chart).reshape(*size, 3)
     pictured = {c: part for c, part in shown.items() if part is not None}
-    taken = np.where(pictured[chart].shown[..., None], pictured[chart].rgb, material)
+    taken = np.where(pictured[chart].is_visible[..., None], pictured[chart].rgb, material)
     known = Known(shown_reader(scene, pictured), pictured, ())
     return beside([material, taken, surface(scene, materials, chart, known, network=False)[0]], 420)
 
@@ -217,26 +217,26 @@ def walls() -> np.ndarray:
     scene, paint = street.scene, painted_sides(street)
     _, given, _, images = photographed_street(street, 3, WIDTH, SEED, ground=painted_ground(street), sides=paint)
     poses = refined(scene, images, given)
-    squares = [look_down(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
+    squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     seen = [
         PanoramaCamera(
             image,
             pose,
             before_buildings(image, pose) | beside_edges(scene, pose, (image.shape[0], image.shape[1])),
             factor,
-            usual_of(own),
+            typical_ground_colour(own),
         )
-        for image, pose, factor, own in zip(images, poses, factors(squares), squares, strict=True)
+        for image, pose, factor, own in zip(images, poses, exposure_factors(squares), squares, strict=True)
     ]
     plain = [c for c in np.flatnonzero(taken_whole(scene.charts)).tolist() if c not in street.charts]
-    shown = {c: part for c in plain if (part := photographed_wall(scene, c, seen)) is not None}
-    chart = max(shown, key=lambda c: float(shown[c].shown.sum()))
+    shown = {c: part for c in plain if (part := fuse_wall_view(scene, c, seen)) is not None}
+    chart = max(shown, key=lambda c: float(shown[c].is_visible.sum()))
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = Materials(scene, (line,), seed=1)
     without, known = Known(shown_reader(scene, {}), (), ()), Known(shown_reader(scene, shown), shown, (), shown)
     material, finished = (surface(scene, materials, chart, one, network=False)[0] for one in (without, known))
-    taken = np.where(shown[chart].shown[..., None], shown[chart].rgb, 255)
+    taken = np.where(shown[chart].is_visible[..., None], shown[chart].rgb, 255)
     x, y = np.meshgrid(*((np.arange(n) + 0.5) / scene.placement.texels_per_metre[chart] for n in size[::-1]))
     truth = paint(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3).astype(np.uint8)
     return beside([material, taken, finished, truth], 420)

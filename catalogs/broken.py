@@ -13,60 +13,60 @@ from facade_core.core.errors import FacadeError, InputError
 log = logging.getLogger(__name__)
 
 # What a full, broken or exhausted machine answers, whatever is read.
-_MACHINE = frozenset(
+_SYSTEM_ERRNOS = frozenset(
     (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EROFS, errno.ESTALE)
 )
 # A file below this needs no memory that a machine lacks, unless it claims to hold more than it does.
-_SMALL = 64 * 2**20
-_LONGEST = 160
+_SMALL_FILE_BYTES = 64 * 2**20
+_MAX_MESSAGE_LENGTH = 160
 
 
-def is_machines(error: BaseException) -> bool:
+def is_system_error(error: BaseException) -> bool:
     """Whether an error is the machine's fault, and not that of what is read."""
     if isinstance(error, OSError):
-        return error.errno in _MACHINE
+        return error.errno in _SYSTEM_ERRNOS
     return isinstance(error, MemoryError | ImportError) or not isinstance(error, Exception)
 
 
-def said(error: BaseException) -> str:
+def short_message(error: BaseException) -> str:
     """An error as one short piece of a line."""
-    return one_line(str(error))[:_LONGEST] or type(error).__name__
+    return single_line(str(error))[:_MAX_MESSAGE_LENGTH] or type(error).__name__
 
 
-def one_line(text: str) -> str:
+def single_line(text: str) -> str:
     """A text as part of one line of UTF-8: what breaks lines, and what is no letter at all, is replaced."""
     return "".join(c if c.isprintable() else " " for c in text.encode(errors="replace").decode()).strip()
 
 
 @contextmanager
-def refusing(path: Path, kind: str, remedy: str) -> Iterator[None]:
+def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
     """Any error within says that a file is no valid `kind`: InputError with the remedy. Our own and the machine's pass."""
     try:
         yield
     except FacadeError:
         raise
     except Exception as error:  # parsers let the errors of their own slips through
-        if is_machines(error) and not (isinstance(error, MemoryError) and _size(path) < _SMALL):
+        if is_system_error(error) and not (isinstance(error, MemoryError) and _file_size(path) < _SMALL_FILE_BYTES):
             raise
         log.debug("%s: refused", path, exc_info=True)
         if isinstance(error, MemoryError):  # not from it: it is not the memory that is at fault
             raise InputError(f"{path} claims to hold more than memory can; {remedy}") from None
         if isinstance(error, OSError) and error.strerror and error.filename is not None:
             raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions") from error
-        raise InputError(f"{path} is not a valid {kind} ({said(error)}); {remedy}") from error
+        raise InputError(f"{path} is not a valid {kind} ({short_message(error)}); {remedy}") from error
 
 
-def reason_of(error: Exception, remedy: str = "mend or remove it") -> str:
+def fault_reason(error: Exception, remedy: str = "mend or remove it") -> str:
     """Why a unit is set aside for an error that nothing foresaw, with the remedy. The machine's faults are raised again."""
-    if is_machines(error):
+    if is_system_error(error):
         raise error
     if isinstance(error, FacadeError):
         return str(error)
     log.debug("a unit is set aside", exc_info=error)
-    return f"it cannot be read ({said(error)}); {remedy}"
+    return f"it cannot be read ({short_message(error)}); {remedy}"
 
 
-def _size(path: Path) -> int:
+def _file_size(path: Path) -> int:
     try:
         return path.stat().st_size
     except OSError:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
 
 # File systems allow 255 bytes, of which prefixes and suffixes take some.
-LONGEST_STEM = 120
+MAX_STEM_LENGTH = 120
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Footprint:
     name: str | None
     base: float | None = None
     roof: Roof | None = None
-    rise: float | None = None
+    roof_height: float | None = None
     kind: str | None = None
     built: int | None = None
     finish: Finish = PLAIN
@@ -209,7 +209,7 @@ def _boxes(geometries: Iterable[Any]) -> np.ndarray:
 def file_stem(identifier: str) -> str:
     """An id as a file's name without suffix, of LONGEST_STEM letters at most: itself where it is one on every system, else told
     apart by a short digest."""
-    if len(identifier) <= LONGEST_STEM and re.fullmatch(r"[\w{}()+=@-][\w {}()+=@.-]*", identifier, re.ASCII):
+    if len(identifier) <= MAX_STEM_LENGTH and re.fullmatch(r"[\w{}()+=@-][\w {}()+=@.-]*", identifier, re.ASCII):
         return identifier
     plain = re.sub(r"[^\w{}()+=@-]", "_", identifier[:80], flags=re.ASCII)
     digest = hashlib.blake2b(identifier.encode(errors="surrogatepass"), digest_size=4).hexdigest()

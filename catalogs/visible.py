@@ -7,30 +7,30 @@ import unicodedata
 from typing import Any
 
 # Control and format characters, halves of characters, ends of lines and paragraphs.
-_UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+_INVISIBLE_CATEGORIES = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 # Format characters that spelling needs: zero-width joiner and non-joiner.
-_SPELLING = "\u200c\u200d"
+_JOINERS = "\u200c\u200d"
 
 
-def visible(text: str) -> str:
+def escape_invisible(text: str) -> str:
     """The text with every character that is not seen written as Python would write it: \\x1b, \\n, \\u202e."""
     if text.isprintable():
         return text
-    return "".join(ascii(c)[1:-1] if _unseen(c) else c for c in text)
+    return "".join(ascii(c)[1:-1] if _is_invisible(c) else c for c in text)
 
 
-def visible_json(text: str) -> str:
+def escape_invisible_json(text: str) -> str:
     """JSON text that says the same, with those characters written as JSON would; line breaks between values stay."""
     if text.replace("\n", "").isprintable():
         return text
-    return "".join(json.dumps(c)[1:-1] if c != "\n" and _unseen(c) else c for c in text)
+    return "".join(json.dumps(c)[1:-1] if c != "\n" and _is_invisible(c) else c for c in text)
 
 
-def _unseen(character: str) -> bool:
-    return unicodedata.category(character) in _UNSEEN and character not in _SPELLING
+def _is_invisible(character: str) -> bool:
+    return unicodedata.category(character) in _INVISIBLE_CATEGORIES and character not in _JOINERS
 
 
-def shown(value: Any, limit: int = 60) -> str:
+def short_repr(value: Any, max_length: int = 60) -> str:
     """A value as one short piece of a message."""
     text = " ".join(repr(value).split()) if value is not None else "nothing"
-    return text if len(text) <= limit else text[: limit - 3] + "..."
+    return text if len(text) <= max_length else text[: max_length - 3] + "..."

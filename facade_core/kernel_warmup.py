@@ -14,7 +14,7 @@ from shapely.geometry import LineString, box
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Element, Street, Sun
 from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.picture import perspective
+from facade_core.export.pictures.rendering import perspective
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.pipeline import from_exemplar
 from facade_core.facade.texture.building_walls import Wall

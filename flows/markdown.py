@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from catalogs.visible import visible
+from catalogs.visible import escape_invisible
 
 # What begins emphasis, code, a link, a tag, an entity, a table's cell or a line through; what makes an address a link; what
 # makes a line a heading, a list or a rule.
@@ -17,12 +17,12 @@ _MARKUP = re.compile(
 
 def plain(text: str) -> str:
     """Markdown for the text itself."""
-    return _MARKUP.sub(lambda found: f"{found[0][:-1]}\\{found[0][-1]}", visible(text))
+    return _MARKUP.sub(lambda found: f"{found[0][:-1]}\\{found[0][-1]}", escape_invisible(text))
 
 
 def code(text: str) -> str:
     """Markdown for the text as code."""
-    shown = visible(text)
+    shown = escape_invisible(text)
     fence = "`" * (1 + max(map(len, re.findall("`+", shown)), default=0))
     return f"{fence} {shown} {fence}" if "`" in shown else f"`{shown}`"
 

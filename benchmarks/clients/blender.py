@@ -14,9 +14,9 @@ import numpy as np
 
 from benchmarks.clients.browser import PATIENCE_S
 from benchmarks.programs import blender, cjio
-from facade_core.export.models.textured_parts import local_frame
+from facade_core.export.models.textured_mesh import local_frame
 from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.picture import aim, averaged
+from facade_core.export.pictures.rendering import aim, averaged
 from facade_core.export.pictures.views import cameras, view_names
 from tasks.published.opened import Published
 

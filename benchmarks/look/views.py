@@ -10,7 +10,7 @@ import shapely
 
 from benchmarks.look.outputs import Output
 from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.picture import Picture, aim, averaged
+from facade_core.export.pictures.rendering import Picture, aim, averaged
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
+from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMA_VERSION, SCHEMAS
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
 from facade_core.core.types import Models
@@ -53,7 +53,7 @@ def block_digest(block: Block) -> str:
         values["models"] = model_digests(block.models)
     if block.corrections:
         values["corrections"] = block.corrections.digested()
-    digest = hashlib.sha256()
+    digest = _new_hash()
     _say(values, digest.update)
     return digest.hexdigest()
 
@@ -71,7 +71,7 @@ OF_PLAN = ("texels_per_metre", "viewpoint_spacing", "viewpoint_height", "visibil
 def geometry_digest(block: Block) -> str:
     """The sha256 of what a block's plan is made of, its panoramas aside; of pictures only where one lies over the block."""
     texture, aerial = block.texture, block.aerial
-    digest = hashlib.sha256()
+    digest = _new_hash()
     _say(
         {
             "crs": block.crs.to_string(),
@@ -87,6 +87,11 @@ def geometry_digest(block: Block) -> str:
         digest.update,
     )
     return digest.hexdigest()
+
+
+def _new_hash() -> Any:
+    """Return a sha256 of the version of the schemas; version 1 adds nothing, so that digests of earlier releases stay."""
+    return hashlib.sha256(b"" if SCHEMA_VERSION == 1 else b"schemas %d " % SCHEMA_VERSION)
 
 
 def _say(value: Any, add: Callable[[bytes], object]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from catalogs.broken import is_machines, said
+from catalogs.broken import is_system_error, short_message
 from facade_core.core.errors import BlockFileError, FacadeError, InputError
 
 log = logging.getLogger(__name__)
@@ -34,12 +34,12 @@ class BlockFile:
         except FacadeError:
             raise
         except Exception as error:
-            if is_machines(error):
+            if is_system_error(error):
                 raise
             log.debug("%s: %s: refused", self.path, key, exc_info=True)
             if isinstance(error, OSError) and error.filename:
                 problem = f"{error.filename} cannot be read ({error.strerror}); check the path and its permissions"
             else:
                 shown = ", ".join(str(argument) for argument in arguments if isinstance(argument, str | Path))
-                problem = f"{shown} cannot be used ({said(error)}); check it, or give another"
+                problem = f"{shown} cannot be used ({short_message(error)}); check it, or give another"
             raise self.fault(key, problem) from error

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from catalogs.visible import shown
+from catalogs.visible import short_repr
 from facade_core.core.types import Privacy, Sun
 
 
@@ -216,24 +216,24 @@ def _line(fault: Mapping[str, Any]) -> str:
             if "path" in inner and isinstance(value, str)
             else f"{inner[0]}: ..."
         )
-        return f"{key}: holds {shown(value)} where keys are expected; write {key}: {{{example}}}"
+        return f"{key}: holds {short_repr(value)} where keys are expected; write {key}: {{{example}}}"
     if kind in _OUTSIDE:
-        return f"{key}: {shown(value)} is out of range; allowed is {_allowed(key)}"
+        return f"{key}: {short_repr(value)} is out of range; allowed is {_allowed(key)}"
     if kind == "literal_error":
-        return f"{key}: {shown(value)} is not known; choose {fault['ctx']['expected']}"
+        return f"{key}: {short_repr(value)} is not known; choose {fault['ctx']['expected']}"
     if kind == "value_error":
-        return f"{key}: {fault['ctx']['error']}, got {shown(value)}"
+        return f"{key}: {fault['ctx']['error']}, got {short_repr(value)}"
     if kind in ("too_short", "too_long"):
         wanted = (
             "[west, south, east, north] in degrees" if key == "area" else "at least one entry, or leave the key out"
         )
-        return f"{key}: wrong number of entries, got {shown(value)}; give {wanted}"
+        return f"{key}: wrong number of entries, got {short_repr(value)}; give {wanted}"
     if kind == "string_pattern_mismatch":
-        return f"{key}: {shown(value)} is no usable name; use letters, digits, '.', '_' and '-' only"
+        return f"{key}: {short_repr(value)} is no usable name; use letters, digits, '.', '_' and '-' only"
     if kind == "string_too_short" or (kind == "string_type" and value is None):
         return f"{key}: is empty; fill it in"
     expected, remedy = _EXPECTED.get(kind, ("understood", "give another value"))
-    return f"{key}: {shown(value)} is not {expected}; {remedy}"
+    return f"{key}: {short_repr(value)} is not {expected}; {remedy}"
 
 
 def _allowed(key: str) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.features import Model, Models
 from catalogs.frames import between
 from catalogs.readers.limits import HIGHEST, LOWEST, TALLEST
@@ -56,7 +56,7 @@ def models_in_frame(
         try:
             outline = outline_of(shell)
         except Exception as error:  # what GEOS makes of it is no other model's fault
-            yield model, shell, reason_of(error)
+            yield model, shell, fault_reason(error)
             continue
         yield model, shell, outline if not outline.is_empty else "it covers no ground (walls only); give a closed model"
 

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.buildings.heights import assumed_heights
 from catalogs.buildings.models import models_in_frame
 from catalogs.buildings.parts import Stated, hosts, with_parts
@@ -146,7 +146,7 @@ def _outlined(
             reason = _broken(outline)
             large, small = ([], []) if reason else _parts(outline, smallest)
         except Exception as error:  # what GEOS makes of it is no other outline's fault
-            reason = reason_of(error)
+            reason = fault_reason(error)
         if reason:
             if _touches(outline, area):
                 faults.append(Fault(footprint.id, "building", reason))

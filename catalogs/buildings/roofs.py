@@ -81,7 +81,7 @@ def with_roofs(buildings: Sequence[Building], stated: Sequence[Footprint | None]
 def under_roof(building: Building, source: Footprint, *, attached: bool) -> Building:
     """A building of known height with the roof that is assumed."""
     roof = assumed(building, source, attached=attached)
-    if building.height_source != "height" or source.rise is not None:
+    if building.height_source != "height" or source.roof_height is not None:
         return replace(building, roof=roof)
     walls = building.height - roof.height
     if walls < LEAST_WALL:
@@ -101,17 +101,17 @@ def assumed(building: Building, source: Footprint, *, attached: bool) -> Roof:
 
     def sloped(shape: str, pitches: tuple[float, float], most: float, confidence: float) -> Roof:
         pitch = round(pitches[0] + one * (pitches[1] - pitches[0]), 1)
-        rise = min(most, depth * math.tan(math.radians(pitch))) if source.rise is None else source.rise
-        if source.rise is not None:
+        rise = min(most, depth * math.tan(math.radians(pitch))) if source.roof_height is None else source.roof_height
+        if source.roof_height is not None:
             pitch = round(min(max(pitch, math.degrees(math.atan2(rise, depth))), 70.0), 1)
         return Roof(shape, round(rise, 2), pitch=pitch, confidence=confidence)
 
     def flat(confidence: float) -> Roof:
         return Roof("flat", 0.0, confidence=confidence)
 
-    if source.rise is not None and source.rise > 0:
+    if source.roof_height is not None and source.roof_height > 0:
         return sloped("gabled", ROW_PITCH if attached else HOUSE_PITCH, ROW_RISE, 0.6)
-    if source.rise == 0 or kind in FLAT:
+    if source.roof_height == 0 or kind in FLAT:
         return flat(0.8)
     if kind in CHURCHES:
         return sloped("gabled", (CHURCH_PITCH, CHURCH_PITCH), CHURCH_RISE, 0.6)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from catalogs.broken import one_line
+from catalogs.broken import single_line
 from catalogs.features import Fault
 from catalogs.readers.pictures.poses import LONLAT, SourcePose, day_of, implausible
 from facade_core.core.errors import InputError
@@ -81,7 +81,7 @@ class Offer:
 
 def fault(identifier: str, reason: str) -> Fault:
     """A picture that is left out, in one line with the remedy."""
-    return Fault(one_line(identifier)[:80] or "unnamed", "panorama", one_line(reason)[:200])
+    return Fault(single_line(identifier)[:80] or "unnamed", "panorama", single_line(reason)[:200])
 
 
 def number(value: Any) -> float | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
-from catalogs.broken import is_machines, said
+from catalogs.broken import is_system_error, short_message
 from catalogs.features import Fault
 from catalogs.imagery.boxes import quartered
 from catalogs.imagery.offer import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
@@ -39,10 +39,10 @@ def stac_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
     except InputError:
         raise
     except Exception as error:  # what an answer can hold in a place, pystac meets with errors of every kind
-        if is_machines(error):
+        if is_system_error(error):
             raise
         raise InputError(
-            f"{shown_url(api)} is no STAC API that can be searched ({said(error)}); check the address"
+            f"{shown_url(api)} is no STAC API that can be searched ({short_message(error)}); check the address"
         ) from error
 
 

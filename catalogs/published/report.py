@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from catalogs.features import file_stem, natural_order
 from catalogs.published.items import ASSUMED
-from catalogs.visible import visible
+from catalogs.visible import escape_invisible
 from facade_core.core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ def _environment() -> Environment:
 
 def _shown(value: Any) -> Any:
     """What stands in the page for a value, before it is escaped."""
-    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    return escape_invisible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _line(street: StreetPages) -> dict[str, Any]:

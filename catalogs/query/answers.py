@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from catalogs.frames import LONLAT
 from catalogs.published.items import BBOX
 from catalogs.query.where import named_in
-from catalogs.visible import visible, visible_json
+from catalogs.visible import escape_invisible, escape_invisible_json
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,9 +47,9 @@ def format_items(items: pd.DataFrame, format: str = "table", where: str | None =
     if format == "table":
         return _table(items, named_in(where or "", list(items.columns)))
     if format == "json":
-        return visible_json(json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False))
+        return escape_invisible_json(json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False))
     if format == "geojson":
-        return visible_json(json.dumps(_collection(items), ensure_ascii=False, allow_nan=False))
+        return escape_invisible_json(json.dumps(_collection(items), ensure_ascii=False, allow_nan=False))
     raise InputError(f"--format {format}: not text, or not known; choose table, json, geojson")
 
 
@@ -129,4 +129,4 @@ def _table(items: pd.DataFrame, asked: Sequence[str]) -> str:
 def _cell(name: str, value: Any) -> str:
     if value is None:
         return "-"
-    return f"{value:.2f}" if isinstance(value, float) else visible(str(value))
+    return f"{value:.2f}" if isinstance(value, float) else escape_invisible(str(value))

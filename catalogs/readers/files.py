@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from catalogs.broken import refusing
+from catalogs.broken import wrap_reader_errors
 from catalogs.features import Centrelines, Footprints, Models
 from catalogs.readers.limits import within_limits
 from facade_core.core.errors import InputError
@@ -61,7 +61,7 @@ def read_buildings(path: Path, lod: str | None = None) -> Footprints | Models:
     What is broken or beyond the limits of a block is set aside. Raises InputError for an unknown suffix or a broken file.
     """
     reader = _reader(path, BUILDING_READERS)
-    with refusing(path, f"{path.suffix} file", "export it again"):
+    with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return within_limits(reader(path, lod), path)
 
 
@@ -71,7 +71,7 @@ def read_centrelines(path: Path) -> Centrelines:
     Raises InputError for an unknown suffix or a broken file.
     """
     reader = _reader(path, CENTRELINE_READERS)
-    with refusing(path, f"{path.suffix} file", "export it again"):
+    with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return within_limits(reader(path), path)
 
 
@@ -81,7 +81,7 @@ def read_ground(path: Path) -> Centrelines:
     Raises InputError for an unknown suffix or a broken file.
     """
     reader = _reader(path, GROUND_READERS)
-    with refusing(path, f"{path.suffix} file", "export it again"):
+    with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return reader(path)
 
 

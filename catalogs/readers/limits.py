@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import shapely
 
-from catalogs.broken import one_line
+from catalogs.broken import single_line
 from catalogs.features import Centreline, Centrelines, Fault, Footprint, Footprints, Model, Models, Remark
 from catalogs.readers.faces import MOST_CORNERS
 from facade_core.core.errors import InputError
@@ -35,14 +35,14 @@ def within_limits(source: Source, path: Path) -> Source:
             f"{path} holds {len(source.items)} {kind}s, more than {MOST_FEATURES}; cut out the area that is meant"
         )
     items: list[Any] = []
-    faults = [replace(f, id=_shown(f.id), reason=one_line(f.reason)) for f in source.faults]
+    faults = [replace(f, id=_shown(f.id), reason=single_line(f.reason)) for f in source.faults]
     for item in source.items:
         if reason := _too_much(item):
             faults.append(Fault(_shown(item.id), kind, f"{path.name}: {reason}", _place(item)))
         elif item.name is None:
             items.append(item)
         else:
-            items.append(replace(item, name=one_line(item.name[:LONGEST_NAME]) or None))
+            items.append(replace(item, name=single_line(item.name[:LONGEST_NAME]) or None))
     return replace(source, items=tuple(items), faults=tuple(faults), remarks=_shown_remarks(source.remarks))
 
 
@@ -50,7 +50,7 @@ def _too_much(item: Footprint | Model | Centreline) -> str | None:
     """Why a unit cannot be one of a block, with the remedy; None where it can."""
     if len(item.id) > LONGEST_ID:
         return f"its id has {len(item.id)} letters, more than {LONGEST_ID}; give it a shorter one"
-    if one_line(item.id) != item.id:
+    if single_line(item.id) != item.id:
         return "its id holds what is no letter, such as a line break or half a character; give it another"
     if isinstance(item, Centreline):
         points = shapely.get_num_coordinates(item.line)
@@ -76,9 +76,9 @@ def _place(item: Any) -> Any:
 
 def _shown(id: str) -> str:
     """An id as far as it is of use in a report."""
-    text = one_line(id[:LONGEST_ID])
+    text = single_line(id[:LONGEST_ID])
     return text if len(text) <= LONGEST_NAME else f"{text[:40]}..."
 
 
 def _shown_remarks(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
-    return tuple(replace(remark, id=_shown(remark.id), reason=one_line(remark.reason)) for remark in remarks)
+    return tuple(replace(remark, id=_shown(remark.id), reason=single_line(remark.reason)) for remark in remarks)

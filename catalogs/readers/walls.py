@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.features import Fault, Footprint, Footprints
 from catalogs.readers.faces import FARTHEST
 from catalogs.readers.json_text import load_json
@@ -47,7 +47,7 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
         except ValueError as reason:
             faults.append(Fault(building, "building", str(reason)))
         except Exception as error:  # GEOS has errors of its own
-            faults.append(Fault(building, "building", reason_of(error)))
+            faults.append(Fault(building, "building", fault_reason(error)))
     return Footprints(crs, tuple(items), faults=tuple(faults))
 
 

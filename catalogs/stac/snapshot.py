@@ -39,7 +39,7 @@ from catalogs.stac.items import (
 )
 from catalogs.stac.licences import license_links
 from catalogs.stac.parquet import MIRROR, write_mirror
-from catalogs.visible import visible_json
+from catalogs.visible import escape_invisible_json
 
 if TYPE_CHECKING:
     from pystac import Item, Link, STACObject
@@ -212,7 +212,7 @@ def to_json(value: STACObject) -> str:
 
 def json_text(fields: Mapping[str, Any]) -> str:
     """A STAC object's fields as they are written to its file."""
-    return visible_json(json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
+    return escape_invisible_json(json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def item_stem(identifier: str) -> str:

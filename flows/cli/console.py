@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from catalogs.visible import visible
+from catalogs.visible import escape_invisible
 from tasks.engine.progress import StageProgress, listen
 
 console = Console(stderr=True)
@@ -117,5 +117,5 @@ def show(target: Console, summary: dict[str, Any], *, painted: bool = False) -> 
 
 def _line(target: Console, *parts: str | tuple[str, str]) -> None:
     """One line of text, parts of it in a style; nothing in it is taken for markup or steers the terminal."""
-    shown = [visible(part) if isinstance(part, str) else (visible(part[0]), part[1]) for part in parts]
+    shown = [escape_invisible(part) if isinstance(part, str) else (escape_invisible(part[0]), part[1]) for part in parts]
     target.print(Text.assemble(*shown), soft_wrap=True)

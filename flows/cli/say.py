@@ -9,9 +9,9 @@ def say(line: object, *, err: bool = False) -> None:
     """Print one line."""
     text = str(line)
     if not text.isprintable():
-        from catalogs.visible import visible  # takes half a second
+        from catalogs.visible import escape_invisible  # takes half a second
 
-        text = visible(text)
+        text = escape_invisible(text)
     click.echo(text, err=err)
 
 

@@ -18,7 +18,7 @@ from catalogs.published.runs import Run
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.errors import InputError
-from facade_core.export.models.joined import join_glbs, part_of_file
+from facade_core.export.models.glb_merge import join_glbs, part_of_file
 from tasks.city.account import BLOCKS, tileset_of
 
 TILESET, OVERVIEW = "tileset.json", "overview.glb"

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.readers.annotations import EXPORTED
-from catalogs.visible import visible_json
+from catalogs.visible import escape_invisible_json
 from facade_core.core.types import Element
 from tasks.engine.progress import advance, begin_stage
 from tasks.export.models import with_ground
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.bodies.buildings import Modelled
+    from facade_core.export.bodies.building_models import Modelled
 
 TEXTURES = "textures"
 # What a building is of, as it was stated or corrected, by the names of attributes.
@@ -76,7 +76,7 @@ def _write_document(
 
 
 def _line(value: dict[str, Any]) -> str:
-    return visible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
+    return escape_invisible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _objects(
@@ -84,9 +84,9 @@ def _objects(
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """The files of the texture pages, which are written, and every feature as (id, what makes its city objects in a pool)."""
     from facade_core.core.grouping import grouped
-    from facade_core.export.bodies.buildings import ground_faces
+    from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.cityjson import geometry_of
-    from facade_core.export.models.textured_parts import GROUND_NODE, layout_of, page_jpeg
+    from facade_core.export.models.textured_mesh import GROUND_NODE, layout_of, page_jpeg
 
     source = found.textured
     shown = with_ground(found, buildings)
@@ -177,7 +177,7 @@ def model_of(
     origin: np.ndarray,
 ) -> Modelled:
     """A building as faces on the grid around `origin` (3,), with the openings and balconies of `layouts`."""
-    from facade_core.export.bodies.buildings import modelled
+    from facade_core.export.bodies.building_models import modelled
 
     assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
     facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
@@ -213,7 +213,7 @@ def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
 def measured_heights(found: Published) -> dict[str, float]:
     """The height of each building by its id, as exports state it."""
     from facade_core.core.grouping import grouped
-    from facade_core.export.models.textured_parts import layout_of
+    from facade_core.export.models.textured_mesh import layout_of
 
     source, buildings = found.textured, found.choose(())
     drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
@@ -240,7 +240,7 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
 def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
     """The elements of the finished facades of some buildings by their charts, in metres, with the ledges that pictures show."""
     from facade_core.export.bodies.ledges import ledges_of
-    from facade_core.export.pictures.facade_stages import chart_raster
+    from facade_core.export.pictures.stage_pictures import chart_raster
 
     placement = found.plan.scene.placement
     layouts = {}

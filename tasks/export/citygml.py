@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.features import file_stem
-from catalogs.visible import visible
+from catalogs.visible import escape_invisible
 from tasks.engine.progress import advance, begin_stage
 from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
 from tasks.export.models import with_ground
@@ -26,7 +26,7 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     """BLOCK.gml: LoD3 where a building has openings, else LoD2, with textures beside it."""
     from facade_core.core.grouping import grouped
     from facade_core.export.city_models.citygml import city_model, ncname
-    from facade_core.export.models.textured_parts import layout_of, page_jpeg
+    from facade_core.export.models.textured_mesh import layout_of, page_jpeg
 
     source, shown = found.textured, with_ground(found, buildings)
     drawn = layout_of(source, source.chosen(shown))
@@ -82,10 +82,10 @@ def _building(
     member = _member()
     building = add(member, "bldg:Building", gml_id=id)
     if "name" in said:
-        add(building, "gml:name", visible(said["name"]))
+        add(building, "gml:name", escape_invisible(said["name"]))
     for key, value in {"id": found.names[index], **said}.items():
         if key not in OWN:
-            attribute(building, key, visible(value) if isinstance(value, str) else value)
+            attribute(building, key, escape_invisible(value) if isinstance(value, str) else value)
     textured.appearance(building, images)
     if "roofType" in said:
         add(building, "bldg:roofType", said["roofType"])
@@ -109,10 +109,10 @@ def _building(
 
 def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]) -> list[Element]:
     """The ground's pieces, each a relief of one triangulated surface."""
-    from facade_core.export.bodies.buildings import ground_faces
+    from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.citygml import Textured, add
     from facade_core.export.city_models.cityjson import Pool
-    from facade_core.export.models.textured_parts import GROUND_NODE
+    from facade_core.export.models.textured_mesh import GROUND_NODE
 
     origin, members = origin_of(found), []
     for number, faces in enumerate(ground_faces(drawn, triangles, origin)):

@@ -45,7 +45,7 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
     from PIL.PngImagePlugin import PngInfo
 
     from facade_core.export.pictures.annotations import Annotated
-    from facade_core.export.pictures.facade_stages import chart_raster
+    from facade_core.export.pictures.stage_pictures import chart_raster
 
     facades = found.rectified(buildings)
     said = PngInfo()

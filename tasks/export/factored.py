@@ -16,8 +16,8 @@ from tasks.export.laying import laid
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.factored.pictures import Shown
-    from facade_core.export.factored.wall import Pieces
+    from facade_core.export.factored.texture_packing import Shown
+    from facade_core.export.factored.wall_geometry import Pieces
 
 FIGURES = "figures.json"
 # Coarse tiles above factored ones have this share of the texels of those above unique texels.
@@ -32,10 +32,10 @@ def write_factored(
     from facade_core.core.grouping import Grouped
     from facade_core.export.factored.glb import factored_glb
     from facade_core.export.factored.parts import joined, parts_of, rest
-    from facade_core.export.factored.pictures import held, pictures_of
-    from facade_core.export.factored.wall import NEAR
+    from facade_core.export.factored.texture_packing import held, pictures_of
+    from facade_core.export.factored.wall_geometry import NEAR
     from facade_core.export.models.encoders import encoder
-    from facade_core.export.models.textured_parts import local_frame
+    from facade_core.export.models.textured_mesh import local_frame
 
     start = time.monotonic()
     source = found.textured
@@ -84,11 +84,11 @@ def write_factored_tiles(
     from dataclasses import replace
 
     from facade_core.export.factored.parts import joined
-    from facade_core.export.factored.pictures import held, pictures_of
+    from facade_core.export.factored.texture_packing import held, pictures_of
     from facade_core.export.factored.tiles import Leaves
-    from facade_core.export.factored.wall import FAR, NEAR
+    from facade_core.export.factored.wall_geometry import FAR, NEAR
     from facade_core.export.models.encoders import MIPMAPS, encoder
-    from facade_core.export.models.textured_parts import local_frame, part_of
+    from facade_core.export.models.textured_mesh import local_frame, part_of
     from facade_core.export.tiles.cells import COARSE, quadtree
     from facade_core.export.tiles.far_shells import simplified_shells
     from facade_core.export.tiles.tileset import count_tiles, write_tileset
@@ -167,7 +167,7 @@ def write_factored_tiles(
 
 def _figures(pictures: Shown, whole: Pieces, rest_bytes: float) -> dict[str, Any]:
     """What pictures come to on a graphics card, and what elements keep of theirs."""
-    from facade_core.export.factored.pictures import held
+    from facade_core.export.factored.texture_packing import held
 
     grains = held([one for one, again in zip(pictures.pictures, pictures.repeated, strict=True) if again])
     density = np.array([density * pictures.scale[key] for key, density in whole.elements] or [0.0])

@@ -18,8 +18,8 @@ from tasks.stages.shared.images import read_exemplar_picture
 
 if TYPE_CHECKING:
     from facade_core.export.factored.library import Library
-    from facade_core.export.factored.wall import Detail, Pieces
-    from facade_core.export.factored.wall_units import Facade
+    from facade_core.export.factored.wall_decomposition import Facade
+    from facade_core.export.factored.wall_geometry import Detail, Pieces
 
 # A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
 SAME = 4.0
@@ -38,8 +38,8 @@ class Laid:
 def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], more: int) -> Laid:
     """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
     from facade_core.core.grouping import grouped
-    from facade_core.export.factored.wall import Pieces, lay
-    from facade_core.export.factored.wall_units import Seen
+    from facade_core.export.factored.wall_decomposition import Seen
+    from facade_core.export.factored.wall_geometry import Pieces, lay
 
     source = found.textured
     planes = _planes(found, buildings)
@@ -62,7 +62,7 @@ def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
     """The facades with a finished layout whose walls are plane: their polygons."""
     from facade_core.core.grouping import grouped
     from facade_core.export.bodies.openings import outlines
-    from facade_core.export.factored.wall import Plane, flat
+    from facade_core.export.factored.wall_geometry import Plane, flat
 
     source = found.textured
     of_chart = grouped(source.mesh.chart)
@@ -81,7 +81,7 @@ def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library],
     """A library for each exemplar that the facades are made from, and for each facade with a picture of its own; whose is
     whose."""
     from facade_core.export.factored.library import library_of
-    from facade_core.export.pictures.facade_stages import chart_raster
+    from facade_core.export.pictures.stage_pictures import chart_raster
     from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
@@ -157,8 +157,8 @@ def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
 
 
 def _facade(found: Published, index: int) -> Facade:
-    from facade_core.export.factored.wall_units import Facade
-    from facade_core.export.pictures.facade_stages import chart_raster
+    from facade_core.export.factored.wall_decomposition import Facade
+    from facade_core.export.pictures.stage_pictures import chart_raster
 
     placement, chart = found.plan.scene.placement, int(found.plan.facades.chart[index])
     seed, labels = (chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels"))

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from facade_core.core.types import Sun
-from facade_core.export.lighting.lit import HELD, Lighting, Texels
+from facade_core.export.lighting.relighting import HELD, Lighting, Texels
 from tasks.published.opened import Published
 from tasks.stages.shared.materials import field_of, materials
 

@@ -16,7 +16,7 @@ from tasks.published.opened import Published
 
 if TYPE_CHECKING:
     from facade_core.export.models.gltf_materials import Time
-    from facade_core.export.models.textured_parts import Textured
+    from facade_core.export.models.textured_mesh import Textured
 
 # How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
 TEXTURES = "jpeg"
@@ -29,7 +29,7 @@ FIGURES = "figures.json"
 def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[Textured, list[str]]:
     """What models of a block show, lit or as it is, and what there is to say of that. Raises InputError where a night is asked
     for of what is not lit."""
-    from facade_core.export.lighting.lit import relit
+    from facade_core.export.lighting.relighting import relit
     from tasks.export.lighting import lighting, mostly_photographed
 
     asked = lit
@@ -66,7 +66,7 @@ def write_models(
     from facade_core.export.models.encoders import ENCODERS
     from facade_core.export.models.glb import glb_bytes
     from facade_core.export.models.gltf_materials import look_of
-    from facade_core.export.models.textured_parts import layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.models.textured_mesh import layout_of, local_frame, nodes_of, page_pictures
 
     source, notes = shown(found, lit, night, lit_by_default=True)
     frame = local_frame(found.plan.scene.mesh)
@@ -109,7 +109,7 @@ def write_3dtiles(
 
     from facade_core.export.models.encoders import MIPMAPS, encoder
     from facade_core.export.models.gltf_materials import texels_held
-    from facade_core.export.models.textured_parts import local_frame, part_of
+    from facade_core.export.models.textured_mesh import local_frame, part_of
     from facade_core.export.tiles.cells import COARSE, quadtree
     from facade_core.export.tiles.far_shells import simplified_shells
     from facade_core.export.tiles.tileset import count_tiles, scale_of_view, write_tileset

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.features import file_stem
-from catalogs.visible import visible, visible_json
+from catalogs.visible import escape_invisible, escape_invisible_json
 from facade_core.core.errors import InputError
 from tasks.engine.progress import advance, begin_stage
 from tasks.published.opened import Published
@@ -18,7 +18,7 @@ from tasks.published.opened import Published
 if TYPE_CHECKING:
     from pystac import Item
 
-    from facade_core.export.bodies.plane import WallPlane
+    from facade_core.export.bodies.wall_plane import WallPlane
 
 # Of the file's tiles, texels: those of a facade are few.
 BLOCK = 256
@@ -26,8 +26,8 @@ BLOCK = 256
 
 def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """ID.tif for every facade that has surfaces, textured or not, and ID.json, a STAC Item, beside it."""
-    from facade_core.export.bodies.plane import wall_plane
-    from facade_core.export.pictures.facade_stages import chart_raster
+    from facade_core.export.bodies.wall_plane import wall_plane
+    from facade_core.export.pictures.stage_pictures import chart_raster
 
     facades, source = found.plan.facades, found.textured
     drawn = set(source.chosen(buildings).tolist())
@@ -44,7 +44,7 @@ def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
         _write_cog(found, folder / names[-1], texels, plane, chart, name)
         item = _item(found, name, row, plane, texels.shape[:2], names[-1])
         text = json.dumps(item.to_dict(include_self_link=False), indent=1, ensure_ascii=False, allow_nan=False)
-        (folder / f"{file_stem(name)}.json").write_text(visible_json(text) + "\n", encoding="utf-8")
+        (folder / f"{file_stem(name)}.json").write_text(escape_invisible_json(text) + "\n", encoding="utf-8")
         advance("export", 1)
     return names, []
 
@@ -65,7 +65,7 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
     from rasterio.features import rasterize
     from rasterio.transform import Affine
 
-    from facade_core.export.bodies.plane import PLANE_WKT, wall_outlines
+    from facade_core.export.bodies.wall_plane import PLANE_WKT, wall_outlines
 
     height, width = texels.shape[:2]
     polygons = [
@@ -91,8 +91,8 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
         file.write(np.moveaxis(texels, -1, 0))
         file.write_mask(wall)
         file.update_tags(
-            facade=visible(name),
-            building=visible(found.names[int(found.plan.scene.charts.building[chart])]),
+            facade=escape_invisible(name),
+            building=escape_invisible(found.names[int(found.plan.scene.charts.building[chart])]),
             world_crs=found.crs,
             **{f"world_{key}": " ".join(map(str, value)) for key, value in plane.pose().items()},
             metres_per_texel=f"{plane.texel[0]:.9g}",
@@ -111,7 +111,7 @@ def _item(
     from catalogs.stac.facts import SourceFact
     from catalogs.stac.items import PROJECTION
     from catalogs.stac.licences import license_links, license_of, licensors
-    from facade_core.export.bodies.plane import PLANE_WKT
+    from facade_core.export.bodies.wall_plane import PLANE_WKT
 
     sources = [SourceFact(one.key, one.name, one.licence) for one in found.attribution.sources]
     line = row["geometry"]

@@ -25,7 +25,7 @@ def write_usd(
     """BLOCK.usda, which references buildings/ID.usdc with textures/ beside them; BLOCK.usdz has them all in one file."""
     from facade_core.export.models.encoders import ENCODERS
     from facade_core.export.models.gltf_materials import DAY, NIGHT, look_of
-    from facade_core.export.models.textured_parts import GROUND_NODE, layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.models.textured_mesh import GROUND_NODE, layout_of, local_frame, nodes_of, page_pictures
     from facade_core.export.models.usd import (
         PageFiles,
         ZUpFrame,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.block import Block, read_block
-from catalogs.broken import is_machines
+from catalogs.broken import is_system_error
 from catalogs.features import Fault
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.panoramas import in_frame, stated_place
@@ -60,7 +60,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
         try:
             found.append(_row(plan, terrain, block, photo, _place(photo, stated)))
         except (FacadeError, ValueError, OSError) as error:
-            if is_machines(error):
+            if is_system_error(error):
                 raise
             faults.append(Fault(photo.name, "photo", reason_of(error)))
         advance("match", 1)

@@ -17,7 +17,7 @@ import shapely
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
 from facade_core.core.grouping import Grouped
 from facade_core.export.bodies.footprints import footprints
-from facade_core.export.models.textured_parts import textured_scene
+from facade_core.export.models.textured_mesh import textured_scene
 from facade_core.facade.layout.model import SHIPPED as LAYOUTS
 from facade_core.parsing.network import SHIPPED as NETWORK
 from facade_core.plan.plan import Plan

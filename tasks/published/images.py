@@ -13,8 +13,8 @@ from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import picture_path, read_encoded
 from facade_core.core.resizing import resized
-from facade_core.export.pictures.hidden import LONGEST_PREVIEW
-from facade_core.export.pictures.picture import file_of
+from facade_core.export.pictures.occlusion_overlay import LONGEST_PREVIEW
+from facade_core.export.pictures.rendering import file_of
 from facade_core.export.pictures.views import pictured, spread
 from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside

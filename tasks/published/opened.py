@@ -22,7 +22,7 @@ from tasks.published.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
     from facade_core.export.city_models.attribution import Attribution
-    from facade_core.export.models.textured_parts import Textured
+    from facade_core.export.models.textured_mesh import Textured
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Published(StoredBlock):
     @cached_property
     def textured(self) -> Textured:
         """The block with the pages that were published; of a part of a city what is its own."""
-        from facade_core.export.models.textured_parts import part_of, textured_scene
+        from facade_core.export.models.textured_mesh import part_of, textured_scene
 
         found = textured_scene(self.plan.scene, self.page)
         return replace(found, mesh=part_of(found.mesh, self.plan.own[found.mesh.chart]))

@@ -19,9 +19,9 @@ from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import read_checked, read_encoded, tile_paths
 from facade_core.export.city_models.attribution import Attribution
 from facade_core.export.models.glb import with_copyright
-from facade_core.export.models.joined import join_glbs, part_of_file
+from facade_core.export.models.glb_merge import join_glbs, part_of_file
 from facade_core.export.models.pages import scaled
-from facade_core.export.models.textured_parts import local_frame, textured_scene
+from facade_core.export.models.textured_mesh import local_frame, textured_scene
 from facade_core.export.tiles.block_tiles import Tile, tiles_of
 from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size

@@ -16,7 +16,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
-from facade_core.export.pictures.facade_stages import chart_raster
+from facade_core.export.pictures.stage_pictures import chart_raster
 from facade_core.facade.correction import texels_of
 from facade_core.parsing.segmenter import parse, seen_outside
 from facade_core.parsing.training_views import ANY_CLASS

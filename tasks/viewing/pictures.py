@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.atlas.stored_files import read_encoded
 from facade_core.core.errors import InputError
-from facade_core.export.pictures.facade_stages import Shown, stages_of
+from facade_core.export.pictures.stage_pictures import Shown, stages_of
 from tasks.viewing.reading import View
 
 

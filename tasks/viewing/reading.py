@@ -20,7 +20,7 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.labels import PARSE_COLOURS
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.facade_stages import StoredFacade
+from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_of, read_facades, read_table

@@ -13,9 +13,9 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import taken_whole
-from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
+from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import beside_edges
-from facade_core.imagery.cameras.walls import believed_of_wall, covered, photographed_wall
+from facade_core.imagery.cameras.walls import trusted_wall_texels, chart_coverage, fuse_wall_view
 from facade_core.imagery.rectify.fusion import View
 from facade_core.street.materials.field import Materials
 from facade_core.street.surfaces import Known, surface
@@ -35,12 +35,12 @@ def view(left: float, right: float, *, seen: bool = True) -> View:
 
 def test_what_two_cameras_show_differently_is_not_believed_and_what_one_alone_shows_is() -> None:
     low = [np.indices(SIZE)[0] >= 30] * 2
-    one, other = believed_of_wall([view(100, 100), view(104, 30)], low, 10.0)
+    one, other = trusted_wall_texels([view(100, 100), view(104, 30)], low, 10.0)
     # a square beside the edge of the thing is still within what a pose may be off
     assert one[:, :30].all()
     assert not one[:, 36:].any()
     assert not other[:, 36:].any()
-    alone, less = believed_of_wall([view(100, 60), view(102, 60, seen=False)], low, 10.0)
+    alone, less = trusted_wall_texels([view(100, 60), view(102, 60, seen=False)], low, 10.0)
     assert alone[:30].all()
     assert alone[:, :30].all()
     assert not alone[30:, 36:].any(), "a bicycle, maybe"
@@ -83,28 +83,28 @@ def truth(seen: Seen) -> np.ndarray:
 
 
 def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
-    found = photographed_wall(end.street.scene, end.chart, end.cameras)
+    found = fuse_wall_view(end.street.scene, end.chart, end.cameras)
     assert found is not None
-    assert found.shown.mean() > 0.6
-    assert not found.shown[[0, -1]].any()
-    assert not found.shown[:, [0, -1]].any()
-    assert set(np.unique(found.camera[found.shown])) <= {0, 1}
+    assert found.is_visible.mean() > 0.6
+    assert not found.is_visible[[0, -1]].any()
+    assert not found.is_visible[:, [0, -1]].any()
+    assert set(np.unique(found.camera[found.is_visible])) <= {0, 1}
     wall = truth(end)
     # bricks are finer than the texels: what they look like from afar
     seen, true = (
-        cv2.blur(np.where(found.shown[..., None], one, 0).astype(np.float32), (9, 9))[found.shown].mean(axis=1)
+        cv2.blur(np.where(found.is_visible[..., None], one, 0).astype(np.float32), (9, 9))[found.is_visible].mean(axis=1)
         for one in (found.rgb, wall)
     )
     assert np.corrcoef(seen, true)[0, 1] > 0.9
     far = replace(end.cameras[0], pose=replace(end.cameras[0].pose, x=end.cameras[0].pose.x - 60))
-    assert photographed_wall(end.street.scene, end.chart, [far]) is None
+    assert fuse_wall_view(end.street.scene, end.chart, [far]) is None
 
 
 def test_beside_a_gable_is_no_wall(end: Seen) -> None:
     scene = end.street.scene
     walls = np.flatnonzero((scene.charts.kind == ChartKind.WALL) & taken_whole(scene.charts))
-    shares = [covered(scene, wall).mean() for wall in walls.tolist()]
-    own = covered(scene, int(walls[np.argmin(shares)]))
+    shares = [chart_coverage(scene, wall).mean() for wall in walls.tolist()]
+    own = chart_coverage(scene, int(walls[np.argmin(shares)]))
     assert 0.45 < own.mean() < 0.6
     assert own[-1, own.shape[1] // 2]
     assert not own[0, [0, -1]].any()
@@ -118,11 +118,11 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
     size = wall.shape[:2]
     shown = np.ones(size, bool)
     shown[10:40, 20:50] = False
-    given = Shown(wall, shown, np.where(shown, 0, -1).astype(np.int8), shown.astype(np.float32))
+    given = CameraView(wall, shown, np.where(shown, 0, -1).astype(np.int8), shown.astype(np.float32))
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         if one == chart:
-            rank = np.where(given.shown, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
+            rank = np.where(given.is_visible, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8)
             return given.rgb[rows, columns], rank[rows, columns]
         shape = (rows.stop - rows.start, columns.stop - columns.start)
         return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)

@@ -10,8 +10,8 @@ import pytest
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.exposure import factors, look_down, usual_of
-from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, believed, photographed
+from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
+from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, trusted_ground_texels, fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import HIGHEST_DEG, in_the_way
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import View
@@ -41,13 +41,13 @@ def away(metres: float) -> np.ndarray:
 
 
 def test_what_cameras_contradict_each_other_in_is_not_believed() -> None:
-    kept = believed([view(100), view(104, car=30.0)], [away(4), away(9)], [USUAL, USUAL], 10.0)
+    kept = trusted_ground_texels([view(100), view(104, car=30.0)], [away(4), away(9)], [USUAL, USUAL], 10.0)
     # a square beside the edge of the car is still within what a pose may be off, but for the rim of the one after it
     assert all(one[:, :27].all() and not one[:, 32:].any() for one in kept)
 
 
 def test_two_that_agree_outvote_a_third() -> None:
-    kept = believed([view(100), view(100, car=30.0), view(98)], [away(5)] * 3, [USUAL] * 3, 10.0)
+    kept = trusted_ground_texels([view(100), view(100, car=30.0), view(98)], [away(5)] * 3, [USUAL] * 3, 10.0)
     assert kept[0].all()
     assert kept[2].all()
     assert not kept[1][:, 36:].any()
@@ -66,7 +66,7 @@ def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
     metres: float, colour: float, usual: tuple[np.ndarray, np.ndarray] | None, taken: bool
 ) -> None:
     """To the right of what another camera shows too."""
-    kept, _ = believed([view(100, other=colour), left_of(20)], [away(metres)] * 2, [usual] * 2, 10.0)
+    kept, _ = trusted_ground_texels([view(100, other=colour), left_of(20)], [away(metres)] * 2, [usual] * 2, 10.0)
     assert kept[:, :17].all()
     assert kept[:, 30:].all() if taken else not kept[:, 30:].any()
 
@@ -74,7 +74,7 @@ def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
 @pytest.mark.parametrize("others", [[], [(6, 100)], [(40, 30)]], ids=["none", "few squares", "contradict it"])
 def test_a_camera_that_no_other_vouches_for_is_not_believed_alone(others: list[tuple[int, float]]) -> None:
     views = [view(100), *(left_of(*other) for other in others)]
-    kept = believed(views, [away(9)] * len(views), [USUAL] * len(views), 10.0)
+    kept = trusted_ground_texels(views, [away(9)] * len(views), [USUAL] * len(views), 10.0)
     assert not kept[0][:, 45:].any()
 
 
@@ -87,10 +87,10 @@ def test_exposures_come_out_of_shared_squares_but_for_a_common_factor() -> None:
         at = range(first, first + 14)
         seen.append([[i, 7, *np.round(truth[i % 30] * gain).astype(int).tolist()] for i in at])
     seen[1][0][2:] = [250, 5, 5]  # a car that only one of them saw
-    left = gains * factors(seen)
+    left = gains * exposure_factors(seen)
     assert np.ptp(np.log(left[:3]), axis=0).max() < 0.06
-    assert factors(seen)[3] == pytest.approx([1, 1, 1])
-    assert (factors([]) == np.ones((0, 3))).all()
+    assert exposure_factors(seen)[3] == pytest.approx([1, 1, 1])
+    assert (exposure_factors([]) == np.ones((0, 3))).all()
 
 
 @pytest.fixture(scope="module")
@@ -105,27 +105,27 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
         x, y = street.place(along, 0.5)
         pose = Pose(float(x), float(y), 2.5, 40.0)
         image = panorama(street, pose, 1024, gain=gain, ground=paint)
-        ground = look_down(scene, image, pose)
+        ground = sample_ground(scene, image, pose)
         assert ground.height == pytest.approx(2.5, abs=0.01)
         squares.append(ground.squares)
-        cameras.append(PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), usual_of(ground.squares)))
-    gains = factors(squares)
+        cameras.append(PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), typical_ground_colour(ground.squares)))
+    gains = exposure_factors(squares)
     assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, gains, strict=True)]
     errors, plain = [], []
     for chart in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist():
-        shown = photographed(scene, chart, cameras)
+        shown = fuse_ground_view(scene, chart, cameras)
         if shown is None:
             continue
-        rows, columns = np.nonzero(shown.shown)
+        rows, columns = np.nonzero(shown.is_visible)
         step = 1 / scene.placement.texels_per_metre[chart]
         points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
-        assert (shown.camera[shown.shown] >= 0).all()
+        assert (shown.camera[shown.is_visible] >= 0).all()
         places = np.array([[c.pose.x, c.pose.y] for c in cameras])[shown.camera[rows, columns]]
         off = np.linalg.norm(points[:, :2] - places, axis=1)
         assert off.min() > NEAR_M - 0.2
         assert off.max() < GROUND_REACH_M + 0.2
-        assert (shown.camera[~shown.shown] == -1).all()
+        assert (shown.camera[~shown.is_visible] == -1).all()
         truth = paint(points[:, :2]) * gains[1]
         errors.append(np.abs(shown.rgb[rows, columns] - truth).mean(axis=1))
         plain.append(np.abs(truth - truth.mean(axis=0)).mean(axis=1))
@@ -161,7 +161,7 @@ def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
         rgb[30:74, trunk : trunk + 3] = 45
         views.append(View(rgb, np.ones((80, 80), bool), np.full((80, 80), 0.5, np.float32)))
     far = np.full((80, 80), 9, np.float32)
-    kept = believed(views, [far, far], [USUAL, USUAL], 16.0)
+    kept = trusted_ground_texels(views, [far, far], [USUAL, USUAL], 16.0)
     for one, trunk in zip(kept, (20, 44), strict=True):
         assert not one[34:70, trunk : trunk + 3].any()
         assert one[:, 60:63].all()

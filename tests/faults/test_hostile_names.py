@@ -23,7 +23,7 @@ from rich.console import Console
 
 from catalogs.query import query
 from catalogs.stac.catalog import write_catalog
-from catalogs.visible import visible, visible_json
+from catalogs.visible import escape_invisible, escape_invisible_json
 from flows import artifacts
 from flows.cli import commands as cli
 from flows.cli import console
@@ -42,7 +42,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
 
 def printable(text: str) -> bool:
     """Whether no character steers a terminal, line breaks aside."""
-    return all(visible(line) == line for line in text.split("\n"))
+    return all(escape_invisible(line) == line for line in text.split("\n"))
 
 
 def items(made: SimpleNamespace) -> pd.DataFrame:
@@ -91,8 +91,8 @@ def test_the_report_runs_and_shows_nothing_of_others(made: SimpleNamespace) -> N
         assert "unsafe" not in policy
     index = shown.pop(made.published / "report" / "index.html")
     for name in made.names:
-        assert sum(f"{visible(name)}-0" in page for page in shown.values()) == 1
-    assert visible(BROKEN) in index
+        assert sum(f"{escape_invisible(name)}-0" in page for page in shown.values()) == 1
+    assert escape_invisible(BROKEN) in index
     assert "49" not in index[index.index("{{ 7*7 }}") :][:9]
 
 
@@ -175,14 +175,14 @@ def test_exports_name_things_as_they_are(format: str, made: SimpleNamespace) -> 
     if format == "labelme":
         assert len(found) == (items(made).kind == "facade").sum()
     elif format == "citygml":  # XML cannot have them all as they are
-        assert found == {visible(name).replace("\ufffe", "\\ufffe") for name in made.names}
+        assert found == {escape_invisible(name).replace("\ufffe", "\\ufffe") for name in made.names}
     elif format in ("coco", "cog"):
         assert {facade.rpartition("-")[0] for facade in found} == set(made.names)
     else:
         assert found == set(made.names)
     for path in target.rglob("*"):
         assert path.resolve().is_relative_to(target)
-        assert visible(path.name) == path.name
+        assert escape_invisible(path.name) == path.name
         assert not path.name.startswith(".") or path.name == ".export.json"  # LabelMe's marker, no picture's
         if path.suffix in (".json", ".jsonl"):
             assert printable(path.read_text("utf-8")), path.name
@@ -243,14 +243,14 @@ def test_artifacts_show_the_text_alone(made: SimpleNamespace, monkeypatch: pytes
     [shown] = [what[0] for what, more in written if more["key"] == "small-failures"]
     for row, failure in zip(shown, failures, strict=True):
         for key in ("unit", "reason"):
-            assert renders(row[key]) == f"<p>{visible(failure[key]).strip()}</p>"
+            assert renders(row[key]) == f"<p>{escape_invisible(failure[key]).strip()}</p>"
             assert "<" not in re.sub(r"</?p>", "", reader.render(row[key]))
     live = re.compile(r"(?<!\\)<[a-z!/]|(?<![\\!])\]\((?!file:|http://127)", re.IGNORECASE)
     assert not live.search(
         json.dumps([[what, more["description"]] for what, more in written if what]).replace("\\\\", "\\")
     )
     for name in made.names:
-        assert f"<p><code>{visible(name)}</code></p>" == renders(code(name)) or "`" in name
+        assert f"<p><code>{escape_invisible(name)}</code></p>" == renders(code(name)) or "`" in name
         assert not re.search(r"https?://|www\.|\w@", plain(name))  # what a UI makes links of by itself
 
 
@@ -266,7 +266,7 @@ def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCapt
     shown = re.sub(r"\x1b\[[\d;]*m", "", drawn.getvalue())  # its own colours
     assert printable(shown)
     for failure in failures:
-        assert f"failed {visible(failure['unit'])}: {visible(failure['reason'])}" in shown
+        assert f"failed {escape_invisible(failure['unit'])}: {escape_invisible(failure['reason'])}" in shown
     for arguments in (
         ["query", str(made.out)],
         ["query", str(made.out), "--format", "json"],
@@ -293,7 +293,7 @@ def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCapt
 
 
 def test_what_is_visible() -> None:
-    assert visible("Straße 7, Café \u200d\u00a0") == "Straße 7, Café \u200d\u00a0"
-    assert visible("a\x1b\u202e\u2028\ud800\U000e0041\r\n") == "a\\x1b\\u202e\\u2028\\ud800\\U000e0041\\r\\n"
+    assert escape_invisible("Straße 7, Café \u200d\u00a0") == "Straße 7, Café \u200d\u00a0"
+    assert escape_invisible("a\x1b\u202e\u2028\ud800\U000e0041\r\n") == "a\\x1b\\u202e\\u2028\\ud800\\U000e0041\\r\\n"
     for text in (MARKUP, CONTROLS, DATA, "\U000e0041\ud800"):
-        assert json.loads(visible_json(json.dumps([text], indent=1, ensure_ascii=False))) == [text]
+        assert json.loads(escape_invisible_json(json.dumps([text], indent=1, ensure_ascii=False))) == [text]

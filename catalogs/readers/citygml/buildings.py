@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.features import Fault, Model, Models, Remark, numbered
 from catalogs.readers.axes import Axes, axes_of
 from catalogs.readers.citygml.appearance import Appearance, add_texture, remarks_on, texture_of
@@ -69,7 +69,7 @@ def read_citygml(path: Path, lod: str | None = None) -> Models:
         except InputError:
             raise
         except Exception as error:  # whatever it holds, the others are read
-            faults.append(Fault(id, "building", f"{path.name}: {reason_of(error)}"))
+            faults.append(Fault(id, "building", f"{path.name}: {fault_reason(error)}"))
     crs = frame.crs if frame else _axes(None, np.empty((0, 3)), reading).crs
     return Models(crs, tuple(models), tuple(reading.appearance.used), tuple(reading.remarks), tuple(faults))
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.features import Fault, Model, Models, Remark, numbered
 from catalogs.readers.axes import Axes, axes_of
 from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
@@ -153,7 +153,7 @@ def _read(document: Mapping[str, Any], reading: _Reading) -> None:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
             continue
         except Exception as error:  # whatever it holds, the others are read
-            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason_of(error)}"))
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}"))
             continue
         reading.models.append(model)
         if other is not None and reading.asked is not None:

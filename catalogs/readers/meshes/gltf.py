@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_machines
+from catalogs.broken import is_system_error
 from catalogs.features import Remark
 from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
 from catalogs.readers.limits import MOST_TRIANGLES
@@ -38,7 +38,7 @@ def read_gltf(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark]
     except InputError:
         raise
     except Exception as error:  # whatever a broken header makes of trimesh
-        if is_machines(error):
+        if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path} cannot be read as glTF 2 ({reason}); export it again") from error

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_machines
+from catalogs.broken import is_system_error
 from catalogs.features import Fault, Models, Remark
 from catalogs.readers.limits import MOST_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf
@@ -63,7 +63,7 @@ def _read_mesh(path: Path) -> list[Surface]:
         content, kind = io.BytesIO(path.read_bytes()), path.suffix.lower()[1:]
         scene: Any = trimesh.load(content, file_type=kind, force="scene", process=False)
     except Exception as error:  # trimesh lets the errors of its parsers through
-        if is_machines(error):
+        if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path} cannot be read as a mesh ({reason}); export it again") from error

@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from catalogs.broken import said
+from catalogs.broken import short_message
 from facade_core.core.errors import InputError
 
 UNPACKED = 512 * 2**20  # bytes
@@ -56,5 +56,5 @@ def check_arrays(path: Path, names: Sequence[str]) -> None:
         RuntimeError,
     ) as error:
         raise InputError(
-            f"{path} cannot be read as arrays of triangles ({said(error)}); save it with np.savez"
+            f"{path} cannot be read as arrays of triangles ({short_message(error)}); save it with np.savez"
         ) from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 from pathlib import Path
 
-from catalogs.broken import one_line
+from catalogs.broken import single_line
 from catalogs.features import Fault
 from catalogs.readers.pictures.opening import LEAST_SIDE, REMEDY, opened
 from facade_core.core.errors import InputError
@@ -28,7 +28,7 @@ def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     if not usable:
         raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
     return usable, tuple(
-        Fault(one_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
+        Fault(single_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
     )
 
 
@@ -71,7 +71,7 @@ def _pictures(folder: Path) -> list[Path]:
 
 def _unnamed(path: Path) -> str | None:
     """Why a picture cannot be named in a report or a catalogue; None where it can."""
-    name = one_line(path.name)
+    name = single_line(path.name)
     return None if name == path.name else f"{name}: its name holds what is no letter, such as a line break; rename it"
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.broken import is_machines, said
+from catalogs.broken import is_system_error, short_message
 from catalogs.readers.pictures.deep import is_deep, read_deep
 from facade_core.core.errors import ImageError
 
@@ -106,9 +106,9 @@ def opened(path: Path) -> Iterator[Image]:
             "read; save it as PNG or JPEG of 8 bits"
         ) from error
     except Exception as error:  # a decoder meets broken files with errors of every kind
-        if is_machines(error):
+        if is_system_error(error):
             raise
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else said(error)
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
         raise ImageError(f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}") from error
 
 

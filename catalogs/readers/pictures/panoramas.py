@@ -9,7 +9,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.broken import one_line, reason_of
+from catalogs.broken import single_line, fault_reason
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.days import day_taken
@@ -90,10 +90,10 @@ def read_panoramas(
                 raise ValueError(_unposed(source, poses))
             pose = in_frame(source, view, crs, frames)
         except ValueError as error:
-            faults.append(Fault(path.name, "panorama", one_line(str(error))))
+            faults.append(Fault(path.name, "panorama", single_line(str(error))))
             continue
         except Exception as error:  # what a header or a pose can hold, libraries meet with errors of every kind
-            faults.append(Fault(path.name, "panorama", reason_of(error, "mend its pose, or remove it")))
+            faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
             continue
         posed += 1
         if not math.isfinite(pose.x + pose.y) or (bounds and _outside(pose, bounds) > FAR_M):

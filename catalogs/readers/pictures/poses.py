@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_machines, one_line, said
+from catalogs.broken import is_system_error, single_line, short_message
 from catalogs.frames import known_frame, points_east_and_north
-from catalogs.visible import shown
+from catalogs.visible import short_repr
 from facade_core.core.errors import InputError
 
 LONLAT = "EPSG:4326"
@@ -97,9 +97,9 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
         else:
             crs, records = None, list(_csv_records(text))
     except Exception as error:  # what a file can hold in a place, libraries meet with errors of every kind
-        if is_machines(error):
+        if is_system_error(error):
             raise
-        raise InputError(f"{path} is not a poses file ({said(error)}); give {_FORMATS}") from error
+        raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMATS}") from error
     crs = _frame_of(path, crs)
     poses: dict[str, SourcePose | str] = {}
     for name, record in records:
@@ -112,7 +112,7 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
             poses[name] = _pose(record, crs)
         except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
             problem = f"{error}" if type(error) is ValueError else f"no pose ({type(error).__name__}: {error})"
-            poses[name] = f"{path.name}: {one_line(name[:80])}: {one_line(problem)[:160]}; mend that entry"
+            poses[name] = f"{path.name}: {single_line(name[:80])}: {single_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMATS}")
     return poses
@@ -215,7 +215,7 @@ def _number(value: Any, key: str) -> float | None:
     except (ValueError, TypeError, ArithmeticError):
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{key} is {shown(value)}, not a finite number")
+        raise ValueError(f"{key} is {short_repr(value)}, not a finite number")
     return number
 
 
@@ -238,7 +238,7 @@ def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
         raise ValueError("its reference_lla states no longitude or no latitude")
     place = [value or 0.0 for value in (*found, _number(reference.get("altitude"), "altitude"))]
     if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MOST["z"]):
-        raise ValueError(f"its reference_lla {shown(place)} is no place on earth")
+        raise ValueError(f"its reference_lla {short_repr(place)} is no place on earth")
     to_lonlat = Transformer.from_pipeline(
         "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84"
         f" +lon_0={place[0]} +lat_0={place[1]} +h_0={place[2]}"
@@ -263,7 +263,7 @@ def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
 def _three(values: Iterable[float]) -> np.ndarray:
     found = np.array([_number(value, "a rotation or translation") for value in values], np.float64)
     if found.shape != (3,) or not (np.abs(found) <= MOST["x"]).all():
-        raise ValueError(f"{shown(found.tolist())} is no rotation or translation; three numbers are")
+        raise ValueError(f"{short_repr(found.tolist())} is no rotation or translation; three numbers are")
     return found
 
 
@@ -296,7 +296,7 @@ def _frame_of(path: Path, crs: Any) -> str | None:
         return None
     text = str(crs) if isinstance(crs, int) and not isinstance(crs, bool) else crs
     if not isinstance(text, str):
-        raise InputError(f"{path}: crs is {shown(crs)}, which is no name of a frame; give e.g. EPSG:4326")
+        raise InputError(f"{path}: crs is {short_repr(crs)}, which is no name of a frame; give e.g. EPSG:4326")
     name = f"EPSG:{text}" if text.isdigit() else text
     try:
         found = known_frame(name)
@@ -315,5 +315,5 @@ def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
         twin = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"{shown(twin)} is given twice; remove one")
+        raise ValueError(f"{short_repr(twin)} is given twice; remove one")
     return found

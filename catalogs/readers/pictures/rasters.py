@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.broken import one_line, refusing
+from catalogs.broken import single_line, wrap_reader_errors
 from catalogs.frames import known_frame, points_east_and_north
 from facade_core.core.errors import InputError
 
@@ -59,7 +59,7 @@ def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
     _check_sidecar(path)
-    with refusing(path, kind.partition(" ")[2], remedy):
+    with wrap_reader_errors(path, kind.partition(" ")[2], remedy):
         try:
             with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), _unprinted():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy
@@ -67,7 +67,7 @@ def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
                     _check_size(opened, path)
                     yield opened
         except RasterioError as error:
-            reason = one_line(str(error.__cause__ or error))[:160]
+            reason = single_line(str(error.__cause__ or error))[:160]
             raise InputError(f"{path} cannot be read as {kind} ({reason}); {remedy}") from error
 
 

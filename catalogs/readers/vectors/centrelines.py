@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.features import Centreline, Centrelines, Fault
 from catalogs.readers.faces import FARTHEST
 
@@ -33,7 +33,7 @@ def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | Non
                 line = shapely.force_2d(part)
                 key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _SAME))).wkb
             except Exception as error:  # what GEOS makes of it is no other line's fault
-                reason = reason_of(error)
+                reason = fault_reason(error)
             if reason:
                 faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", place_of(part)))
                 continue

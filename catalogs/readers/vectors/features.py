@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
-from catalogs.broken import reason_of
+from catalogs.broken import fault_reason
 from catalogs.features import Centrelines, Fault, Feature, Footprints, Remark
 from catalogs.frames import between
 from catalogs.readers.faces import FARTHEST
@@ -64,7 +64,7 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
         try:
             footprint = footprint_of(id, _outline(geometry), tags, remarks, degrees=degrees)
         except Exception as error:  # what GEOS or a tag makes of it is no other footprint's fault
-            faults.append(Fault(id, "building", f"footprint {id}: {reason_of(error)}", place_of(geometry)))
+            faults.append(Fault(id, "building", f"footprint {id}: {fault_reason(error)}", place_of(geometry)))
             continue
         if footprint is not None:
             if id in features.renamed:

@@ -12,7 +12,7 @@ from typing import Any
 import shapely
 from shapely import LineString
 
-from catalogs.broken import is_machines
+from catalogs.broken import is_system_error
 from catalogs.features import Centrelines, Fault, Feature
 from catalogs.readers.vectors.centrelines import centrelines_of
 from catalogs.readers.vectors.osm import is_street, listed
@@ -69,7 +69,7 @@ def _graph(path: Path) -> Any:
             f"{path} declares XML entities or a document type; write it with osmnx.save_graphml"
         ) from error
     except Exception as error:  # networkx lets the errors of its conversions through
-        if is_machines(error):
+        if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as GraphML ({reason}); write it with osmnx.save_graphml") from error

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from catalogs.broken import is_machines
+from catalogs.broken import is_system_error
 from catalogs.readers.limits import MOST_FEATURES
 from catalogs.readers.vectors.columns import INEXACT, columns_of, identifiers, tags_of
 from catalogs.readers.vectors.shapefile_tables import check_table
@@ -115,7 +115,7 @@ def _understood(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        if is_machines(error):
+        if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:160]
         raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error

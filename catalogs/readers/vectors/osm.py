@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.broken import is_machines, reason_of
+from catalogs.broken import is_system_error, fault_reason
 from catalogs.features import Centrelines, Fault, Feature, Footprint, Footprints, Remark
 from catalogs.readers.vectors.centrelines import centrelines_of, place_of
 from catalogs.readers.vectors.colours import finish_of
@@ -61,7 +61,7 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
         try:
             footprint = footprint_of(feature, geometry, tags, remarks, degrees=True)
         except Exception as error:  # what GEOS or a tag makes of it is no other building's fault
-            faults.append(Fault(feature, "building", reason_of(error), place_of(geometry)))
+            faults.append(Fault(feature, "building", fault_reason(error), place_of(geometry)))
             continue
         if footprint is not None:
             items.append(footprint)
@@ -92,7 +92,7 @@ def footprint_of(
         levels,
         tags.get("name"),
         roof=roof,
-        rise=tagged_rise(tags) if roof is None else None,
+        roof_height=tagged_rise(tags) if roof is None else None,
         kind=kind if kind not in ("", "yes") else None,
         built=_year(tags.get("start_date", "")),
         finish=finish_of(tags),
@@ -206,7 +206,7 @@ def _features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, 
         osm = OSM(str(path), progress=False)
         frames = [layer(osm) for layer in layers]
     except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
-        if is_machines(error):
+        if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as OSM .pbf ({reason}); download it again") from error

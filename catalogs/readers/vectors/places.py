@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from catalogs.broken import is_machines
+from catalogs.broken import is_system_error
 
 # Amenities behind shop windows, beside all that is tagged shop=*.
 AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
@@ -34,7 +34,7 @@ def read_places(path: Path) -> Places | None:
             wanted, keep_ways=False, keep_relations=False
         )
     except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
-        if is_machines(error):
+        if is_system_error(error):
             raise
         return None
     if frame is None:

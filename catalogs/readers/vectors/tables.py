@@ -6,7 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from catalogs.broken import said
+from catalogs.broken import short_message
 from facade_core.core.errors import InputError
 
 # What GDAL keeps beside the layers: indices of places, of which it reads the tables behind them.
@@ -28,7 +28,7 @@ def check_tables(path: Path) -> None:
                 raise InputError(f"{path} has no table gpkg_contents, as a GeoPackage has; {remedy}")
             layers = {str(name).lower() for (name,) in file.execute("SELECT table_name FROM gpkg_contents")}
     except sqlite3.Error as error:
-        raise InputError(f"{path} cannot be read as a GeoPackage ({said(error)}); export it again") from error
+        raise InputError(f"{path} cannot be read as a GeoPackage ({short_message(error)}); export it again") from error
     for name, kind, sql in found:
         words = str(sql).lower().split()
         made_up = words[:2] == ["create", "virtual"] and not any(

@@ -7,7 +7,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.grouping import grouped
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.geometry.charts import ChartKind
 
 # Corners are put on a grid of this many metres, so that edges that nearly meet do.

@@ -6,7 +6,7 @@ import numpy as np
 from shapely import MultiPolygon, Polygon
 
 from facade_core.export.bodies.openings import outlines
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 
 
 def surface_polygons(source: Textured, charts: np.ndarray) -> dict[int, MultiPolygon]:

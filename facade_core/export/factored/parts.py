@@ -10,10 +10,10 @@ import numpy as np
 
 from facade_core.core.grouping import Grouped, grouped
 from facade_core.export.factored.glb import Part
-from facade_core.export.factored.pictures import Shown
-from facade_core.export.factored.wall import Piece, Pieces
+from facade_core.export.factored.texture_packing import Shown
+from facade_core.export.factored.wall_geometry import Piece, Pieces
 from facade_core.export.models.pages import scaled
-from facade_core.export.models.textured_parts import Frame, Textured
+from facade_core.export.models.textured_mesh import Frame, Textured
 from facade_core.export.tiles.tile_pages import tile_pages
 from facade_core.geometry.charts import ChartKind
 

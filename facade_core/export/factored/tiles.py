@@ -12,11 +12,11 @@ from facade_core.core.grouping import Grouped
 from facade_core.export.bodies.recess import DEPTHS_M
 from facade_core.export.factored.glb import factored_glb
 from facade_core.export.factored.parts import joined, parts_of, rest, together
-from facade_core.export.factored.pictures import Shown, held
-from facade_core.export.factored.wall import Pieces
+from facade_core.export.factored.texture_packing import Shown, held
+from facade_core.export.factored.wall_geometry import Pieces
 from facade_core.export.models.encoders import Encoder
 from facade_core.export.models.features import Features
-from facade_core.export.models.textured_parts import Frame, Textured
+from facade_core.export.models.textured_mesh import Frame, Textured
 from facade_core.export.tiles.cells import Cell
 from facade_core.export.tiles.tileset import ERROR_PIXELS, Level, charts_of, corners_of
 

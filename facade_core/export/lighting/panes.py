@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.export.lighting.interiors import interior
+from facade_core.export.lighting.shop_interiors import interior
 from facade_core.parsing.elements import elements
 
 # A frame's width around panes, metres; bars are narrower than this, and so much brighter or darker than the glass beside them,

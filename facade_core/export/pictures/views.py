@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.export.pictures.camera import Camera, aerial, close_up, street_level
-from facade_core.export.pictures.picture import Picture, averaged
+from facade_core.export.pictures.rendering import Picture, averaged
 from facade_core.geometry.walls import STREET
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import Sun, direction

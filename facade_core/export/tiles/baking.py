@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.export.models.textured_parts import SMALLEST_M2, shown_area
+from facade_core.export.models.textured_mesh import SMALLEST_M2, shown_area
 from facade_core.export.tiles.quadtree import LARGEST_M, grid_leaves, members_of
 from facade_core.plan.plan import Plan
 

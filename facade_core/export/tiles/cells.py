@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.export.tiles.quadtree import members_of, quadrant_corner, quadrants
 
 # Texels of a coarse tile at most, a page of 2048 square. A finer one is divided at FULL of these, and quadrants that stay whole

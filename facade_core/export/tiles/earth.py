@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.models.textured_parts import y_up
+from facade_core.export.models.textured_mesh import y_up
 
 # Metres over which the turn between grid north and true north is measured.
 STEP_M = 100.0

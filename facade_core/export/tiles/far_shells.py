@@ -12,7 +12,7 @@ from shapely import Polygon
 from facade_core.core.grouping import grouped
 from facade_core.export.bodies.footprints import footprint
 from facade_core.export.models.pages import Maps, scaled
-from facade_core.export.models.textured_parts import Textured, shown_area
+from facade_core.export.models.textured_mesh import Textured, shown_area
 from facade_core.export.tiles.baking import bake
 from facade_core.geometry.charts import ChartKind, Charts, Mesh, Pieces
 from facade_core.geometry.ground.ground_charts import add_level, add_planar

@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.export.models.glb import glb_bytes
 from facade_core.export.models.pages import GUTTER
-from facade_core.export.models.textured_parts import LocalFrame, Textured, jpegs, layout_of, nodes_of
+from facade_core.export.models.textured_mesh import LocalFrame, Textured, jpegs, layout_of, nodes_of
 
 # What it takes at most, and the share of that which geometry may have.
 OVERVIEW_BYTES, GEOMETRY = 8_000_000, 0.5

@@ -12,7 +12,7 @@ import numpy as np
 from facade_core.atlas.journal import unit_key
 from facade_core.export.models.glb import glb_bytes, pictures_of
 from facade_core.export.models.pages import scaled
-from facade_core.export.models.textured_parts import LocalFrame, Textured, layout_of, nodes_of, page_jpeg
+from facade_core.export.models.textured_mesh import LocalFrame, Textured, layout_of, nodes_of, page_jpeg
 
 # Coarse rasters have one of so many texels along each side.
 COARSER = 4

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.grouping import grouped
 from facade_core.export.models.page_packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
 from facade_core.export.models.pages import Layout, Pictures, halved, scaled
-from facade_core.export.models.textured_parts import Drawn, Textured, drawn_maps
+from facade_core.export.models.textured_mesh import Drawn, Textured, drawn_maps
 
 
 @dataclass(frozen=True)

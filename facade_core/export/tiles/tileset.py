@@ -13,7 +13,7 @@ from facade_core.export.city_models.attribution import Attribution
 from facade_core.export.models.encoders import MIPMAPS, Encoder
 from facade_core.export.models.features import Features
 from facade_core.export.models.gltf_materials import Time, look_of, texels_held
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.export.tiles.cells import COARSE, Cell
 from facade_core.export.tiles.earth import EarthFrame
 from facade_core.export.tiles.far_shells import Shells

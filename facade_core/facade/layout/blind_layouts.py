@@ -14,7 +14,7 @@ Box = tuple[float, float, float, float]
 # Columns of LayoutModel.styles: width to height of the facade; columns and floors of windows; a window's width to the column
 # pitch and height to the floor pitch; the first column's margin and the top margin in pitches; the ground floor's height
 # in floor pitches; doors; shops; balconies a window.
-PROPORTION, COLUMNS, FLOORS, WINDOW_WIDTH, WINDOW_HEIGHT, SIDE_MARGIN, TOP_MARGIN, GROUND, DOORS, SHOPS, BALCONIES = range(11)
+PROPORTION, COLUMNS, FLOORS, WINDOW_WIDTH, WINDOW_HEIGHT, SIDE_MARGIN, TOP_MARGIN, GROUND_HEIGHT, DOORS, SHOPS, BALCONIES = range(11)
 STYLE_LENGTH = 11
 # No facade is so low in pixels, and none so high in metres.
 _MAX_METRIC_HEIGHT = 60.0
@@ -68,7 +68,7 @@ def _draw_layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> l
     x0, y0, x1, y1 = domain
     side = float(np.clip(style[SIDE_MARGIN], 0.45, 1.2))
     pitch_x = (x1 - x0) / (columns - 1 + 2 * side)
-    top, ground = float(np.clip(style[TOP_MARGIN], 0.55, 1.5)), float(np.clip(style[GROUND], 0.7, 2.2))
+    top, ground = float(np.clip(style[TOP_MARGIN], 0.55, 1.5)), float(np.clip(style[GROUND_HEIGHT], 0.7, 2.2))
     pitch_y = (y1 - y0) / (floors - 1 + top + ground)
     xs = x0 + pitch_x * (side + np.arange(columns))
     ys = y0 + pitch_y * (top + np.arange(floors))

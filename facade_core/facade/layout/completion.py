@@ -26,13 +26,13 @@ from facade_core.facade.layout.shop_floor import row_of_shops
 from facade_core.facade.layout.validation import check_domain, check_elements, checked_region
 
 # An alternative picks what is this share as likely as what is picked (`examples.likely`): more, or fewer.
-_SHARES = (1.0, 0.7, 1.5, 2.0, 0.3)
+_THRESHOLD_FACTORS = (1.0, 0.7, 1.5, 2.0, 0.3)
 # In alternatives, what one way of carrying grids on proposes is picked down to these shares of it.
-_DOUBTED = (0.4, 0.1)
+_VARIANT_FACTORS = (0.4, 0.1)
 # Of guesses alike, as likely to be right by half their area, that is picked on which most ways agree.
-_AGREED = 0.03
+_SUPPORT_WEIGHT = 0.03
 # What the picture makes less likely by this factor fills no gap.
-_DENIED = 0.5
+_MIN_EVIDENCE_RATIO = 0.5
 # Shops of a row come together, before what is as likely.
 _TOGETHER = 0.2
 # A row of windows is there where its windows are this share as likely in the mean as one by itself must be; on the ground floor
@@ -92,11 +92,11 @@ def complete(
         return [Completion((), score([], domain, model=chosen))]
     if not seen:
         return _imagined(domain, chosen, n, seed)
-    layouts = candidates(seen, domain, region, chosen, evidence, alternatives=n > 1, entrances=entrances, front=front)
+    layouts = rank_layouts(seen, domain, region, chosen, evidence, alternatives=n > 1, entrances=entrances, front=front)
     return [Completion((*seen, *layout), value) for layout, value in _distinct(layouts, n)]
 
 
-def candidates(
+def rank_layouts(
     seen: Sequence[Element],
     domain: Box,
     region: np.ndarray,
@@ -117,7 +117,7 @@ def candidates(
     if evidence is not None:
         before = likely
         likely = weighed(likely, found.box, found.label, evidence, domain)
-        denied = likely < _DENIED * before
+        denied = likely < _MIN_EVIDENCE_RATIO * before
     likely = np.where(_at(found, entrances), np.maximum(likely, _MAPPED), likely)
     blocked = boxes([e for e in seen if e.label not in (*ELEMENT_CLASSES, "wall")])
     wanted = model.likely[found.label]
@@ -132,7 +132,7 @@ def candidates(
         certain = _needed(found, likely, clear)
     entered = _needed(found, likely, clear & (likely >= wanted)) | certain
     shops = row_of_shops(found, likely, clear, float(model.likely[SHOP]))
-    better = likely + _AGREED * found.support.mean(axis=1)
+    better = likely + _SUPPORT_WEIGHT * found.support.mean(axis=1)
     better[shops] += _TOGETHER
     better[entered] += _TOGETHER
 
@@ -144,11 +144,11 @@ def candidates(
         return chosen
 
     expected = float(likely[pick(found.box, found.label, better, free(1.0), blocked, apart)].sum()) / 0.8
-    choices = [(better, free(share)) for share in _SHARES]
+    choices = [(better, free(share)) for share in _THRESHOLD_FACTORS]
     # what one way of carrying on the grids proposes, before anything else
     for of_one in found.support.T:
         own = (of_one > 0.8) & (found.label != SHOP)
-        choices += [(better + own, free(1.0) | (own & free(share))) for share in _DOUBTED]
+        choices += [(better + own, free(1.0) | (own & free(share))) for share in _VARIANT_FACTORS]
     made: dict[tuple[Element, ...], float] = {}
     done: set[bytes] = set()
     row, standing = (float(share * model.likely[WINDOW]) for share in (_ROW, _GROUND if front else _ROW))

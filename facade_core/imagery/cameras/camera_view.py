@@ -17,43 +17,43 @@ LEAST_M2, NARROW_M = 2.0, 0.6
 @dataclass(frozen=True, slots=True, eq=False)
 class PanoramaCamera:
     """A posed panorama: image (H, W, 3) uint8, its pose, what of it is hidden (H, W) bool, the factors (3,) to its exposure,
-    and what the ground around it usually looks like, as of `usual_of`."""
+    and what the ground around it usually looks like, as of `typical_ground_colour`."""
 
     image: np.ndarray
     pose: Pose
-    hidden: np.ndarray
+    occluded: np.ndarray
     exposure_factor: np.ndarray
     ground_colour: tuple[np.ndarray, np.ndarray] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shown:
+class CameraView:
     """A chart as cameras show it: rgb (h, w, 3) uint8; shown (h, w) bool, where they do; camera (h, w) int8, which of them,
     -1 none; confidence (h, w) float32, the share of the raster's resolution that it has, times the sine of its angle."""
 
     rgb: np.ndarray
-    shown: np.ndarray
+    is_visible: np.ndarray
     camera: np.ndarray
     confidence: np.ndarray
 
 
-def in_one_exposure(view: View, camera: PanoramaCamera, within: np.ndarray) -> View:
+def equalise_exposure(view: View, camera: PanoramaCamera, mask: np.ndarray) -> View:
     """A view by a camera in the exposure of all, of the texels `within` (h, w) bool."""
-    seen = view.seen & within
+    seen = view.seen & mask
     rgb = np.clip(view.rgb * camera.exposure_factor.astype(np.float32) + 0.5, 0, 255).astype(np.uint8)
     return View(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
 
 
-def shown_by(views: Sequence[View], believed: Sequence[np.ndarray], density: float) -> Shown | None:
+def fuse_camera_views(views: Sequence[View], trusted: Sequence[np.ndarray], density: float) -> CameraView | None:
     """A chart from views of one exposure, by what is believed (h, w) bool of each; None where that is too little. Seams between
     cameras run where they show least. density in texels per metre."""
-    views = [replace(view, occluded=view.seen & ~kept) for view, kept in zip(views, believed, strict=True)]
+    views = [replace(view, occluded=view.seen & ~kept) for view, kept in zip(views, trusted, strict=True)]
     fused = fuse_views(views, matched=True)
     shown = _whole(fused.seen & ~fused.occluded, density)
     if not shown.any():
         return None
     source = np.where(shown, fused.source, np.int8(-1)).astype(np.int8)
-    return Shown(np.where(shown[..., None], fused.rgb, 0), shown, source, fused.confidence * shown)
+    return CameraView(np.where(shown[..., None], fused.rgb, 0), shown, source, fused.confidence * shown)
 
 
 def _whole(shown: np.ndarray, density: float) -> np.ndarray:

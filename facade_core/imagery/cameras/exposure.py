@@ -30,7 +30,7 @@ HELD = 0.3
 STEP = 1 / 64
 
 
-class Ground(NamedTuple):
+class GroundSamples(NamedTuple):
     """What one camera shows of the ground.
 
     height: the camera's over it, metres; None where there is no ground below.
@@ -41,7 +41,7 @@ class Ground(NamedTuple):
     squares: list[list[int]]
 
 
-def look_down(scene: Scene, image: np.ndarray, pose: Pose) -> Ground:
+def sample_ground(scene: Scene, image: np.ndarray, pose: Pose) -> GroundSamples:
     """The ground around a panorama by squares of the world grid, each the median of what is in sight of it.
 
     image (H, W, 3) uint8 is the part pose.view of the full panorama. Raises GeometryError for a pose without height.
@@ -51,7 +51,7 @@ def look_down(scene: Scene, image: np.ndarray, pose: Pose) -> Ground:
     place = position(pose)
     below, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
     if chart[0] == MISS or scene.charts.kind[chart[0]] != ChartKind.GROUND:
-        return Ground(None, [])
+        return GroundSamples(None, [])
     latitude = np.radians(-np.linspace(FLAT_DEG, STEEP_DEG, STEPS))[:, None]
     longitude = (np.arange(AROUND) + 0.5)[None] / AROUND * 2 * np.pi
     rays = np.stack(
@@ -68,7 +68,7 @@ def look_down(scene: Scene, image: np.ndarray, pose: Pose) -> Ground:
     usable = (hit != MISS) & (away >= NEAR_M) & (away <= FAR_M) & in_view(share, pose)
     usable[usable] = scene.charts.kind[hit[usable]] == ChartKind.GROUND
     if not usable.any():
-        return Ground(round(float(below[0]), 3), [])
+        return GroundSamples(round(float(below[0]), 3), [])
     left, top, wide, high = pose.view
     columns = max(1, round(2 * AROUND * wide))
     small = cv2.resize(image, (columns, max(1, round(AROUND * high))), interpolation=cv2.INTER_AREA)
@@ -83,17 +83,17 @@ def look_down(scene: Scene, image: np.ndarray, pose: Pose) -> Ground:
         own = colour[of == index]
         if len(own) >= LEAST_SAMPLES:
             squares.append([east, north, *np.round(np.median(own, axis=0)).astype(int).tolist()])
-    return Ground(round(float(below[0]), 3), squares)
+    return GroundSamples(round(float(below[0]), 3), squares)
 
 
-def factors(seen: Sequence[Sequence[Sequence[int]]]) -> np.ndarray:
+def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> np.ndarray:
     """Factors (n, 3) that bring the pictures of n cameras to one exposure and white balance, by their squares as of `Ground`.
 
     Least squares over the pairs that share squares, each pair's ratio a median; the factors' mean is one. A camera that shares
     nothing keeps its colours.
     """
-    n = len(seen)
-    known = [{(one[0], one[1]): one[2:] for one in squares if _exposed(one[2:])} for squares in seen]
+    n = len(squares_by_camera)
+    known = [{(one[0], one[1]): one[2:] for one in squares if _exposed(one[2:])} for squares in squares_by_camera]
     at: dict[tuple[int, int], list[int]] = {}
     for camera, squares in enumerate(known):
         for square in squares:
@@ -124,7 +124,7 @@ def factors(seen: Sequence[Sequence[Sequence[int]]]) -> np.ndarray:
     return np.round(np.exp(np.clip(solution, -np.log(MOST), np.log(MOST))) / STEP) * STEP
 
 
-def usual_of(squares: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray] | None:
+def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray] | None:
     """What the ground around a camera mostly looks like: logarithm of its colour (3,) and how far half of it is off that (3,);
     None where too little of it is known."""
     colours = np.array([one[2:] for one in squares if _exposed(one[2:])], np.float64)

@@ -12,8 +12,8 @@ import numpy as np
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels, find_thin_objects
-from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown, in_one_exposure, shown_by
+from facade_core.imagery.cameras.agreement import compare_squares, find_thin_objects, squares_to_texels
+from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera, equalise_exposure, fuse_camera_views
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, position
 from facade_core.imagery.rectify.fusion import View
 from facade_core.imagery.rectify.panorama import rectify_view
@@ -32,7 +32,7 @@ ODD, OFTEN = 0.35, 3.0
 BESIDE_M = 0.3
 
 
-def photographed(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> Shown | None:
+def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
     """A chart of the ground from panoramas; None where they show too little.
 
     A square that several cameras show is taken from those that agree with another one; what one alone shows is taken where it
@@ -43,25 +43,25 @@ def photographed(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) ->
         return None
     density = float(scene.placement.texels_per_metre[chart])
     away = [_away(scene, chart, camera.pose) for camera in cameras]
-    return shown_by(views, believed(views, away, [_usual(camera) for camera in cameras], density), density)
+    return fuse_camera_views(views, trusted_ground_texels(views, away, [_usual(camera) for camera in cameras], density), density)
 
 
-def believed(
+def trusted_ground_texels(
     views: Sequence[View],
-    away: Sequence[np.ndarray],
-    usual: Sequence[tuple[np.ndarray, np.ndarray] | None],
+    distance: Sequence[np.ndarray],
+    ground_colours: Sequence[tuple[np.ndarray, np.ndarray] | None],
     density: float,
 ) -> list[np.ndarray]:
     """Which clear texels of each view are believed, (h, w) bool each.
 
-    away (h, w): metres from the camera; usual: as of `usual_of`, in the views' exposure; density in texels per metre.
+    away (h, w): metres from the camera; usual: as of `typical_ground_colour`, in the views' exposure; density in texels per metre.
     """
     import cv2
 
     squares, kept, rim = compare_squares(views, density), [], round(BESIDE_M * density)
     for i, view in enumerate(views):
         supported, opposed, alone = squares.is_confirmed[i], squares.is_contradicted[i], squares.unconfirmed_squares(i)
-        like = usual[i]
+        like = ground_colours[i]
         agreed = int(supported.sum())
         if like is None or agreed < VOUCHED or agreed < VOUCHED_SHARE * (supported | opposed).sum():
             alone[:] = False
@@ -71,7 +71,7 @@ def believed(
         doubted = squares.is_usable[i] & ~supported & ~alone
         whole = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
         beside = cv2.dilate(whole[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
-        kept.append(view.clear & (whole[0] | (whole[1] & (away[i] >= ALONE_M))) & ~beside)
+        kept.append(view.clear & (whole[0] | (whole[1] & (distance[i] >= ALONE_M))) & ~beside)
     return [one & ~odd for one, odd in zip(kept, find_thin_objects(views, density), strict=True)]
 
 
@@ -79,8 +79,8 @@ def _view(scene: Scene, chart: int, camera: PanoramaCamera) -> View:
     """A chart as one camera shows it, in the common exposure, from NEAR_M to GROUND_REACH_M."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     away = _away(scene, chart, camera.pose)
-    view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.hidden)
-    return in_one_exposure(view, camera, (away >= NEAR_M) & (away <= GROUND_REACH_M))
+    view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.occluded)
+    return equalise_exposure(view, camera, (away >= NEAR_M) & (away <= GROUND_REACH_M))
 
 
 def _away(scene: Scene, chart: int, pose: Pose) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 from facade_core.geometry.overhead_view import raster_points
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.agreement import compare_squares, squares_to_texels
-from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown, in_one_exposure, shown_by
+from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera, equalise_exposure, fuse_camera_views
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, position
 from facade_core.imagery.rectify.fusion import View
 from facade_core.imagery.rectify.panorama import rectify_view
@@ -25,18 +25,18 @@ BELOW_M = 1.3
 SHIFT = 4
 
 
-def photographed_wall(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> Shown | None:
+def fuse_wall_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
     """A wall or a roof from panoramas; None where they show too little."""
-    own = covered(scene, chart)
+    own = chart_coverage(scene, chart)
     views = [_view(scene, chart, camera, own) for camera in cameras]
     if not any(bool(view.clear.any()) for view in views):
         return None
     density = float(scene.placement.texels_per_metre[chart])
     low = [_low(scene, chart, camera) for camera in cameras]
-    return shown_by(views, believed_of_wall(views, low, density), density)
+    return fuse_camera_views(views, trusted_wall_texels(views, low, density), density)
 
 
-def believed_of_wall(views: Sequence[View], low: Sequence[np.ndarray], density: float) -> list[np.ndarray]:
+def trusted_wall_texels(views: Sequence[View], is_low: Sequence[np.ndarray], density: float) -> list[np.ndarray]:
     """Which clear texels of each view are believed, (h, w) bool each; low (h, w) bool: where each alone is not; density in
     texels per metre."""
     squares, kept = compare_squares(views, density), []
@@ -44,7 +44,7 @@ def believed_of_wall(views: Sequence[View], low: Sequence[np.ndarray], density: 
         agreed, alone = (
             squares_to_texels(one, squares.side, view.seen.shape) for one in (squares.is_confirmed[i], squares.unconfirmed_squares(i))
         )
-        kept.append(view.clear & (agreed | (alone & ~low[i])))
+        kept.append(view.clear & (agreed | (alone & ~is_low[i])))
     return kept
 
 
@@ -59,11 +59,11 @@ def _view(scene: Scene, chart: int, camera: PanoramaCamera, own: np.ndarray) -> 
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     points = raster_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     near = np.linalg.norm(points - position(camera.pose), axis=2) <= WALL_REACH_M
-    view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.hidden)
-    return in_one_exposure(view, camera, own & near)
+    view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.occluded)
+    return equalise_exposure(view, camera, own & near)
 
 
-def covered(scene: Scene, chart: int) -> np.ndarray:
+def chart_coverage(scene: Scene, chart: int) -> np.ndarray:
     """The texels (h, w) bool of a chart that its triangles cover: beside a gable lies the sky."""
     import cv2
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.core.types import Pose
-from facade_core.imagery.cameras.exposure import look_down
+from facade_core.imagery.cameras.exposure import sample_ground
 from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
 from facade_core.imagery.poses.panorama_camera import camera_from_world, position
 from tasks.engine.context import plan_of_run, worker_name
@@ -64,7 +64,7 @@ def _found(scene: Any, one: Member, found: Together) -> dict[str, Any]:
     }
     if found.reason:
         return told
-    ground = look_down(scene, read_panorama(one.path), found.pose)
+    ground = sample_ground(scene, read_panorama(one.path), found.pose)
     turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
     return told | {
         "pose": _numbers(found.pose),

@@ -14,7 +14,7 @@ from facade_core.core.errors import StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resized_with_labels
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.hidden import draw_cut
+from facade_core.export.pictures.occlusion_overlay import draw_cut
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
 from facade_core.imagery.detect.detection import look, looked_for
 from facade_core.imagery.privacy import shielded

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.imagery.cameras.ground import photographed
+from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import in_the_way
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import refusal
@@ -25,7 +25,7 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     refused: list[Exception] = []
     cameras, used = cameras_of(taken, in_the_way, refused)
     read = time.time()
-    found = photographed(plan.scene, chart, cameras) if cameras else None
+    found = fuse_ground_view(plan.scene, chart, cameras) if cameras else None
     digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
     record: Record = {
         "unit": unit.name,

@@ -24,8 +24,8 @@ from facade_core.atlas.stored_files import (
 from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.facade_stages import TEXTURE, StoredFacade, stages_of
-from facade_core.export.pictures.picture import aim, file_of
+from facade_core.export.pictures.rendering import aim, file_of
+from facade_core.export.pictures.stage_pictures import TEXTURE, StoredFacade, stages_of
 from facade_core.export.pictures.views import SAMPLES, paint
 from facade_core.export.tiles.block_tiles import tiles_of
 from facade_core.export.tiles.tile_model import coarse_rasters

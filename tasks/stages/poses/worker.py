@@ -8,7 +8,7 @@ from typing import Any
 
 from facade_core.atlas.journal import Record
 from facade_core.core.errors import ImageError
-from facade_core.imagery.cameras.exposure import look_down
+from facade_core.imagery.cameras.exposure import sample_ground
 from facade_core.imagery.poses.misplaced import misplaced
 from facade_core.imagery.poses.outlines import outline
 from facade_core.imagery.poses.refinement import refine_pose
@@ -40,7 +40,7 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         fitting = found.fit if math.isfinite(found.fit) else 0.0
         if why := misplaced(plan.scene, picture, pose, outline(plan.scene, pose), fitting):
             raise ImageError(why)
-    ground = look_down(plan.scene, picture, pose)
+    ground = sample_ground(plan.scene, picture, pose)
     record: Record = {
         "unit": unit.name,
         "key": unit.key,

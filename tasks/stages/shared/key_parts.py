@@ -63,11 +63,11 @@ def exemplar_key(run: Run, path: Path) -> str:
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
         picture=[path.stem, *map(file_digest, with_labels(path))],
-        **_own_models(Models(parser=run.models.parser)),  # an exemplar is parsed and not completed
+        **model_parts(Models(parser=run.models.parser)),  # an exemplar is parsed and not completed
     )
 
 
-def _own_models(models: Models) -> dict[str, Any]:
+def model_parts(models: Models) -> dict[str, Any]:
     """What models of a block's own are, where there are some."""
     return {"models": model_digests(models)} if models.files else {}
 
@@ -79,7 +79,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
         stage_code("poses"),
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
-        pose=[*_pose(pose), carried],
+        pose=[*pose_numbers(pose), carried],
         geometry=plan.things.within(place - AROUND_POSE_M, place + AROUND_POSE_M),
     )
 
@@ -95,8 +95,8 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
     return parts_key(
         stage_code("bundles"),
         settings=run.texture.texels_per_metre,
-        pose=[_pose(one.given) for one in members],
-        panoramas=[[one.path.name, file_digest(one.path), *_alone(one.alone)] for one in members],
+        pose=[pose_numbers(one.given) for one in members],
+        panoramas=[[one.path.name, file_digest(one.path), *refined_pose_parts(one.alone)] for one in members],
         geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
     )
 
@@ -104,10 +104,10 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
     """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
     charts = plan.own_charts(building)
-    parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": _own(plan, charts, textures)}
+    parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": own_texture_parts(plan, charts, textures)}
     if run.aerial is not None and charts:
         parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
-        low, high = _box(plan, charts)
+        low, high = bounding_box(plan, charts)
         high[2] = np.inf
         parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
     return parts_key(stage_code("textures"), **parts)
@@ -119,7 +119,7 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[Taken]) -> str:
         stage_code("grounds"),
         settings=run.texture.texels_per_metre,
         geometry=f"{plan.ids[chart]:016x}",
-        **_from_cameras(plan, {one: [chart] for one in taken}),
+        **panorama_parts(plan, {one: [chart] for one in taken}),
     )
 
 
@@ -132,23 +132,23 @@ def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequen
     return parts_key(
         stage_code("walls"),
         settings=run.texture.texels_per_metre,
-        geometry=_named(plan, charts),
-        **_from_cameras(plan, dict(sorted(charts_of.items(), key=lambda item: item[0].path))),
+        geometry=chart_ids(plan, charts),
+        **panorama_parts(plan, dict(sorted(charts_of.items(), key=lambda item: item[0].path))),
     )
 
 
-def _from_cameras(plan: Plan, charts_of: Mapping[Taken, Sequence[int]]) -> dict[str, Any]:
+def panorama_parts(plan: Plan, charts_of: Mapping[Taken, Sequence[int]]) -> dict[str, Any]:
     """What panoramas are, which charts are taken from each, and what may stand between."""
     return {
         "panoramas": [
-            [one.path.name, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares, _named(plan, charts)]
+            [one.path.name, file_digest(one.path), pose_numbers(one.pose), list(one.factor), one.squares, chart_ids(plan, charts)]
             for one, charts in charts_of.items()
         ],
-        "between": [_between(plan, charts, one.pose) for one, charts in charts_of.items()],
+        "between": [digests_between(plan, charts, one.pose) for one, charts in charts_of.items()],
     }
 
 
-def _named(plan: Plan, charts: Sequence[int]) -> list[str]:
+def chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
     return [f"{plan.ids[chart]:016x}" for chart in charts]
 
 
@@ -168,7 +168,7 @@ def facade_keys(
     chart = int(table.chart[facade])
     shape = (int(placement.width[chart]), int(placement.height[chart]))
     size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
-    low, high = _box(plan, table.chart[table.laid_out_with(facade)].tolist())
+    low, high = bounding_box(plan, table.chart[table.laid_out_with(facade)].tolist())
     house: list[Any] = [
         float(table.foot[facade]),
         float(table.eaves[facade]),
@@ -190,22 +190,22 @@ def facade_keys(
         if source in ("photo", "panoramas"):
             parts["privacy"] = run.privacy
         if source in ("photo", "panoramas", "own"):
-            parts |= _own_models(run.models)
+            parts |= model_parts(run.models)
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":
             parts["panoramas"], earlier = (
                 [
-                    [path.name, file_digest(path), _pose(pose), *filter(None, [imagery.captured.get(path)])]
+                    [path.name, file_digest(path), pose_numbers(pose), *filter(None, [imagery.captured.get(path)])]
                     for path, pose in pictures
                 ]
                 for pictures in (imagery.panoramas, imagery.earlier)
             )
             if earlier:
                 parts["earlier"] = earlier
-            parts["between"] = [_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)]
+            parts["between"] = [digests_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)]
         elif source == "own":
-            parts["own"] = _own(plan, [chart], textures)
+            parts["own"] = own_texture_parts(plan, [chart], textures)
         elif imagery.exemplar is not None:
             chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
             parts |= {"exemplar": chosen, "walls": run.texture.walls}
@@ -222,30 +222,30 @@ def with_house(key: str, pictured: Sequence[str]) -> str:
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key
 
 
-def _pose(pose: Pose) -> list[Any]:
+def pose_numbers(pose: Pose) -> list[Any]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 
 
-def _alone(one: Alone) -> list[Any]:
-    return [_pose(one.pose), None if one.spread is None else one.spread.tolist()]
+def refined_pose_parts(one: Alone) -> list[Any]:
+    return [pose_numbers(one.pose), None if one.spread is None else one.spread.tolist()]
 
 
-def _between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
+def digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
     """What may stand between a panorama and charts, or is one of them."""
     place = np.array([pose.x, pose.y, pose.z])
-    low, high = _box(plan, charts)
+    low, high = bounding_box(plan, charts)
     # what lies below both hides nothing: level ground does not count
     beside = np.array([OFF_PLANE_M, OFF_PLANE_M, -ABOVE_M])
     return plan.things.within(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)
 
 
-def _box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """The corners (3,) of the box around some charts."""
     corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
-def _own(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:
+def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:
     """The textures that some charts carry, by chart: where each corner lies on which picture."""
     mesh = plan.scene.mesh
     found = []

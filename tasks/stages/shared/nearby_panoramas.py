@@ -14,7 +14,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.refined_poses import read_posed
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS, Charts
-from facade_core.imagery.cameras.exposure import factors
+from facade_core.imagery.cameras.exposure import exposure_factors
 from facade_core.plan.plan import Plan
 from tasks.stages.facades.imagery import Taken
 from tasks.stages.poses.stage import refined
@@ -78,7 +78,7 @@ def cameras_of_block(block: Block, plan: Plan, group: StoreGroup, usable: Callab
     record."""
     records = read_posed(group)
     squares = [_squares(record) for record in records]
-    gains = factors(squares)
+    gains = exposure_factors(squares)
     taken = tuple(
         Taken(panorama.path, refined(pose, record), tuple(gain), own)
         for panorama, pose, record, gain, own in zip(

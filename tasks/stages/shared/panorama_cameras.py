@@ -14,8 +14,8 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.cameras.camera_view import PanoramaCamera, Shown
-from facade_core.imagery.cameras.exposure import usual_of
+from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
+from facade_core.imagery.cameras.exposure import typical_ground_colour
 from facade_core.imagery.detect.detection import look_on_panorama
 from facade_core.imagery.poses.panorama_camera import position
 from facade_core.plan.plan import Plan
@@ -40,15 +40,15 @@ def camera_of(one: Taken, hides: Hides, refused: list[Exception]) -> PanoramaCam
     """A panorama as a camera; where it cannot be opened None, and why is added to `refused`."""
     with refusing(refused):
         image = read_panorama(one.path)
-        return PanoramaCamera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), usual_of(one.squares))
+        return PanoramaCamera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares))
     return None
 
 
 def shown_in_turn(
     taken: Mapping[int, Sequence[Taken]],
     opened: Callable[[Taken], PanoramaCamera | None],
-    show: Callable[[int, Sequence[PanoramaCamera]], Shown | None],
-) -> tuple[dict[int, Shown], dict[int, list[Taken]]]:
+    show: Callable[[int, Sequence[PanoramaCamera]], CameraView | None],
+) -> tuple[dict[int, CameraView], dict[int, list[Taken]]]:
     """What cameras show of charts, each taken from panoramas of its own, where that is enough; and of each chart those that
     could be opened. At most the panoramas of one chart are open at a time: charts of the same follow each other."""
     held: dict[Taken, PanoramaCamera | None] = {}
@@ -67,7 +67,7 @@ def shown_in_turn(
 
 
 def write_shown(
-    group: StoreGroup, plan: Plan, found: Mapping[int, Shown], used: Mapping[int, Sequence[Taken]]
+    group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[Taken]]
 ) -> tuple[dict[str, str], list[list[Any]]]:
     """Write what cameras show of charts, by chart, as are their panoramas; returns the charts' digests, and of each panorama
     that shows some its name, its share of all their texels and how far it was on the mean, metres."""
@@ -84,7 +84,7 @@ def write_shown(
     for chart, one in found.items():
         texels = rasters.slice(placement, chart)
         seed[texels] = one.rgb.reshape(-1, 3)
-        evidence[texels] = np.where(one.shown, Provenance.PHOTO, Provenance.UNSEEN).reshape(-1)
+        evidence[texels] = np.where(one.is_visible, Provenance.PHOTO, Provenance.UNSEEN).reshape(-1)
         # the first is none
         of_chart = np.array([0, *(numbers.get(panorama, 0) for panorama in used[chart])], np.uint16)
         camera[texels] = of_chart[one.camera.astype(np.int64) + 1].reshape(-1)

@@ -14,7 +14,7 @@ from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import encoded_digest, read_checked, read_encoded, tile_paths, write_encoded
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.models.textured_parts import Textured, textured_scene
+from facade_core.export.models.textured_mesh import Textured, textured_scene
 from facade_core.export.tiles.tile_model import Earlier, tile_model
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run

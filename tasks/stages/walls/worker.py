@@ -14,7 +14,7 @@ from facade_core.atlas.store import open_root
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
-from facade_core.imagery.cameras.walls import photographed_wall
+from facade_core.imagery.cameras.walls import fuse_wall_view
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import refusal
 from tasks.engine.run import Run
@@ -36,11 +36,11 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         begun = time.time()
         camera = camera_of(one, before_buildings, refused)
         if camera is not None:
-            camera = replace(camera, hidden=camera.hidden | _beside_edges(run, one.pose, camera.hidden.shape))
+            camera = replace(camera, hidden=camera.occluded | _beside_edges(run, one.pose, camera.occluded.shape))
         reading.append(time.time() - begun)
         return camera
 
-    shown, used = shown_in_turn(dict(zip(charts, taken, strict=True)), opened, partial(photographed_wall, plan.scene))
+    shown, used = shown_in_turn(dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene))
     digests, told = write_shown(open_root(fork), plan, shown, used)
     read = sum(reading)
     record: Record = {

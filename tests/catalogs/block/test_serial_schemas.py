@@ -10,6 +10,7 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import shapely
 from pyproj import CRS
 
@@ -82,6 +83,13 @@ def test_digests_are_pinned(tmp_path: Path) -> None:
     alone = replace(block, corrections=Corrections(), part=None, models=Models(), aerial=None, roof_material=None)
     assert block_digest(alone) == "17f0009247c149c5f95b741763383441538760cd5749995da7bcc398286fd275"
     assert geometry_digest(alone) == "2ea05933b5eb5c88d32c3778573588e29bcc971c75da7935eac67e110c6140af"
+
+
+def test_another_version_of_the_schemas_changes_digests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    block = small_block(tmp_path)
+    before = block_digest(block), geometry_digest(block)
+    monkeypatch.setattr("catalogs.block.digest.SCHEMA_VERSION", 2)
+    assert not {block_digest(block), geometry_digest(block)} & set(before)
 
 
 def test_the_text_of_a_part_file_is_pinned(tmp_path: Path) -> None:

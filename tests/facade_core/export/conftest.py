@@ -13,7 +13,7 @@ from benchmarks.clients import validators
 from benchmarks.programs import Absent, node, package
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Street
-from facade_core.export.models.textured_parts import Textured, textured_scene
+from facade_core.export.models.textured_mesh import Textured, textured_scene
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.ground.terrain import terrain_of

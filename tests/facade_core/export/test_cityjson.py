@@ -13,10 +13,10 @@ import shapely
 from facade_core.core.grouping import grouped
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import balconies_on, behind_railings
-from facade_core.export.bodies.buildings import ground_faces, modelled
+from facade_core.export.bodies.building_models import ground_faces, modelled
 from facade_core.export.bodies.openings import openings_in, outlines
 from facade_core.export.city_models.cityjson import Face, Pool, geometry_of
-from facade_core.export.models.textured_parts import Drawn, Textured, layout_of
+from facade_core.export.models.textured_mesh import Drawn, Textured, layout_of
 from facade_core.geometry.charts import ChartKind
 
 

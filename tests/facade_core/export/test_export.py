@@ -11,8 +11,8 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Lattice, Street
 from facade_core.export.models.pages import between_charts
 from facade_core.export.pictures.camera import Camera, aerial
-from facade_core.export.pictures.hidden import draw_cut, overlay_hidden
-from facade_core.export.pictures.picture import aim, draw_facade, perspective
+from facade_core.export.pictures.occlusion_overlay import draw_cut, overlay_hidden
+from facade_core.export.pictures.rendering import aim, draw_facade, perspective
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import CORNERS, ChartKind

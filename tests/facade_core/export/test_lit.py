@@ -16,15 +16,15 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Ground, Sun, Way
 from facade_core.export.lighting.albedo import shading, without
-from facade_core.export.lighting.bumps import STEEPEST, SUNK_SEES, heights, normals, sunk
-from facade_core.export.lighting.grounds import Grounds
-from facade_core.export.lighting.lit import Lighting, Texels, relit
+from facade_core.export.lighting.ground_materials import Grounds
+from facade_core.export.lighting.height_maps import STEEPEST, SUNK_SEES, heights, normals, sunk
 from facade_core.export.lighting.panes import Chances, glass, glow, openings
-from facade_core.export.lighting.substances import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
+from facade_core.export.lighting.relighting import Lighting, Texels, relit
+from facade_core.export.lighting.surface_materials import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import glb_bytes
 from facade_core.export.models.gltf_materials import NIGHT, STRENGTH, Time, look_of
-from facade_core.export.models.textured_parts import Textured, layout_of, local_frame, nodes_of, page_pictures
+from facade_core.export.models.textured_mesh import Textured, layout_of, local_frame, nodes_of, page_pictures
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sun import lit as in_light

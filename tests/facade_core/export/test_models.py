@@ -15,7 +15,7 @@ from PIL import Image
 
 from facade_core.export.models.glb import Node, Primitive, glb_bytes
 from facade_core.export.models.pages import GUTTER, draw_page, lay_out
-from facade_core.export.models.textured_parts import Textured, jpegs, layout_of, local_frame, nodes_of
+from facade_core.export.models.textured_mesh import Textured, jpegs, layout_of, local_frame, nodes_of
 from tests.facade_core.export.conftest import colour_of
 
 NAMES = {0: "a", 1: "b/1 ü"}

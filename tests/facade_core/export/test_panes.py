@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import FacadeClass
-from facade_core.export.lighting.interiors import interior
 from facade_core.export.lighting.panes import Chances, glass, glow, openings, squared, through
+from facade_core.export.lighting.shop_interiors import interior
 
 DENSITY = 20.0
 

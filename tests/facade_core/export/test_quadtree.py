@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.export.tiles.quadtree import LARGEST_M, Leaf, Members, grid_leaves, members_of
 
 places = st.lists(

@@ -10,11 +10,11 @@ import shapely
 
 from facade_core.core.grouping import grouped
 from facade_core.core.types import Building, Roof, Street
-from facade_core.export.bodies.body import body_of
+from facade_core.export.bodies.building_body import body_of
 from facade_core.export.bodies.curtains import curtained
 from facade_core.export.bodies.patches import Patch, Patches, components, flattened, is_closed, joined, open_edges
 from facade_core.export.bodies.recess import cut, meets_box
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of

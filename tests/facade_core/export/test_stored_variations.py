@@ -11,7 +11,7 @@ import zarr
 from facade_core.atlas.stored_files import encoded_digest, encoded_of, hierarchy_path, write_encoded
 from facade_core.core.errors import StoreError
 from facade_core.core.types import Element
-from facade_core.export.pictures.facade_stages import StoredFacade
+from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.facade.variation.encoding import encode
 
 

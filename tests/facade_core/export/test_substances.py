@@ -6,8 +6,8 @@ import numpy as np
 
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import SURFACES
-from facade_core.export.lighting import substances
-from facade_core.export.lighting.substances import (
+from facade_core.export.lighting import surface_materials
+from facade_core.export.lighting.surface_materials import (
     BRICK,
     FRAME,
     GLASS,
@@ -28,7 +28,7 @@ def test_every_label_material_and_surface_is_of_something() -> None:
     assert found[0, FacadeClass.BALCONY] == RAILING
     assert len(OF_SURFACE) == len(SURFACES)
     assert set(OF_MATERIAL) == set(range(field.FITTING + 1)), "all that charts are made of"
-    assert len(substances.SUBSTANCES) == len({one.name for one in substances.SUBSTANCES})
+    assert len(surface_materials.SUBSTANCES) == len({one.name for one in surface_materials.SUBSTANCES})
 
 
 def test_panes_are_glass_and_smoother_than_all_but_water() -> None:

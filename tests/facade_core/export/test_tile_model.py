@@ -15,8 +15,8 @@ import pytest
 import trimesh
 
 from facade_core.export.models import pages
-from facade_core.export.models.joined import join_glbs, part_of_file
-from facade_core.export.models.textured_parts import Textured, local_frame
+from facade_core.export.models.glb_merge import join_glbs, part_of_file
+from facade_core.export.models.textured_mesh import Textured, local_frame
 from facade_core.export.tiles import overview
 from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
 from facade_core.export.tiles.tile_model import COARSER, Earlier, TileModel, coarse_rasters, coarse_size, tile_model

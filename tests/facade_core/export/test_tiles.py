@@ -17,12 +17,12 @@ from pyproj import Transformer
 
 from facade_core.core.errors import InputError
 from facade_core.export.city_models.attribution import Attribution, Source
-from facade_core.export.lighting.lit import relit
+from facade_core.export.lighting.relighting import relit
 from facade_core.export.models.encoders import MIPMAPS, encoder
 from facade_core.export.models.features import Features, Property
 from facade_core.export.models.glb import header_of, pictures_of
 from facade_core.export.models.gltf_materials import Time
-from facade_core.export.models.textured_parts import Textured, local_frame
+from facade_core.export.models.textured_mesh import Textured, local_frame
 from facade_core.export.tiles import cells
 from facade_core.export.tiles.cells import COARSE, quadtree
 from facade_core.export.tiles.earth import earth_frame

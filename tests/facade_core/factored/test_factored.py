@@ -13,10 +13,10 @@ from facade_core.export.bodies.mouldings import bands_of, free_of, like
 from facade_core.export.factored.grain_similarity import alike
 from facade_core.export.factored.image_quilting import SIDES, Grain, repeating
 from facade_core.export.factored.library import Library, library_of
-from facade_core.export.factored.pictures import MOST_DENSITY, held, pictures_of
+from facade_core.export.factored.texture_packing import MOST_DENSITY, held, pictures_of
 from facade_core.export.factored.units import units_of
-from facade_core.export.factored.wall import FAR, NEAR, Detail, Piece, Pieces, Plane, flat, lay
-from facade_core.export.factored.wall_units import Facade, Seen
+from facade_core.export.factored.wall_decomposition import Facade, Seen
+from facade_core.export.factored.wall_geometry import FAR, NEAR, Detail, Piece, Pieces, Plane, flat, lay
 from facade_core.geometry.charts import ChartKind, Charts
 
 DENSITY = 32.0

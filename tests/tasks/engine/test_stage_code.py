@@ -41,9 +41,9 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/export/tiles/tile_model.py": {"tiles", "pictures", "publish"},
         "facade_core/export/tiles/block_tiles.py": {"pictures", "publish"},
         "facade_core/export/models/pages.py": {"pages", "tiles", "pictures", "publish"},
-        "facade_core/export/pictures/facade_stages.py": {"pictures"},
+        "facade_core/export/pictures/stage_pictures.py": {"pictures"},
         "facade_core/street/surfaces.py": {"surfaces"} | streets,
-        "facade_core/export/models/joined.py": {"publish"},
+        "facade_core/export/models/glb_merge.py": {"publish"},
         "facade_core/export/tiles/tileset.py": set(),  # only `streetloom export` takes it
         "catalogs/published/report.html.j2": {"publish"},
         "catalogs/readers/meshes/obj.py": set(),  # what is read is in the block's digest

@@ -12,7 +12,7 @@ import pytest
 import rasterio
 
 from catalogs.features import file_stem
-from facade_core.export.pictures.facade_stages import chart_raster
+from facade_core.export.pictures.stage_pictures import chart_raster
 from tasks.export.formats import export
 from tasks.published.opened import Published
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 from catalogs.features import file_stem
 from facade_core.core.labels import CLASSES
-from facade_core.export.pictures.facade_stages import shown_levels, stages_of
+from facade_core.export.pictures.stage_pictures import shown_levels, stages_of
 from facade_core.geometry.walls import STREET
 from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages

@@ -134,7 +134,7 @@ def page(height, width):
     return unit
 
 def tile(height, width):
-    from facade_core.export.models.textured_parts import textured_scene
+    from facade_core.export.models.textured_mesh import textured_scene
     from facade_core.export.tiles.tile_model import tile_model
     scene = walls(height, width)
     source = textured_scene(scene, lambda page: None)
@@ -148,7 +148,7 @@ def tile(height, width):
 
 def view(height, width):
     from facade_core.export import aerial, aim
-    from facade_core.export.pictures.picture import file_of
+    from facade_core.export.pictures.rendering import file_of
     from facade_core.export.pictures.views import SAMPLES, paint
     scene = walls(4, 2)
     page = np.zeros((2048, 2048, 3), np.uint8)
@@ -163,8 +163,8 @@ def view(height, width):
 
 def drawn(height, width):
     from facade_core.export import draw_facade, overlay_hidden
-    from facade_core.export.pictures.facade_stages import SAMPLES
-    from facade_core.export.pictures.picture import file_of
+    from facade_core.export.pictures.stage_pictures import SAMPLES
+    from facade_core.export.pictures.rendering import file_of
     from facade_core.facade.pipeline import from_photo
     from facade_core.variation import Hierarchy, draw_level
     made = FACADES.get((height, width)) or from_photo(*picture(height, width))

@@ -12,7 +12,7 @@ from facade_core.core.resizing import resized
 from facade_core.export.factored.grain_similarity import alike
 from facade_core.export.factored.image_quilting import Grain
 from facade_core.export.factored.library import Library
-from facade_core.export.factored.wall import Key, Piece, Pieces
+from facade_core.export.factored.wall_geometry import Key, Piece, Pieces
 from facade_core.export.models.encoders import MIPMAPS
 from facade_core.export.models.page_packing import CELL, pack_pages
 

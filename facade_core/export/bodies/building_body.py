@@ -26,7 +26,7 @@ from facade_core.export.bodies.patches import (
     ring_normal,
     split,
 )
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.geometry.charts import ChartKind
 
 # What is open no higher above the lowest corner is the foot of a building.

@@ -17,8 +17,8 @@ from facade_core.core.errors import StoreError
 from facade_core.core.labels import colourise
 from facade_core.core.types import Lattice
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.hidden import overlay_hidden
-from facade_core.export.pictures.picture import draw_facade, draw_layout
+from facade_core.export.pictures.occlusion_overlay import overlay_hidden
+from facade_core.export.pictures.rendering import draw_facade, draw_layout
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.geometry.chart_packing import Placement

@@ -12,13 +12,13 @@ from shapely import Polygon
 
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import BalconyFace, balconies_on, balcony, behind_railings
-from facade_core.export.bodies.body import Body, body_of
+from facade_core.export.bodies.building_body import Body, body_of
 from facade_core.export.bodies.ledges import ledge, ledges_on
 from facade_core.export.bodies.openings import openings_in
 from facade_core.export.bodies.patches import Patch, Patches, components, joined, triangulated
 from facade_core.export.bodies.recess import cut
 from facade_core.export.city_models.cityjson import Face
-from facade_core.export.models.textured_parts import Drawn
+from facade_core.export.models.textured_mesh import Drawn
 from facade_core.geometry.charts import KINDS, ChartKind
 
 SEMANTICS = {

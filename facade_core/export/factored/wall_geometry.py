@@ -18,7 +18,7 @@ from facade_core.export.bodies.recess import cut
 from facade_core.export.factored.image_quilting import REPEAT_M
 from facade_core.export.factored.library import mean_in
 from facade_core.export.factored.units import Rectangle, Unit
-from facade_core.export.factored.wall_units import Seen
+from facade_core.export.factored.wall_decomposition import Seen
 from facade_core.geometry.charts import Charts
 
 # What of the sky the sides of an opening see: they are darker by this.

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import SURFACES, Ground
-from facade_core.export.lighting.substances import GRAVEL, OF_SURFACE, SLABS
+from facade_core.export.lighting.surface_materials import GRAVEL, OF_SURFACE, SLABS
 from facade_core.geometry.charts import Charts
 
 # Fixed-point bits of outlines.

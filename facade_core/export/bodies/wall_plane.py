@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.export.bodies.openings import outlines
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 
 # x runs along the wall to the right as it is seen from outside, y up from its foot: so the plane is described for others.
 PLANE_WKT = (

@@ -14,12 +14,19 @@ from facade_core.core.linear_light import srgb
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Ground, Sun
 from facade_core.export.lighting.albedo import shading, without
-from facade_core.export.lighting.bumps import heights, normals, sunk
-from facade_core.export.lighting.grounds import Grounds
+from facade_core.export.lighting.ground_materials import Grounds
+from facade_core.export.lighting.height_maps import heights, normals, sunk
 from facade_core.export.lighting.panes import Chances, Opening, glass, glow, leaning, openings, squared, through
-from facade_core.export.lighting.substances import BRICK, OF_MATERIAL, PHOTOGRAPHED, PLASTER, ROUGHNESS, of_labels
+from facade_core.export.lighting.surface_materials import (
+    BRICK,
+    OF_MATERIAL,
+    PHOTOGRAPHED,
+    PLASTER,
+    ROUGHNESS,
+    of_labels,
+)
 from facade_core.export.models.pages import Maps, scaled
-from facade_core.export.models.textured_parts import Textured
+from facade_core.export.models.textured_mesh import Textured
 from facade_core.facade.wall_material import wall_material
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import LEAST
