@@ -34,12 +34,12 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import taken_whole
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
-from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
+from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_world, position
 from facade_core.imagery.rectify.panorama import rectify_view
-from facade_core.street.materials.field import Materials
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.street_paint import painted_ground, painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, hidden_points, synthetic_street
 
@@ -60,7 +60,7 @@ def measure(
     )
     scene = _coarser(street)
     start = time.perf_counter()
-    hidden = [before_buildings(image, pose) for image, pose in zip(images, given, strict=True)]
+    hidden = [mask_building_occluders(image, pose) for image, pose in zip(images, given, strict=True)]
     seconds = (time.perf_counter() - start) / len(images)
     found: dict[str, Any] = {"benchmark": "camera_walls", "cameras": cameras, "texels_per_metre": DENSITY}
     for name, poses in (("given", given), ("refined", refined(street.scene, images, given)), ("true", true)):
@@ -88,11 +88,11 @@ def _recovered(
     paint = painted_sides(street)
     squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
     cameras = [
-        PanoramaCamera(image, pose, mask | beside_edges(scene, pose, mask.shape), factor, typical_ground_colour(own))
+        PanoramaCamera(image, pose, mask | mask_model_edges(scene, pose, mask.shape), factor, typical_ground_colour(own))
         for image, pose, mask, factor, own in zip(images, poses, hidden, exposure_factors(squares), squares, strict=True)
     ]
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
-    materials = Materials(scene, (line,), seed=1)
+    materials = MaterialField(scene, (line,), seed=1)
     seconds: dict[str, list[float]] = {"take": [], "finish": []}
     charts = [c for c in np.flatnonzero(taken_whole(scene.charts)).tolist() if c not in street.charts]
     shown: dict[int, CameraView] = {}
@@ -102,8 +102,8 @@ def _recovered(
         seconds["take"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
-    known = Known(shown_reader(scene, shown), shown, (), shown)
-    without = Known(shown_reader(scene, {}), (), ())
+    known = KnownTexture(shown_reader(scene, shown), shown, (), shown)
+    without = KnownTexture(shown_reader(scene, {}), (), ())
     parts = []
     for chart in charts:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
@@ -116,7 +116,7 @@ def _recovered(
         if not somewhere.any():
             continue
         start = time.perf_counter()
-        ours, provenance = surface(scene, materials, chart, known, network=False)
+        ours, provenance = finish_chart(scene, materials, chart, known, is_neural=False)
         seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
         before, beside = (
@@ -130,7 +130,7 @@ def _recovered(
             "truth": truth,
             "ours": ours,
             "plain": np.stack([v.rgb for v in views])[best, *np.indices(size)],
-            "material": surface(scene, materials, chart, without, network=False)[0],
+            "material": finish_chart(scene, materials, chart, without, is_neural=False)[0],
             "somewhere": somewhere,
             "roof": np.full(size, scene.charts.kind[chart] == ChartKind.ROOF),
             "hidden": np.asarray(~(seen & ~before).any(axis=0)),

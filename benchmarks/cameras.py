@@ -26,7 +26,7 @@ import numpy as np
 import shapely
 
 from benchmarks.poses import refined_poses
-from facade_core.atlas.surroundings import Reader
+from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.chart_packing import pack
@@ -35,11 +35,11 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
-from facade_core.imagery.cameras.occluder_masks import in_the_way
+from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.panorama import rectify_view
-from facade_core.street.materials.field import Materials
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.street_paint import painted_ground
 from facade_core.synth.street_truth import (
     GroundPaint,
@@ -129,7 +129,7 @@ def _recovered(
         start = time.perf_counter()
         squares.append(sample_ground(scene, image, pose).squares)
         looked = time.perf_counter()
-        hidden = in_the_way(image, pose)
+        hidden = mask_ground_occluders(image, pose)
         seconds["look"].append(looked - start)
         seconds["mask"].append(time.perf_counter() - looked)
         cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), typical_ground_colour(squares[-1])))
@@ -137,7 +137,7 @@ def _recovered(
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
     street_line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
-    materials = Materials(scene, (street_line,), seed=1)
+    materials = MaterialField(scene, (street_line,), seed=1)
     grounds = np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()
     shown: dict[int, CameraView] = {}
     for chart in grounds:
@@ -146,7 +146,7 @@ def _recovered(
         seconds["ground"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
-    known = Known(shown_reader(scene, shown), shown, ())
+    known = KnownTexture(shown_reader(scene, shown), shown, ())
     parts: list[dict[str, np.ndarray]] = []
     for chart in grounds:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
@@ -158,7 +158,7 @@ def _recovered(
         if not somewhere.any():
             continue
         start = time.perf_counter()
-        ours, provenance = surface(scene, materials, chart, known, network=False)
+        ours, provenance = finish_chart(scene, materials, chart, known, is_neural=False)
         seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
         covered = np.stack([hidden_points(street, points, a, supposed=b) for a, b in zip(true, poses, strict=True)])
@@ -213,7 +213,7 @@ def _compared(whole: dict[str, np.ndarray], region: np.ndarray) -> dict[str, Any
     return found
 
 
-def shown_reader(scene: Scene, shown: Mapping[int, CameraView]) -> Reader:
+def shown_reader(scene: Scene, shown: Mapping[int, CameraView]) -> ChartReader:
     """What cameras show of charts, as a run reads it."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

@@ -21,8 +21,8 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.types import Box
-from facade_core.imagery.detect.detection import LOWERMOST, UPPERMOST, Seen, find_plates, look
-from facade_core.imagery.detect.faces import find_faces, ious
+from facade_core.imagery.detect.detection import LOWERMOST, UPPERMOST, Detections, find_plates, detect_on_image
+from facade_core.imagery.detect.faces import find_faces, box_ious
 from facade_core.parsing.occluders import things_in_front
 from facade_core.parsing.segmenter import parse
 
@@ -68,7 +68,7 @@ def measure_panoramas(folder: Path) -> dict[str, int]:
         with Image.open(folder / name) as picture:
             image = np.asarray(picture.convert("RGB"))
         first, last = (round(share * len(image)) for share in (UPPERMOST, LOWERMOST))
-        seen = Seen(faces=find_faces(image[first:last])[0]).moved(0, first)
+        seen = Detections(faces=find_faces(image[first:last])[0]).translate(0, first)
         _count(counts, boxes, seen, image.shape[:2])
     return counts
 
@@ -94,15 +94,15 @@ def measure_photos(folder: Path) -> dict[str, Any]:
                 behind = in_front[box[1] : box[3], box[0] : box[2]]
                 counts["by_parser"] += bool(behind.mean() >= COVERED)
                 x0, y0, x1, y1 = place[0]
-                counts["by_either"] += bool((behind | seen.hidden(part.shape[:2])[y0:y1, x0:x1]).mean() >= COVERED)
+                counts["by_either"] += bool((behind | seen.private_mask(part.shape[:2])[y0:y1, x0:x1]).mean() >= COVERED)
         print(name, result, file=sys.stderr, flush=True)
     return result
 
 
 def measure_clean(pictures: Sequence[np.ndarray]) -> dict[str, Any]:
     """What is found on pictures on which there is nothing: how many faces and plates, and the share of pixels they hide."""
-    seen = [look(picture) for picture in pictures]
-    hidden = [one.hidden(picture.shape[:2]).mean() for one, picture in zip(seen, pictures, strict=True)]
+    seen = [detect_on_image(picture) for picture in pictures]
+    hidden = [one.private_mask(picture.shape[:2]).mean() for one, picture in zip(seen, pictures, strict=True)]
     return {
         "pictures": len(pictures),
         FACES: sum(len(one.faces) for one in seen),
@@ -119,14 +119,14 @@ def _told(kind: str, pictures: Iterator[tuple[np.ndarray, list[Box]]]) -> dict[s
     return counts
 
 
-def _looked(kind: str, image: np.ndarray) -> Seen:
-    return Seen(faces=find_faces(image)[0]) if kind == FACES else Seen(plates=find_plates(image, low=0.0)[0])
+def _looked(kind: str, image: np.ndarray) -> Detections:
+    return Detections(faces=find_faces(image)[0]) if kind == FACES else Detections(plates=find_plates(image, plates_top=0.0)[0])
 
 
-def _count(counts: dict[str, int], boxes: Sequence[Box], seen: Seen, shape: tuple[int, int]) -> None:
-    hidden = seen.hidden(shape)
+def _count(counts: dict[str, int], boxes: Sequence[Box], seen: Detections, shape: tuple[int, int]) -> None:
+    hidden = seen.private_mask(shape)
     for x0, y0, x1, y1 in boxes:
-        overlaps = ious(np.array([x0, y0, x1, y1], float), np.concatenate([seen.faces, seen.plates]))
+        overlaps = box_ious(np.array([x0, y0, x1, y1], float), np.concatenate([seen.faces, seen.plates]))
         counts["there"] += 1
         counts["found"] += bool((overlaps >= FOUND).any())
         counts["hidden"] += bool(hidden[y0:y1, x0:x1].mean() >= COVERED)

@@ -64,7 +64,7 @@ def _there(folder: Path) -> int:
 
 def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     """Choose among panoramas every `spacing` metres on the streets of a block."""
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
     from facade_core.core.types import Pose
     from facade_core.plan.panorama_choice import fewest, shown_by
     from tasks.stages.ingest.planning import plan_of

@@ -15,8 +15,8 @@ import numpy as np
 from facade_core.export.pictures.rendering import file_of, perspective
 from facade_core.export.pictures.views import cameras, view_names
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact import contact
-from facade_core.street.propagation.render import shade
+from facade_core.street.lighting.contact_shadow import contact_light
+from facade_core.street.propagation.render import daylight_grey
 from tasks.published.opened import published
 
 # Grey of bare geometry, as a share of white.
@@ -58,8 +58,8 @@ def bare(scene: Scene, chart: int) -> np.ndarray:
     daylight.reach([chart])
     rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.place[chart])
     light = cv2.resize(daylight.light[first : first + rows * columns].reshape(rows, columns), (width, height))
-    left = contact(scene, chart)
-    grey = 255 * BARE * float(shade(normal)) * light.reshape(height, width) * (1.0 if left is None else left)
+    left = contact_light(scene, chart)
+    grey = 255 * BARE * float(daylight_grey(normal)) * light.reshape(height, width) * (1.0 if left is None else left)
     return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
 
 

@@ -21,10 +21,10 @@ import numpy as np
 import shapely
 
 from catalogs.buildings import heights
-from catalogs.buildings.outlines import block_buildings
+from catalogs.buildings.outlines import assemble_buildings
 from catalogs.features import Footprint, Footprints
-from catalogs.frames import named_frame
-from catalogs.readers.vectors.osm import read_footprints
+from catalogs.frames import parse_metric_crs
+from catalogs.readers.vectors.osm import read_osm_footprints
 
 STOREY_M = 3.2
 CELL_M = 150.0
@@ -34,13 +34,13 @@ FRAME = "EPSG:32635"
 
 def measure(source: Footprints, folds: str) -> dict[str, Any]:
     """Errors over all, and over the eastern half."""
-    frame = named_frame(FRAME)
+    frame = parse_metric_crs(FRAME)
 
     def storeys(footprints: tuple[Footprint, ...]) -> dict[str, float]:
-        built = block_buildings([replace(source, items=footprints)], frame, area=None, storey=STOREY_M)
+        built = assemble_buildings([replace(source, items=footprints)], frame, area=None, floor_height=STOREY_M)
         return {building.id: building.height / STOREY_M for building in built.items}
 
-    everything = block_buildings([source], frame, area=None, storey=STOREY_M).items
+    everything = assemble_buildings([source], frame, area=None, floor_height=STOREY_M).items
     tagged = {f.id for f in source.items if f.levels is not None or f.height is not None}
     # a part of an outline is not told apart here
     truth = {b.id: b.height / STOREY_M for b in everything if b.id in tagged and b.height_source != "default"}
@@ -87,11 +87,11 @@ def main(arguments: list[str] | None = None) -> None:
         help="folder with city/helsinki",
     )
     options = parser.parse_args(arguments)
-    source = read_footprints(options.data / "city" / "helsinki" / "Helsinki.osm.pbf")
+    source = read_osm_footprints(options.data / "city" / "helsinki" / "Helsinki.osm.pbf")
     found = {by: measure(source, by) for by in ("chance", "cells")}
-    step, heights.STEP = heights.STEP, 0.0
+    step, heights.VARIATION_SHARE = heights.VARIATION_SHARE, 0.0
     found |= {f"{by}, without step": measure(source, by) for by in ("chance", "cells")}
-    heights.STEP = step
+    heights.VARIATION_SHARE = step
     print(json.dumps({"benchmark": "heights", "folds": found}, indent=1))
 
 

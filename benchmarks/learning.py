@@ -36,8 +36,8 @@ from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.core.errors import InputError
 from facade_core.core.labels import UNKNOWN
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.model import SHIPPED as SHIPPED_LAYOUTS
-from facade_core.facade.layout.model import load
+from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as SHIPPED_LAYOUTS
+from facade_core.facade.layout.model import load_layout_model
 from facade_core.parsing.elements import elements
 from facade_core.parsing.network import SHIPPED
 from facade_core.parsing.segmenter import parse
@@ -149,12 +149,12 @@ def of_layout(data: Path, out: Path, seed: int) -> dict[str, Any]:
 
 def completed(layouts: Sequence[LayoutRecord], path: Path) -> list[dict[str, np.ndarray]]:
     """By facade and kind of what is hidden: elements matched, proposed and true, (3,) each."""
-    complete = ours(load(path), 1)
+    complete = ours(load_layout_model(path), 1)
     found = []
     for number, layout in enumerate(layouts):
         by_kind = {}
-        for kind in training_cases.MEASURED:
-            seen, region = training_cases.hide(kind, layout.elements, layout.domain, np.random.default_rng([0, number]))
+        for kind in training_cases.BENCHMARK_KINDS:
+            seen, region = training_cases.hide_part(kind, layout.elements, layout.domain, np.random.default_rng([0, number]))
             hidden = [e for e in layout.elements if e not in set(seen)]
             if seen and hidden:
                 by_kind[kind] = matched(hidden, complete(seen, layout.domain, region)[0], 0.5).sum(axis=0)
@@ -163,7 +163,7 @@ def completed(layouts: Sequence[LayoutRecord], path: Path) -> list[dict[str, np.
 
 
 def layout_figures(found: Sequence[Mapping[str, np.ndarray]]) -> dict[str, float]:
-    by_kind = {kind: sum((one[kind] for one in found if kind in one), np.zeros(3)) for kind in training_cases.MEASURED}
+    by_kind = {kind: sum((one[kind] for one in found if kind in one), np.zeros(3)) for kind in training_cases.BENCHMARK_KINDS}
     by_kind["all"] = sum(by_kind.values(), np.zeros(3))
     return {kind: float(2 * n[0] / max(n[1] + n[2], 1)) for kind, n in by_kind.items()}
 

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.labelled_facades import elements_of, facades
 from benchmarks.window_types import STATES, UNSEEN
 from facade_core.core.types import Element
-from facade_core.facade.layout.grids import boxes, size_groups
+from facade_core.facade.layout.grids import box_array, group_by_size
 from facade_core.facade.variation.element_types import cluster, descriptors, filled
 from facade_core.facade.variation.patches import align, cut, light, mask_of, patch_size, wall_sums
 from facade_core.facade.variation.rendering import depth_of
@@ -44,10 +44,10 @@ class Windows(NamedTuple):
 
 def windows_of(image: np.ndarray, elements: Sequence[Element], states: Sequence[str]) -> Iterator[Windows]:
     """As `facade_core.facade.variation.variations` cuts them."""
-    box = boxes(elements).astype(np.int32)
+    box = box_array(elements).astype(np.int32)
     sums = wall_sums(image, mask_of(box, image.shape[:2]))
     front = mask_of(box[[depth_of(e.label) > depth_of("window") for e in elements]], image.shape[:2])
-    for members in size_groups(elements):
+    for members in group_by_size(elements):
         if elements[members[0]].label == "window":
             size = patch_size(box[members])
             own = align(image, box[members], size)

@@ -28,18 +28,18 @@ import numpy as np
 import yaml
 
 from benchmarks.city.runs import run
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from facade_core.core.types import Pose
 from facade_core.export.pictures.camera import Camera
 from facade_core.export.pictures.rendering import aim, averaged
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
-from facade_core.imagery.cameras.occluder_masks import before_buildings
+from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
 from facade_core.imagery.poses.panorama_camera import in_view, position, shares
 from facade_core.imagery.rectify.panorama import SKIN_M
 from tasks.published.opened import Published, published
-from tasks.stages.poses.stage import is_refused, refined
 from tasks.stages.shared.images import read_panorama
+from tasks.stages.shared.refined_poses import is_refused, select_pose
 
 HEADINGS, FIELD_OF_VIEW, SIDE, SAMPLES = 6, 90.0, 480, 2
 # What is farther is not compared, metres; nor a view that shows less than this share of a kind.
@@ -189,8 +189,8 @@ def _taken(block: Block, out: Path) -> dict[str, Taken]:
         for panorama, pose, record in zip(block.panoramas, run.plan.poses, run.posed, strict=True):
             if not is_refused(record):
                 image = read_panorama(panorama.path)
-                at = refined(pose, record)
-                found[panorama.path.name] = Taken(image, at, before_buildings(image, at))
+                at = select_pose(pose, record)
+                found[panorama.path.name] = Taken(image, at, mask_building_occluders(image, at))
     return found
 
 
@@ -198,7 +198,7 @@ def _placed(found: Published, names: Sequence[str], taken: dict[str, Taken]) -> 
     """The panoramas of a run of some, at the poses that this run found."""
     poses = zip(names, found.plan.poses, found.posed, strict=True)
     return {
-        name: Taken(taken[name].image, refined(pose, record), taken[name].hidden)
+        name: Taken(taken[name].image, select_pose(pose, record), taken[name].hidden)
         for name, pose, record in poses
         if name in taken and not is_refused(record)
     }

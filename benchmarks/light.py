@@ -24,7 +24,7 @@ from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.core.types import Sun
 from facade_core.export.models.textured_mesh import local_frame, y_up
 from facade_core.export.pictures.views import cameras, view_names
-from facade_core.street.lighting.sun import direction
+from facade_core.street.lighting.sun import sun_direction
 from tasks.export.formats import export
 from tasks.export.lighting import lighting
 from tasks.published.opened import published
@@ -51,7 +51,7 @@ def main() -> None:
         frame = local_frame(found.plan.scene.mesh)
         sun = lighting(found).sun or NOON
     eye, target = frame.points(np.array([view.position, view.target]))
-    seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": y_up(direction(sun)[None])[0].tolist()}
+    seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": y_up(sun_direction(sun)[None])[0].tolist()}
     seen |= {"width": SIZE[0], "height": SIZE[1]}
     told: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as scratch:

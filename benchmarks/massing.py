@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Ground
 from facade_core.geometry import block_surfaces as surfaces
@@ -36,7 +36,7 @@ def measure(block: Block) -> dict[str, Any]:
         block.streets,
         terrain=terrain_of(block.buildings, block.terrain),
         ground_margin=block.texture.visibility_range,
-        largest=spec.largest,
+        largest=spec.max_chart_side,
         within=ground.outline,
     )
     texels = charts.texels(DENSITY)

@@ -25,9 +25,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from catalogs.imagery.services import stac
-from catalogs.readers.pictures.poses import dms_degrees
+from catalogs.readers.pictures.poses import degrees_from_dms
 from tasks.fetching import fetch_for_block, fetch_for_box
 
 STRASBOURG = (7.0, 48.0, 8.0, 49.0)
@@ -42,7 +42,7 @@ def of_panoramas(data: Path) -> Iterator[Placed]:
         gps = one.get("exif_gps") or {}
         if "GPSLongitude" not in gps:
             continue
-        lon, lat = (dms_degrees(gps[f"GPS{axis}"], gps.get(f"GPS{axis}Ref")) for axis in ("Longitude", "Latitude"))
+        lon, lat = (degrees_from_dms(gps[f"GPS{axis}"], gps.get(f"GPS{axis}Ref")) for axis in ("Longitude", "Latitude"))
         day = str(gps.get("GPSDateStamp", "2022:01:01")).replace(":", "-")
         hour, minute, second = (int(float(part)) for part in gps.get("GPSTimeStamp", (12, 0, 0)))
         heading = gps.get("GPSImgDirection", one.get("heading_deg"))

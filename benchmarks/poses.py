@@ -32,7 +32,7 @@ from benchmarks.imagery import (
     ssim,
     street_with_cameras,
 )
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from catalogs.examples.sources import BLOCKS
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind

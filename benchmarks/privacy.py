@@ -28,7 +28,7 @@ from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read, split
 from facade_core.core.errors import ImageError
 from facade_core.facade.pipeline import from_photo
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.imagery.detect.detection import looked_for
+from facade_core.imagery.detect.detection import detectors_available
 from facade_core.parsing.occluders import things_in_front
 from facade_core.parsing.segmenter import parse
 from facade_core.synth.exemplars import exemplars
@@ -143,7 +143,7 @@ def main(arguments: list[str] | None = None) -> None:
     }
     told: dict[str, Any] = {}
     wanted = (options.only,) if options.only else ("pasted", "second_opinion", "photos", "signs")
-    if wanted != ("pasted",) and not looked_for():
+    if wanted != ("pasted",) and not detectors_available():
         if options.only:
             parser.error("what looks for faces and plates is not installed; `make detect-setup` installs it")
         wanted = ("pasted",)

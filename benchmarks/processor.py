@@ -49,7 +49,7 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     limit_threads()
     begun = time.process_time()
     clock = Clock(profiled)
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
     from facade_core.kernel_warmup import PARTS
     from tasks.engine.compute.connect import Serial
     from tasks.engine.fan_out import process_batch

@@ -64,7 +64,7 @@ def _column(field: Any, known: dict[str, Any], count: int, rng: np.random.Genera
 
 def main() -> None:
     """Print the report."""
-    from catalogs.query import query
+    from catalogs.query.execution import query
 
     parser = argparse.ArgumentParser(prog="benchmarks.query", description=__doc__)
     parser.add_argument("--rows", type=int, default=ROWS)

@@ -174,7 +174,7 @@ def _meshes(path: Path, folder: Path) -> Iterator[Path]:
     """Lyon's triangles as OBJ with a group per building, as GLB and as PLY."""
     import trimesh
 
-    from catalogs.features import Models
+    from catalogs.features import BuildingModels
     from catalogs.readers.files import read_buildings
 
     with np.load(path) as city:
@@ -190,7 +190,7 @@ def _meshes(path: Path, folder: Path) -> Iterator[Path]:
     yield obj
     scene = trimesh.Scene()
     city = read_buildings(path)
-    assert isinstance(city, Models)
+    assert isinstance(city, BuildingModels)
     models = city.items[:1000]
     for model in models:
         y_up = model.shell.vertices[:, [0, 2, 1]] * [1, 1, -1]
@@ -209,7 +209,7 @@ def _block(name: str) -> dict[str, Any]:
     """What the geometry of an example block gives: heights by source, viewpoints, walls that a street owns."""
     import shapely
 
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
     from catalogs.examples.sources import BLOCKS as FOLDER
     from facade_core.geometry.charts import ChartKind
     from tasks.stages.ingest.planning import plan_of

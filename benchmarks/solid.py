@@ -48,8 +48,8 @@ def _exported(out: Path, style: str, to: Path) -> Path:
 
 def of_model(given: Path, folder: Path) -> Path:
     """The buildings of a file as they are exported, without textures: what was read of it becomes charts, and these a file."""
-    from catalogs.block import read_block
-    from facade_core.core.grouping import grouped
+    from catalogs.block.reader import read_block
+    from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import modelled
     from facade_core.export.city_models.attribution import Attribution
     from facade_core.export.city_models.cityjson import Pool, document, geometry_of
@@ -70,7 +70,7 @@ def of_model(given: Path, folder: Path) -> Path:
     drawn = layout_of(source, source.chosen(np.arange(len(block.buildings))))
     pool = Pool(np.floor(mesh.vertices.min(axis=0)))
     city = document("model", pool.origin, None, Attribution(()))
-    for index, triangles in grouped(charts.building[mesh.chart]).items():
+    for index, triangles in group_rows(charts.building[mesh.chart]).items():
         if index < 0:
             continue
         body = modelled(drawn, triangles, {}, {}, pool.origin).body

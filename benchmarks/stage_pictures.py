@@ -27,14 +27,14 @@ from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
-from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges, in_the_way
+from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_ground_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.plan.plan import Plan
-from facade_core.street.materials.field import Materials
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.street_paint import painted_ground, painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
@@ -196,19 +196,19 @@ def ground() -> np.ndarray:
     seen = [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
     squares = [sample_ground(scene, image, pose).squares for image, pose in zip(images, seen, strict=True)]
     found = [
-        PanoramaCamera(image, pose, in_the_way(image, pose), factor, typical_ground_colour(own))
+        PanoramaCamera(image, pose, mask_ground_occluders(image, pose), factor, typical_ground_colour(own))
         for image, pose, factor, own in zip(images, seen, exposure_factors(squares), squares, strict=True)
     ]
     shown = {c: fuse_ground_view(scene, c, found) for c in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist()}
     chart = max(shown, key=lambda c: float(part.is_visible.sum()) if (part := shown[c]) else 0.0)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
-    materials = Materials(scene, (line,), seed=1)
+    materials = MaterialField(scene, (line,), seed=1)
     material = materials.raster(chart).reshape(*size, 3)
     pictured = {c: part for c, part in shown.items() if part is not None}
     taken = np.where(pictured[chart].is_visible[..., None], pictured[chart].rgb, material)
-    known = Known(shown_reader(scene, pictured), pictured, ())
-    return beside([material, taken, surface(scene, materials, chart, known, network=False)[0]], 420)
+    known = KnownTexture(shown_reader(scene, pictured), pictured, ())
+    return beside([material, taken, finish_chart(scene, materials, chart, known, is_neural=False)[0]], 420)
 
 
 def walls() -> np.ndarray:
@@ -222,7 +222,7 @@ def walls() -> np.ndarray:
         PanoramaCamera(
             image,
             pose,
-            before_buildings(image, pose) | beside_edges(scene, pose, (image.shape[0], image.shape[1])),
+            mask_building_occluders(image, pose) | mask_model_edges(scene, pose, (image.shape[0], image.shape[1])),
             factor,
             typical_ground_colour(own),
         )
@@ -233,9 +233,9 @@ def walls() -> np.ndarray:
     chart = max(shown, key=lambda c: float(shown[c].is_visible.sum()))
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
-    materials = Materials(scene, (line,), seed=1)
-    without, known = Known(shown_reader(scene, {}), (), ()), Known(shown_reader(scene, shown), shown, (), shown)
-    material, finished = (surface(scene, materials, chart, one, network=False)[0] for one in (without, known))
+    materials = MaterialField(scene, (line,), seed=1)
+    without, known = KnownTexture(shown_reader(scene, {}), (), ()), KnownTexture(shown_reader(scene, shown), shown, (), shown)
+    material, finished = (finish_chart(scene, materials, chart, one, is_neural=False)[0] for one in (without, known))
     taken = np.where(shown[chart].is_visible[..., None], shown[chart].rgb, 255)
     x, y = np.meshgrid(*((np.arange(n) + 0.5) / scene.placement.texels_per_metre[chart] for n in size[::-1]))
     truth = paint(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3).astype(np.uint8)

@@ -24,7 +24,7 @@ import shapely
 
 from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from facade_core.atlas.journal import Record
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.pipeline import prepare_exemplar

@@ -36,7 +36,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     """A run's folder `folder`/out without textures; returns how many facades it has."""
     import pyrosm
 
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
     from facade_core.atlas.journal import write_record
     from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
     from tasks.engine.context import plan_of_run

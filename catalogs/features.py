@@ -50,21 +50,21 @@ class Footprint:
     base: float | None = None
     roof: Roof | None = None
     roof_height: float | None = None
-    kind: str | None = None
-    built: int | None = None
+    use: str | None = None
+    year_built: int | None = None
     finish: Finish = PLAIN
-    part: bool = False
-    raised: float | None = None
-    raised_levels: float | None = None
+    is_part: bool = False
+    min_height: float | None = None
+    min_level: float | None = None
 
     @property
-    def begins_above(self) -> bool:
+    def starts_above_ground(self) -> bool:
         """Whether it begins above the ground."""
-        return bool(self.raised or self.raised_levels)
+        return bool(self.min_height or self.min_level)
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
+class BuildingModel:
     """A building modelled in 3D.
 
     Args:
@@ -90,7 +90,7 @@ class Remark:
 
     id: str
     reason: str
-    outline: Any
+    geometry: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ class Centreline:
 
 
 @dataclass(frozen=True, slots=True)
-class Feature:
+class GroundFeature:
     """What a map states of the ground, in the source's frame: a point, a line or an outline, and its tags."""
 
     id: str
@@ -137,15 +137,15 @@ class Footprints:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def boxes(self) -> np.ndarray:
+    def bounding_boxes(self) -> np.ndarray:
         """(xmin, ymin, xmax, ymax) of each outline, (n, 4)."""
-        return _boxes(footprint.outline for footprint in self.items)
+        return _bounding_boxes(footprint.outline for footprint in self.items)
 
-    def place(self, index: int) -> Any:
+    def item_outline(self, index: int) -> Any:
         """The outline of an item."""
         return self.items[index].outline
 
-    def moved(self, offset: Sequence[float]) -> Footprints:
+    def translate(self, offset: Sequence[float]) -> Footprints:
         """All outlines and ground heights moved by (x, y, z)."""
         x, y, z = offset
 
@@ -159,27 +159,27 @@ class Footprints:
 
 
 @dataclass(frozen=True, slots=True)
-class Models:
+class BuildingModels:
     """All modelled buildings of one source; textures are the pictures that their shells' texture indices count."""
 
     crs: str | None
-    items: tuple[Model, ...]
+    items: tuple[BuildingModel, ...]
     textures: tuple[Path, ...] = ()
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def boxes(self) -> np.ndarray:
+    def bounding_boxes(self) -> np.ndarray:
         """(xmin, ymin, xmax, ymax) of each model, (n, 4)."""
-        return _boxes(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
+        return _bounding_boxes(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
 
     def place(self, index: int) -> Any:
         """The box around an item."""
         return shapely.box(*shapely.bounds(shapely.multipoints(self.items[index].shell.vertices[:, :2])))
 
-    def moved(self, offset: Sequence[float]) -> Models:
+    def moved(self, offset: Sequence[float]) -> BuildingModels:
         """All shells and ground heights moved by (x, y, z)."""
 
-        def move(model: Model) -> Model:
+        def move(model: BuildingModel) -> BuildingModel:
             shell = replace(model.shell, vertices=model.shell.vertices + np.asarray(offset, np.float64))
             return replace(model, shell=shell, base=None if model.base is None else model.base + offset[2])
 
@@ -195,14 +195,14 @@ class Centrelines:
     items: tuple[Centreline, ...]
     faults: tuple[Fault, ...] = ()
     remarks: tuple[Remark, ...] = ()
-    ground: tuple[Feature, ...] = ()
+    ground: tuple[GroundFeature, ...] = ()
 
     def boxes(self) -> np.ndarray:
         """(xmin, ymin, xmax, ymax) of each line, (n, 4)."""
-        return _boxes(piece.line for piece in self.items)
+        return _bounding_boxes(piece.line for piece in self.items)
 
 
-def _boxes(geometries: Iterable[Any]) -> np.ndarray:
+def _bounding_boxes(geometries: Iterable[Any]) -> np.ndarray:
     return shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
 
 
@@ -216,24 +216,24 @@ def file_stem(identifier: str) -> str:
     return f"{plain}-{digest}"
 
 
-def natural_order(identifier: str) -> tuple[tuple[str, int, str], ...]:
+def natural_sort_key(identifier: str) -> tuple[tuple[str, int, str], ...]:
     """Sort key that puts w9 before w10, however many digits there are."""
     found = re.findall(r"(\D*)(\d*)", identifier)
     stripped = [(text, number.lstrip("0") or number[:1]) for text, number in found]
     return tuple((text, len(number), number) for text, number in stripped)
 
 
-def numbered(identifier: str, seen: Counter[str], remarks: list[Remark], path: Path) -> str:
+def make_unique_id(identifier: str, id_counts: Counter[str], remarks: list[Remark], path: Path) -> str:
     """An id of a building of a file that has not been `seen` yet: a second one of a kind is numbered, with a remark."""
-    seen[identifier] += 1
-    if seen[identifier] == 1:
+    id_counts[identifier] += 1
+    if id_counts[identifier] == 1:
         return identifier
-    unique = f"{identifier}-{seen[identifier]}"
+    unique = f"{identifier}-{id_counts[identifier]}"
     remarks.append(Remark(unique, f"buildings of {path.name} numbered since another has their id", None))
     return unique
 
 
-def by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
+def ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
     """The ids that each reason is remarked on."""
     found: dict[str, list[str]] = {}
     for remark in remarks:
@@ -241,12 +241,12 @@ def by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
     return found
 
 
-def notes_by_reason(reasons: Mapping[str, Iterable[str]], *, listed: int = 8) -> tuple[str, ...]:
+def notes_by_reason(reasons: Mapping[str, Iterable[str]], *, max_ids: int = 8) -> tuple[str, ...]:
     """One note per reason, with the number of features it concerns and the first ids."""
     notes = []
     for reason, found in reasons.items():
-        ids = sorted(found, key=natural_order)
+        ids = sorted(found, key=natural_sort_key)
         if ids:
-            more = f" and {len(ids) - listed} more" if len(ids) > listed else ""
-            notes.append(f"{reason}: {len(ids)} ({', '.join(ids[:listed])}{more})")
+            more = f" and {len(ids) - max_ids} more" if len(ids) > max_ids else ""
+            notes.append(f"{reason}: {len(ids)} ({', '.join(ids[:max_ids])}{more})")
     return tuple(notes)

@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 LONLAT = "EPSG:4326"
-_MARGIN = 2.0  # degrees by which blocks at a border may leave the area of their frame
-_RADII = (6.3e6, 6.45e6)  # m; the semi-major axes of the ellipsoids and spheres that are meant to be the Earth
-_LONGEST_SHOWN = 60
+_AREA_MARGIN_DEG = 2.0  # degrees by which blocks at a border may leave the area of their frame
+_EARTH_RADIUS_RANGE_M = (6.3e6, 6.45e6)  # m; the semi-major axes of the ellipsoids and spheres that are meant to be the Earth
+_MAX_NAME_LENGTH = 60
 _GRID_FILE = re.compile(r"(?:grids|file|init)\s*=[^\s\"]*[/\\~]|PARAMETERFILE\[[^\]]*[/\\~]", re.IGNORECASE)
 # Krovak's frames, whose axes are south and west, and those of east and north beside them.
-_EAST_AND_NORTH = {"EPSG:5513": "EPSG:5514", "EPSG:2065": "EPSG:5221"}
-_TOLERANCE = 0.01  # a frame whose metre is off by more than this spoils every height and floor count
+_EAST_NORTH_EQUIVALENTS = {"EPSG:5513": "EPSG:5514", "EPSG:2065": "EPSG:5221"}
+_MAX_SCALE_ERROR = 0.01  # a frame whose metre is off by more than this spoils every height and floor count
 
 
-def named_frame(text: str) -> CRS:
+def parse_metric_crs(text: str) -> CRS:
     """The horizontal part of a named CRS; InputError unless it is projected and in metres."""
-    crs = known_frame(text)
+    crs = parse_crs(text)
     if not crs.is_projected or any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info):
         raise InputError(
             f"{text!r} ({crs.name}) is not projected in metres; give e.g. EPSG:32635, or leave crs out for UTM"
@@ -37,12 +37,12 @@ def named_frame(text: str) -> CRS:
 
 
 @lru_cache(maxsize=64)
-def known_frame(text: str) -> CRS:
+def parse_crs(text: str) -> CRS:
     """The horizontal part of any CRS by its name. InputError where it is unknown, of no places on Earth, or needs files."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError, ProjError
 
-    shown = repr(text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}...")
+    shown = repr(text if len(text) <= _MAX_NAME_LENGTH else f"{text[:_MAX_NAME_LENGTH]}...")
     remedy = "give one such as EPSG:4326 or EPSG:32635"
     if _GRID_FILE.search(text):
         raise InputError(f"{shown} names a grid file of this machine; {remedy}")
@@ -53,15 +53,15 @@ def known_frame(text: str) -> CRS:
         if not (crs.is_projected or crs.is_geographic):
             raise InputError(f"{shown} ({crs.name}) is a {crs.type_name}, which has no places on a map; {remedy}")
         ellipsoid = crs.ellipsoid
-        if ellipsoid is None or not _RADII[0] < ellipsoid.semi_major_metre < _RADII[1]:
+        if ellipsoid is None or not _EARTH_RADIUS_RANGE_M[0] < ellipsoid.semi_major_metre < _EARTH_RADIUS_RANGE_M[1]:
             raise InputError(f"{shown} ({crs.name}) is not a frame of the Earth; {remedy}")
-        between(crs, LONLAT)
+        coordinate_transform(crs, LONLAT)
     except (CRSError, ProjError, UnicodeError) as error:
         raise InputError(f"{shown} is not a known CRS; {remedy}") from error
     return crs
 
 
-def between(source: CRS | str, target: CRS | str) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def coordinate_transform(source: CRS | str, target: CRS | str) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """How x (east) and y (north) of one frame become those of another; infinite where the other has no such place.
 
     Frames whose axes are north and east are taken in the order east, north; others, such as south and west, in their own.
@@ -74,47 +74,47 @@ def between(source: CRS | str, target: CRS | str) -> Callable[[np.ndarray, np.nd
         transform = Transformer.from_crs(source, target, always_xy=True).transform
     except ProjError as error:
         raise InputError(
-            f"no transformation is known from {_name(source)} to {_name(target)}; give another crs"
+            f"no transformation is known from {_crs_name(source)} to {_crs_name(target)}; give another crs"
         ) from error
     return transform
 
 
-def points_east_and_north(crs: CRS) -> bool:
+def has_east_north_axes(crs: CRS) -> bool:
     """Whether the axes of a frame are east and north, in either order, or those of a map of a pole."""
     directions = [axis.direction for axis in crs.axis_info]
     return set(directions[:2]) == {"east", "north"} or (len(directions) > 1 and directions[0] == directions[1])
 
 
-def check_axes(crs: CRS, longitude: float, latitude: float) -> None:
+def check_crs_axes(crs: CRS, longitude: float, latitude: float) -> None:
     """InputError where a frame mirrors or turns what is in it: where its x does not run east, or its y not north."""
     step = 1e-4  # degrees
-    x, y = between(LONLAT, crs)(
+    x, y = coordinate_transform(LONLAT, crs)(
         np.array([longitude, longitude + step, longitude]), np.array([latitude, latitude, latitude + step])
     )
     east, north = np.array([x[1] - x[0], y[1] - y[0]]), np.array([x[2] - x[0], y[2] - y[0]])
     turned = set(axis.direction for axis in crs.axis_info[:2]) == {"east", "north"} and east[0] < 0
-    if points_east_and_north(crs) and east[0] * north[1] - east[1] * north[0] > 0 and not turned:
+    if has_east_north_axes(crs) and east[0] * north[1] - east[1] * north[0] > 0 and not turned:
         return
     axes = " and ".join(axis.direction for axis in crs.axis_info)
-    instead = _EAST_AND_NORTH.get(crs.to_string()) or f"EPSG:{utm_frame(longitude, latitude).to_epsg()}"
+    instead = _EAST_NORTH_EQUIVALENTS.get(crs.to_string()) or f"EPSG:{utm_crs(longitude, latitude).to_epsg()}"
     raise InputError(
         f"{crs.to_string()} ({crs.name}) has the axes {axes}, which mirrors or turns a block; give one with east and north, "
         f"e.g. {instead}, or leave crs out"
     )
 
 
-def block_frame(source: str, longitude: float, latitude: float) -> CRS:
+def choose_block_crs(source: str, longitude: float, latitude: float) -> CRS:
     """The frame of a block that names none: the source's own where it measures metres there, else the UTM zone."""
     try:
-        frame = named_frame(source)
-        check_scale(frame, longitude, latitude)
-        check_axes(frame, longitude, latitude)
+        frame = parse_metric_crs(source)
+        check_crs_scale(frame, longitude, latitude)
+        check_crs_axes(frame, longitude, latitude)
     except InputError:
-        return utm_frame(longitude, latitude)
+        return utm_crs(longitude, latitude)
     return frame
 
 
-def utm_frame(longitude: float, latitude: float) -> CRS:
+def utm_crs(longitude: float, latitude: float) -> CRS:
     """The UTM zone (WGS 84) that holds a point; InputError near the poles, where UTM is not defined."""
     from pyproj import CRS
 
@@ -124,7 +124,7 @@ def utm_frame(longitude: float, latitude: float) -> CRS:
     return CRS.from_epsg((32600 if latitude >= 0 else 32700) + zone)
 
 
-def check_scale(crs: CRS, longitude: float, latitude: float) -> None:
+def check_crs_scale(crs: CRS, longitude: float, latitude: float) -> None:
     """InputError where a metre of the frame is not a metre on the ground (Web Mercator, a zone far away)."""
     from pyproj import Proj
     from pyproj.exceptions import ProjError
@@ -134,23 +134,23 @@ def check_scale(crs: CRS, longitude: float, latitude: float) -> None:
         scales = (factors.meridional_scale, factors.parallel_scale)
     except ProjError:
         scales = (math.inf, math.inf)
-    if not all(abs(scale - 1.0) <= _TOLERANCE for scale in scales):
+    if not all(abs(scale - 1.0) <= _MAX_SCALE_ERROR for scale in scales):
         far = max(scales, key=lambda scale: abs(scale - 1.0))
-        remedy = f"give e.g. EPSG:{utm_frame(longitude, latitude).to_epsg()}, or leave crs out"
+        remedy = f"give e.g. EPSG:{utm_crs(longitude, latitude).to_epsg()}, or leave crs out"
         raise InputError(
             f"{crs.to_string()} ({crs.name}) does not measure metres at {longitude:.4f}, {latitude:.4f} "
             f"(scale {far:.3g}); {remedy}"
         )
 
 
-def outside(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
+def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
     """A note where a point lies far outside the area that a frame is made for; none where it does not."""
     area = crs.area_of_use
     if area is None:
         return ()
     west, south, east, north = area.bounds
-    within = south - _MARGIN <= latitude <= north + _MARGIN
-    within &= (longitude - west + _MARGIN) % 360 <= (east - west) % 360 + 2 * _MARGIN
+    within = south - _AREA_MARGIN_DEG <= latitude <= north + _AREA_MARGIN_DEG
+    within &= (longitude - west + _AREA_MARGIN_DEG) % 360 <= (east - west) % 360 + 2 * _AREA_MARGIN_DEG
     if within:
         return ()
     return (
@@ -159,21 +159,21 @@ def outside(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
     )
 
 
-def area_outline(area: Sequence[float], crs: CRS) -> Polygon:
+def area_polygon(area: Sequence[float], crs: CRS) -> Polygon:
     """A [west, south, east, north] box in degrees as a polygon in the frame, its sides split so that they stay true."""
     import shapely
 
     west, south, east, north = area
     box = shapely.segmentize(shapely.box(west, south, east, north), max(east - west, north - south) / 64)
-    return shapely.transform(box, between(LONLAT, crs), interleaved=False)
+    return shapely.transform(box, coordinate_transform(LONLAT, crs), interleaved=False)
 
 
-def to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+def bounds_to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     """(xmin, ymin, xmax, ymax) in a frame -> (west, south, east, north) in degrees."""
     from pyproj import Transformer
 
     return Transformer.from_crs(crs, LONLAT, always_xy=True).transform_bounds(*bounds)
 
 
-def _name(crs: CRS | str) -> str:
-    return (crs if isinstance(crs, str) else crs.to_string())[:_LONGEST_SHOWN]
+def _crs_name(crs: CRS | str) -> str:
+    return (crs if isinstance(crs, str) else crs.to_string())[:_MAX_NAME_LENGTH]

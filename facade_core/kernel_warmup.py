@@ -22,12 +22,12 @@ from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import style_of
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest
-from facade_core.street.lighting.facade_light import in_its_light
+from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import Known, paint, surface
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.surfaces import KnownTexture, paint_visible_texels, finish_chart
+from facade_core.street.translator.translators import MaterialFieldTranslator
 from facade_core.synth.facade import facade
 from facade_core.synth.styles import STYLES
 
@@ -72,22 +72,22 @@ def streets() -> None:
     rasters, writable = TexelBuffer.layout(placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     window = TexelBuffer.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
-    swatches = Swatches(scene, plan.streets, seed=0, ground=plan.ground)
+    swatches = MaterialFieldTranslator(scene, plan.streets, seed=0, ground=plan.ground)
     panorama = render(scene, window, plan.viewpoints[0], (32, 64))
     swatches.translate(panorama)
     mark_first_visible(scene, window, plan.viewpoints[0], panorama.chart)
-    paint(window, placement, swatches.materials)
+    paint_visible_texels(window, placement, swatches.materials)
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         size = (int(placement.height[chart]), int(placement.width[chart]))
         return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
 
     for chart in range(len(scene.charts)):
-        surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
+        finish_chart(scene, swatches.materials, chart, KnownTexture(read, (), ()), is_neural=False)
     chart, sun = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0]), Sun(180.0, 45.0)
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
-    in_its_light(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
+    relight_facade(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
     camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
     perspective(scene, camera, swatches.materials.raster)
 

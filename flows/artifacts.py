@@ -25,7 +25,7 @@ from prefect.artifacts import (
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactUpdate
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT

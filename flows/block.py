@@ -21,7 +21,7 @@ from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block.yaml_files import read_yaml
-from catalogs.published.places import Folder, local_side
+from catalogs.published.folders import Folder, local_side
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
@@ -42,7 +42,7 @@ from tasks.published.prune import pruned
 from tasks.stages.ingest.task import Outline, ingest_block
 from tasks.stages.order import KINDS
 from tasks.stages.publish.task import publish_block
-from tasks.stages.shared.memory import street_memory
+from tasks.stages.streets.memory import street_memory
 from tasks.stages.streets.redo import chosen_streets
 from tasks.stages.streets.task import note_partial, streets_done, texture_street
 

@@ -19,7 +19,7 @@ from prefect.runtime import flow_run
 from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from flows.artifacts import tell_blocks
 from flows.asked import Asked, ends_at

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from catalogs.published.places import Folder, local_side
+from catalogs.published.folders import Folder, local_side
 from catalogs.published.s3 import S3Folder
-from facade_core.atlas.store import guarded
+from facade_core.atlas.store import guard_commits
 from facade_core.core.errors import InputError, MachineError
 from flows.lease import Lease, leased, who_holds
 
@@ -37,7 +37,7 @@ def locked(out: Folder) -> Iterator[None]:
         lease, token = None, holds.enter_context(_locked_here(local, out))
         if isinstance(out, S3Folder):
             lease = holds.enter_context(leased(out, token))
-            holds.enter_context(guarded(out / "store", lease.require))
+            holds.enter_context(guard_commits(out / "store", lease.require))
         _held[out] = lease
         try:
             yield

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.block import Block, read_block
-from catalogs.block.adding import add_imagery, imagery_line
 from catalogs.block.keys import check_keys
 from catalogs.block.paths import named_paths
+from catalogs.block.reader import Block, read_block
+from catalogs.block.yaml_edits import add_imagery, imagery_line
 from catalogs.block.yaml_files import read_yaml
 from catalogs.features import Fault
-from catalogs.frames import to_lonlat
-from catalogs.imagery.account import Account, is_fetched, read_account
+from catalogs.frames import bounds_to_lonlat
+from catalogs.imagery.fetch_log import Account, is_fetched, read_account
 from catalogs.imagery.fetching import fetch_offers
-from catalogs.imagery.offer import Box, Offer, Wanted
+from catalogs.imagery.remote_panorama import Box, Offer, Wanted
 from catalogs.imagery.services import Service
 from catalogs.readers.pictures.opening import read_picture
-from catalogs.readers.pictures.panoramas import in_frame
+from catalogs.readers.pictures.panoramas import project_pose
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.types import Pose
 from facade_core.geometry.ground.terrain import terrain_of
@@ -172,7 +172,7 @@ def _box(block: Block) -> Box:
     reach = block.texture.visibility_range
     west, south = bounds[:, :2].min(axis=0) - reach
     east, north = bounds[:, 2:].max(axis=0) + reach
-    return to_lonlat(block.crs.to_wkt(), (float(west), float(south), float(east), float(north)))
+    return bounds_to_lonlat(block.crs.to_wkt(), (float(west), float(south), float(east), float(north)))
 
 
 def _asked(service: Service, wanted: Wanted) -> tuple[list[Offer], tuple[Fault, ...]]:
@@ -190,7 +190,7 @@ def _asked(service: Service, wanted: Wanted) -> tuple[list[Offer], tuple[Fault, 
 
 def _choice(block: Block, offers: Sequence[Offer]) -> Choice:
     frames: dict = {}
-    poses = [in_frame(offer.pose, _FULL, block.crs, frames) for offer in offers]
+    poses = [project_pose(offer.pose, _FULL, block.crs, frames) for offer in offers]
     plan = plan_of(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
     terrain = terrain_of(block.buildings, block.terrain)
     there: tuple[Pose, ...] = on_ground(poses, terrain, block.texture.viewpoint_height)
@@ -231,5 +231,5 @@ def _fetched(
 
 def _look(path: Path) -> None:
     """Raise ImageError where a picture is none of a panorama's kind."""
-    if is_fisheye(read_picture(path, longest=_SMALL).rgb):
+    if is_fisheye(read_picture(path, max_side=_SMALL).rgb):
         raise ImageError("is of a fisheye lens and said to be equirectangular; stitch it, or leave it out")

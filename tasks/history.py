@@ -13,7 +13,7 @@ from facade_core.core.errors import InputError
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import paint
+from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import field_of
 from tasks.stages.streets.worker import replay
 
@@ -64,5 +64,5 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
     field = field_of(group, plan)
     window = replay(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
     if field is not None:
-        paint(window, plan.scene.placement, field)
+        paint_visible_texels(window, plan.scene.placement, field)
     return Moment(plan, window)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 from prometheus_client import CollectorRegistry, Gauge
 
-from catalogs.published.places import Folder, sizes_in
+from catalogs.published.folders import Folder, sizes_in
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root

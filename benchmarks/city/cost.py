@@ -32,7 +32,7 @@ from benchmarks.city.reading import write_town
 from benchmarks.city.whole import write_city
 from benchmarks.processor import measured
 from benchmarks.timing import bytes_in
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.plan.plan_tables import read_plan
 from tasks.city.account import BLOCKS, Ended

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.city.blocks import write_block
-from catalogs.block import read_block
-from facade_core.atlas.surroundings import pieces_around
+from catalogs.block.reader import read_block
+from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.party_walls import enclosed
-from facade_core.street.surfaces import BESIDE_M
+from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.stages.ingest.planning import plan_again, plan_of
 
 SIZES = (1, 3)
@@ -41,10 +41,10 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
             again = time.process_time() - start
         charts = plan.scene.charts
         asked = np.linspace(0, len(charts) - 1, min(ASKED, len(charts))).astype(int).tolist()
-        pieces_around(charts, 0, BESIDE_M)  # the tree is made once
+        coplanar_pieces(charts, 0, LEVELLING_MARGIN_M)  # the tree is made once
         start = time.process_time()
         for chart in asked:
-            pieces_around(charts, chart, BESIDE_M)
+            coplanar_pieces(charts, chart, LEVELLING_MARGIN_M)
         beside = time.process_time() - start
         walls = np.flatnonzero(charts.kind == ChartKind.WALL).tolist()
         start = time.process_time()

@@ -27,9 +27,9 @@ from shapely import LineString
 
 from benchmarks.timing import bytes_in, figures
 from catalogs.published.items import ROW_KEYS, write_items
-from catalogs.published.joined import FOLDER, join_runs
+from catalogs.published.merged_items import FOLDER, join_runs
 from catalogs.published.runs import Run
-from catalogs.query import query
+from catalogs.query.execution import query
 
 # Blocks stand so far apart, metres, in the frame of which they are.
 APART_M, CRS, EAST, NORTH = 400.0, "EPSG:32635", 385_000.0, 6_671_000.0

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from benchmarks.timing import figures
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from tasks.city.blocks import read_city
 from tests.pipeline.stages import write_block
 

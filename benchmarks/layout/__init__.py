@@ -45,14 +45,14 @@ from catalogs.learning.layouts import LayoutRecord, read_layouts
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.densities import TERMS
-from facade_core.facade.layout.facade_frame import frame
+from facade_core.facade.layout.facade_frame import fit_facade_frame
 from facade_core.facade.layout.grid_extension import Extension
-from facade_core.facade.layout.grids import boxes, grids
-from facade_core.facade.layout.model import SHIPPED, LayoutModel, load
-from facade_core.facade.layout.policy_optimisation import search, start_of
-from facade_core.facade.layout.proposals import propose
-from facade_core.facade.layout.rectangles import WINDOW, iou
-from facade_core.facade.layout.scores import terms
+from facade_core.facade.layout.grids import box_array, fit_grids
+from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL, LayoutModel, load_layout_model
+from facade_core.facade.layout.policy_optimisation import optimise_policy, initial_layout
+from facade_core.facade.layout.proposals import propose_elements
+from facade_core.facade.layout.rectangles import WINDOW, pairwise_iou
+from facade_core.facade.layout.scores import score_terms
 
 
 def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:
@@ -77,16 +77,16 @@ def plausibility(
         filled: dict[bool, list[float]] = {True: [], False: []}
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = training_cases.hide("right", elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide_part("right", elements, domain, np.random.default_rng([0, i]))
             if not seen or len(seen) == len(elements):
                 continue
             for layout, truth in ((elements, True), ([*seen, *method(seen, domain, region)[0]], False)):
                 labels = [e.label for e in layout]
                 share = [labels.count(label) / len(labels) for label in ELEMENT_CLASSES]
-                rows.append([*terms(layout, domain, model), *share])
+                rows.append([*score_terms(layout, domain, model), *share])
                 hidden = [e for e in layout if e.label == "window" and e.x0 >= region[0][2]]
                 if hidden:
-                    lines = frame(hidden, domain)
+                    lines = fit_facade_frame(hidden, domain)
                     filled[truth].append(len(hidden) / max(len(lines.columns) * len(lines.floors), 1))
                 real.append(truth)
                 group.append(i)
@@ -118,7 +118,7 @@ def by_regularity(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[s
     """The figures of `complete` and of grid extension on the more and the less regular half of the facades."""
     regular = []
     for record in records:
-        lines = frame(record.elements, record.domain)
+        lines = fit_facade_frame(record.elements, record.domain)
         windows = sum(e.label == "window" for e in record.elements)
         regular.append(windows / max(len(lines.columns) * len(lines.floors), 1))
     middle = float(np.median(regular))
@@ -137,19 +137,19 @@ def places(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, dic
     """By kind, the shares of hidden windows that are found (IoU 0.5), that have one beside their place (0.15), for which one
     was proposed and not picked, and for which none was."""
     found: dict[str, dict[str, float]] = {}
-    for kind in training_cases.MEASURED:
+    for kind in training_cases.BENCHMARK_KINDS:
         counts = np.zeros(4)
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = training_cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
-            hidden = boxes([e for e in elements if e not in set(seen) and e.label == "window"])
+            seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([0, i]))
+            hidden = box_array([e for e in elements if e not in set(seen) and e.label == "window"])
             if not seen or not len(hidden):
                 continue
             visible = np.array(region, float).reshape(-1, 4)
-            guesses = propose(seen, grids(seen), domain, visible, model.usual)
-            made = boxes([e for e in ours(model, 1)(seen, domain, region)[0] if e.label == "window"])
-            near = iou(hidden, made).max(axis=1, initial=0.0)
-            proposed = iou(hidden, guesses.box[guesses.label == WINDOW]).max(axis=1, initial=0.0) >= 0.5
+            guesses = propose_elements(seen, fit_grids(seen), domain, visible, model.usual)
+            made = box_array([e for e in ours(model, 1)(seen, domain, region)[0] if e.label == "window"])
+            near = pairwise_iou(hidden, made).max(axis=1, initial=0.0)
+            proposed = pairwise_iou(hidden, guesses.box[guesses.label == WINDOW]).max(axis=1, initial=0.0) >= 0.5
             right, beside = near >= 0.5, (near >= 0.15) & (near < 0.5)
             none = ~right & ~beside
             counts += np.sum([right, beside, none & proposed, none & ~proposed], axis=1)
@@ -191,11 +191,11 @@ def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, floa
     """CPU seconds for 10,000 candidates, right half hidden: median and largest over a few facades."""
     seconds = []
     for record in records[:7]:
-        seen, region = training_cases.hide("right", record.elements, record.domain, np.random.default_rng(0))
-        start = start_of(seen, record.domain, np.array(region), model)
-        search(model.policies, start, model.densities, model.weights, model.mean, 1, 1, 0)
+        seen, region = training_cases.hide_part("right", record.elements, record.domain, np.random.default_rng(0))
+        start = initial_layout(seen, record.domain, np.array(region), model)
+        optimise_policy(model.policies, start, model.densities, model.weights, model.mean, 1, 1, 0)
         begin = time.process_time()
-        search(model.policies, start, model.densities, model.weights, model.mean, 10, 10, 0)
+        optimise_policy(model.policies, start, model.densities, model.weights, model.mean, 10, 10, 0)
         seconds.append(10 * (time.process_time() - begin))
     return {"median": round(float(np.median(seconds)), 2), "largest": round(max(seconds), 2)}
 
@@ -220,7 +220,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="benchmarks.layout", description=__doc__)
     data = os.environ.get("STREETLOOM_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")
     parser.add_argument("--data", type=Path, default=data)
-    parser.add_argument("--model", type=Path, default=SHIPPED)
+    parser.add_argument("--model", type=Path, default=SHIPPED_LAYOUT_MODEL)
     parser.add_argument("--every", type=int, default=1, help="only every so many of the held-out facades")
     parser.add_argument("--ablation", action="store_true")
     parser.add_argument("--plausibility", action="store_true")
@@ -233,13 +233,13 @@ def main() -> None:
     parser.add_argument("--sheet", type=Path, metavar="FILE", help="a picture of forty completions")
     options = parser.parse_args()
     if options.sheet:
-        model = load(options.model)
+        model = load_layout_model(options.model)
         sheet(held_out(options.data / "layouts" / "cmp.jsonl", model), model, options.sheet)
         return
     if options.folds:
         print(json.dumps(by_fold(options.data, options.folds, methods_of), indent=1))
         return
-    model = load(options.model)
+    model = load_layout_model(options.model)
     path = options.data / "layouts" / "cmp.jsonl"
     records = held_out(path, model)[:: options.every]
     train = [record for record in read_layouts(path) if record.name in model.training_set]

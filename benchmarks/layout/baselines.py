@@ -11,13 +11,13 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.facade_frame import Box
-from facade_core.facade.layout.grid_extension import Extension, extend, known
-from facade_core.facade.layout.grids import boxes, grids
+from facade_core.facade.layout.grid_extension import Extension, extend_grids, extension_context
+from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.policy import roll_out
-from facade_core.facade.layout.policy_optimisation import search, start_of, value_of
-from facade_core.facade.layout.rectangles import iou, may_overlap, overlaps
-from facade_core.facade.layout.selection import pick
+from facade_core.facade.layout.policy_optimisation import optimise_policy, initial_layout, score_candidate
+from facade_core.facade.layout.rectangles import pairwise_iou, may_overlap, pairwise_overlap
+from facade_core.facade.layout.selection import select_proposals
 
 Method = Callable[[list[Element], Box, list[Box]], list[list[Element]]]
 # Of the policy search: generations of ten policies, completions a policy.
@@ -30,8 +30,8 @@ def cleared(rows: np.ndarray, seen: list[Element], domain: Box, region: list[Box
     box, label = rows[:, 1:], rows[:, 0].astype(int)
     inside = (box[:, :2] >= domain[:2]).all(axis=1) & (box[:, 2:] <= domain[2:]).all(axis=1)
     other = np.array([ELEMENT_CLASSES.index(e.label) for e in seen], int)
-    inside &= ~(overlaps(box, boxes(seen)) & ~may_overlap(label, other)).any(axis=1)
-    kept = pick(box, label, -np.arange(len(box), dtype=float), inside, np.array(region))
+    inside &= ~(pairwise_overlap(box, box_array(seen)) & ~may_overlap(label, other)).any(axis=1)
+    kept = select_proposals(box, label, -np.arange(len(box), dtype=float), inside, np.array(region))
     return [Element(ELEMENT_CLASSES[label[i]], *box[i].tolist()) for i in np.sort(kept)]
 
 
@@ -43,7 +43,7 @@ def rows_of(elements: Sequence[Element]) -> np.ndarray:
 def median_pitch(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
     """Every grid carried on at its median spacing, in both directions, its gaps filled."""
     found = []
-    for grid in grids(seen):
+    for grid in fit_grids(seen):
         axes = []
         for positions, size, low, high in (
             (grid.columns, grid.width, domain[0], domain[2]),
@@ -66,7 +66,7 @@ def extension(how: Extension) -> Method:
     """Grids carried on with filled gaps, own sizes, patterns and balconies."""
 
     def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
-        return [cleared(rows_of(list(extend(known(seen, grids(seen)), domain, how))), seen, domain, region)]
+        return [cleared(rows_of(list(extend_grids(extension_context(seen, fit_grids(seen)), domain, how))), seen, domain, region)]
 
     return method
 
@@ -82,8 +82,8 @@ def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
             origin, size = np.array(record.domain[:2]), np.subtract(record.domain[2:], record.domain[:2])
             scale = np.subtract(domain[2:], domain[:2]) / size
             rows[:, 1:] = (rows[:, 1:] - np.tile(origin, 2)) * np.tile(scale, 2) + np.tile(domain[:2], 2)
-            visible = overlaps(rows[:, 1:], np.array(region)).any(axis=1)
-            agrees = (iou(wanted[:, 1:], rows[visible, 1:]) >= 0.3) & (wanted[:, :1] == rows[visible, 0])
+            visible = pairwise_overlap(rows[:, 1:], np.array(region)).any(axis=1)
+            agrees = (pairwise_iou(wanted[:, 1:], rows[visible, 1:]) >= 0.3) & (wanted[:, :1] == rows[visible, 0])
             share = 2 * agrees.any(axis=1).sum() / (len(wanted) + visible.sum())
             if share > most:
                 best, most = rows[~visible], share
@@ -129,13 +129,13 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
 
     def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
         rng = np.random.default_rng(0)
-        start = start_of(seen, domain, np.array(region), model)
+        start = initial_layout(seen, domain, np.array(region), model)
         first = rows_of(seen)
         rows, grid = first.copy(), start.grid.copy()
 
         def value(rows: np.ndarray, grid: np.ndarray) -> float:
             _, contiguous = np.unique(grid, return_inverse=True)
-            return value_of(
+            return score_candidate(
                 np.ascontiguousarray(rows[:, 1:]), rows[:, 0].astype(np.int64), contiguous.astype(np.int64),
                 start.domain, model.densities, model.weights, model.mean,
             )  # fmt: skip
@@ -172,8 +172,8 @@ def policy_search(model: LayoutModel) -> Method:
     """The paper's own method: the layout of the policy search with the best score."""
 
     def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
-        start = start_of(seen, domain, np.array(region), model)
-        used, seeds, scores = search(
+        start = initial_layout(seen, domain, np.array(region), model)
+        used, seeds, scores = optimise_policy(
             model.policies, start, model.densities, model.weights, model.mean, GENERATIONS, TRIES, 0
         )
         box, label, _ = roll_out(used[scores.argmax()], start, int(seeds[scores.argmax()]))

@@ -13,9 +13,9 @@ from catalogs.learning.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.facade_frame import Box, frame
-from facade_core.facade.layout.grids import boxes
-from facade_core.facade.layout.rectangles import iou, may_overlap, overlaps
+from facade_core.facade.layout.facade_frame import Box, fit_facade_frame
+from facade_core.facade.layout.grids import box_array
+from facade_core.facade.layout.rectangles import pairwise_iou, may_overlap, pairwise_overlap
 
 
 def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: float) -> np.ndarray:
@@ -24,8 +24,8 @@ def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: fl
 
     counts = np.zeros((len(ELEMENT_CLASSES), 3))
     for k, label in enumerate(ELEMENT_CLASSES):
-        a, b = (boxes([e for e in s if e.label == label]) for s in (truth, proposed))
-        good = iou(a, b) >= threshold
+        a, b = (box_array([e for e in s if e.label == label]) for s in (truth, proposed))
+        good = pairwise_iou(a, b) >= threshold
         counts[k] = good[linear_sum_assignment(~good)].sum(), len(b), len(a)
     return counts
 
@@ -37,17 +37,17 @@ def f1(counts: np.ndarray) -> float:
 
 def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element], domain: Box) -> list[float]:
     """spacing, alignment and count errors, pairs that overlap, elements outside the domain."""
-    truth = frame([*seen, *hidden], domain)
-    guess = frame([*seen, *proposed], domain)
+    truth = fit_facade_frame([*seen, *hidden], domain)
+    guess = fit_facade_frame([*seen, *proposed], domain)
     spacing = np.nan
     if len(truth.columns) > 1 and len(guess.columns) > 1:
         wide = float(np.median(np.diff(truth.columns)))
         spacing = abs(float(np.median(np.diff(guess.columns))) / wide - 1)
-    window = boxes([e for e in proposed if e.label == "window"])
+    window = box_array([e for e in proposed if e.label == "window"])
     away = np.abs((window[:, [0]] + window[:, [2]]) / 2 - truth.columns) / truth.size[0]
     aligned = float(np.minimum(away.min(axis=1), 1).mean()) if away.size else np.nan
     rows = rows_of([*proposed, *seen])
-    both = overlaps(rows[:, 1:], rows[:, 1:]) & ~may_overlap(rows[:, 0], rows[:, 0])
+    both = pairwise_overlap(rows[:, 1:], rows[:, 1:]) & ~may_overlap(rows[:, 0], rows[:, 0])
     np.fill_diagonal(both, False)
     new = rows[: len(proposed), 1:]
     outside = ((new[:, :2] < domain[:2]) | (new[:, 2:] > domain[2:])).any(axis=1).sum()
@@ -55,7 +55,7 @@ def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element],
 
 
 def run(
-    records: Sequence[LayoutRecord], method: Method, kinds: Sequence[str] = training_cases.MEASURED
+    records: Sequence[LayoutRecord], method: Method, kinds: Sequence[str] = training_cases.BENCHMARK_KINDS
 ) -> dict[str, Any]:
     """The figures of one method by kind of case, the best of the layouts it gives counting; and all kinds together."""
     report: dict[str, Any] = {}
@@ -64,7 +64,7 @@ def run(
         counts, errors, start, number = np.zeros_like(everything), [], time.process_time(), 0
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = training_cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([0, i]))
             hidden = [e for e in elements if e not in set(seen)]
             if not seen or not hidden:
                 continue

@@ -13,7 +13,7 @@ from benchmarks.layout.baselines import Method
 from benchmarks.layout.figures import run
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.model import LayoutModel, load
+from facade_core.facade.layout.model import LayoutModel, load_layout_model
 from tasks.training.layout import train_layout
 
 FOLDS = 5
@@ -38,13 +38,13 @@ def by_fold(data: Path, models: Path, methods: Methods, *, seed: int = 1) -> dic
         if not path.exists():
             print(f"fold {fold}: trained", file=sys.stderr)
             train_layout(data, path.parent, seed=seed, fold=fold)
-        model = load(path)
+        model = load_layout_model(path)
         train, held_out = split_layouts(layouts, fold)
         if set(model.training_set) & {record.name for record in held_out}:
             raise SystemExit(f"{path}: learned from facades of fold {fold}; remove it")
         found.append({name: run(held_out, method) for name, method in methods(model, train).items()})
         print(f"fold {fold}: {found[-1]['complete']['all']}", file=sys.stderr)
-    kinds = (*training_cases.MEASURED, "all")
+    kinds = (*training_cases.BENCHMARK_KINDS, "all")
     report: dict[str, Any] = {
         name: {kind: _interval([fold[name][kind]["f1@0.5"] for fold in found]) for kind in kinds} for name in found[0]
     }
@@ -54,7 +54,7 @@ def by_fold(data: Path, models: Path, methods: Methods, *, seed: int = 1) -> dic
             label: _interval([fold[name]["all"]["by label"][label] for fold in found]) for label in labels
         }
         report[name]["count"] = {
-            kind: _interval([fold[name][kind]["count"] for fold in found]) for kind in training_cases.MEASURED
+            kind: _interval([fold[name][kind]["count"] for fold in found]) for kind in training_cases.BENCHMARK_KINDS
         }
         report[name]["cpu seconds a case"] = _interval([fold[name]["right"]["cpu seconds a case"] for fold in found])
     report["complete over the best baseline"] = {

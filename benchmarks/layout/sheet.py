@@ -23,11 +23,11 @@ def sheet(records: Sequence[LayoutRecord], model: LayoutModel, out: Path) -> Non
     """Draw, row by row, ten completions each of right half, lower half and a region hidden, and of few elements seen, of
     facades spread over `records`, fronts: what was seen pale, on white; what was completed full, on grey."""
     tiles: list[Image.Image] = []
-    for turn, kind in enumerate(training_cases.MEASURED):
+    for turn, kind in enumerate(training_cases.BENCHMARK_KINDS):
         usable = []
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
-            seen, region = training_cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([0, i]))
             if seen and len(seen) < len(elements):
                 usable.append((seen, domain, region))
         for k in range(OF_A_KIND):

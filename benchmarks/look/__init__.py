@@ -140,10 +140,10 @@ def _features() -> Any:
         return None
     import torch
 
-    from facade_core.street.translator.kernel_distance import features
+    from facade_core.street.translator.kernel_distance import image_features
 
     torch.set_num_threads(1)  # threads that wait for others' work take more time than they save
-    return features
+    return image_features
 
 
 def _ratio(ours: float | None, theirs: float | None) -> float | None:

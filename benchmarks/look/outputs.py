@@ -14,7 +14,7 @@ import pandas as pd
 import shapely
 
 from catalogs.published.snapshot import Snapshot, current
-from facade_core.atlas.store import root_of_any_format
+from facade_core.atlas.store import open_root_of_any_format
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.zarr_types import StoreGroup, group_at
 from facade_core.geometry.chart_packing import Placement
@@ -125,7 +125,7 @@ class Output:
 def read_output(out: Path) -> Output:
     """What the run in a folder published last. Raises InputError or StoreError where there is none that can be read."""
     snapshot = current(out)
-    group = root_of_any_format(snapshot.session())
+    group = open_root_of_any_format(snapshot.session())
     column = {name: array[:] for name, array in group_at(group, "charts").arrays()}
     kind, surface, building, *frame = (
         column[name] for name in ("kind", "surface", "building", "origin", "axis_u", "axis_v", "size")

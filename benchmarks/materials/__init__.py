@@ -29,9 +29,9 @@ from facade_core.core.types import Finish, Street
 from facade_core.geometry.chart_packing import Placement, pack
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
-from facade_core.street.materials.field import Materials
-from facade_core.street.materials.tiled import Material
-from facade_core.street.propagation.render import shade
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.tiled_material import TiledMaterial
+from facade_core.street.propagation.render import daylight_grey
 
 DENSITY, DENSITIES, SEED = 20.0, (8.0, 16.0, 32.0), 7
 REPEATED = 7
@@ -90,7 +90,7 @@ def scene_of(density: float, size: float = SIDE_M) -> tuple[Scene, list[Street]]
 
 def measure(pictures: Path | None) -> dict[str, Any]:
     scene, streets = scene_of(DENSITY)
-    materials = Materials(scene, streets, seed=SEED)
+    materials = MaterialField(scene, streets, seed=SEED)
     rows: dict[str, dict[str, Any]] = {name: {} for name in CHARTS}
     for chart, (name, row) in enumerate(rows.items()):
         texels = int(scene.placement.width[chart] * scene.placement.height[chart])
@@ -100,14 +100,14 @@ def measure(pictures: Path | None) -> dict[str, Any]:
         row["nanoseconds_plain"] = round(1e9 * _seconds(stepped.raster) / texels, 1)
         if pictures is not None:
             _save(pictures / f"{name.replace(' ', '-')}.png", whole, stepped.raster())
-    laid = Materials(scene, streets, seed=SEED, roof_material=_brick())
+    laid = MaterialField(scene, streets, seed=SEED, roof_material=_brick())
     chart = list(CHARTS).index("tiles")
     laid.raster(chart)
     seconds = _seconds(partial(laid.raster, chart))
     rows["a roof's own material"] = {"nanoseconds": round(1e9 * seconds / (SIDE_M * DENSITY) ** 2, 1)}
     for density in DENSITIES:
         scene, streets = scene_of(density, TRUTH_M)
-        materials = Materials(scene, streets, seed=SEED)
+        materials = MaterialField(scene, streets, seed=SEED)
         for chart, name in enumerate(CHARTS):
             rows[name][f"at {density:g} a metre"] = _truth(materials.raster(chart), _Plain(scene, streets, chart))
     return {"materials": rows, "light_nanoseconds": _light(DENSITY)}
@@ -120,9 +120,9 @@ class _Plain:
         self._scene, self._chart = scene, chart
         self._name = list(CHARTS.values())[chart][2]
         charts = scene.charts
-        self._materials = Materials(scene, streets, seed=SEED)
+        self._materials = MaterialField(scene, streets, seed=SEED)
         self._tint = _tint(self._materials, chart, self._name)
-        self._grey = float(shade(charts.normal()[chart]))
+        self._grey = float(daylight_grey(charts.normal()[chart]))
 
     def raster(self) -> np.ndarray:
         """The chart (h, w, 3) by the plain functions, without grain, 0..255."""
@@ -168,12 +168,12 @@ class _Plain:
         return self._grey * (low + plain.MATERIALS[self._name](across, down, other, SEED)[:, None] * (high - low))
 
 
-def _tint(materials: Materials, chart: int, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _tint(materials: MaterialField, chart: int, name: str) -> tuple[np.ndarray, np.ndarray]:
     """The colours of tones of 0 and 1."""
-    from facade_core.street.materials.procedural import GLASS, SKY
+    from facade_core.street.materials.procedural import GLASS_COLOUR, REFLECTED_SKY_COLOUR
 
     surfaces = materials.field.charts
-    return (GLASS, SKY) if name == "glass" else (np.zeros(3), surfaces.tint[chart] / surfaces.grey[chart])
+    return (GLASS_COLOUR, REFLECTED_SKY_COLOUR) if name == "glass" else (np.zeros(3), surfaces.tint[chart] / surfaces.grey[chart])
 
 
 def _truth(raster: np.ndarray, stepped: _Plain) -> dict[str, float]:
@@ -215,10 +215,10 @@ def _seconds(function: Callable[[], Any]) -> float:
     return min(taken)
 
 
-def _brick() -> Material:
+def _brick() -> TiledMaterial:
     """A picture of some grain."""
     image = np.random.default_rng(0).integers(80, 160, (256, 256, 3), dtype=np.uint8)
-    return Material.of(image, 0.02, DENSITY)
+    return TiledMaterial.of(image, 0.02, DENSITY)
 
 
 def _save(path: Path, *rasters: np.ndarray) -> None:

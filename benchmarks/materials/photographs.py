@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from benchmarks.materials import _gradients
-from facade_core.street.materials.grain import NAMES, Grain, Grains, add_grain, grains
-from facade_core.street.materials.grain_file import load
+from facade_core.street.materials.grain import EXAMPLE_NAMES, Grain, GrainTables, add_grain, build_grain_tables
+from facade_core.street.materials.grain_file import load_examples
 from tasks.training.materials import SOURCES, picture
 
 DENSITIES = (8, 16, 32, 64)
@@ -21,9 +21,9 @@ SEED = 3
 def against_photographs(data: Path) -> dict[str, dict[str, float]]:
     """By example: the energy over the photograph's at each density; the largest correlation where a tile would begin again."""
     found: dict[str, dict[str, float]] = {}
-    examples = load()
-    drawn = grains([Grain(examples[name]) for name in NAMES])
-    for which, name in enumerate(NAMES):
+    examples = load_examples()
+    drawn = build_grain_tables([Grain(examples[name]) for name in EXAMPLE_NAMES])
+    for which, name in enumerate(EXAMPLE_NAMES):
         file, width, _ = SOURCES[name]
         photo = picture(data / "materials" / file)[0].mean(axis=2)
         photo /= photo.mean()
@@ -44,7 +44,7 @@ def against_photographs(data: Path) -> dict[str, dict[str, float]]:
     return found
 
 
-def _patch(drawn: Grains, which: int, density: float, metres: float) -> np.ndarray:
+def _patch(drawn: GrainTables, which: int, density: float, metres: float) -> np.ndarray:
     count = round(metres * density)
     x, y = (a.ravel() for a in np.meshgrid(*[(np.arange(count) + 0.5) / density] * 2))
     out = np.ones(len(x))

@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
 from facade_core.street.propagation.propagate import mark_first_visible, propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import paint
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.surfaces import paint_visible_texels
+from facade_core.street.translator.translators import MaterialFieldTranslator
 from tasks.examples.demo import write_demo
 from tasks.stages.ingest.planning import plan_of
 
@@ -33,7 +33,7 @@ PANORAMA = 1024
 def measure() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         plan = plan_of(read_block(write_demo(Path(folder))))
-    swatches = Swatches(plan.scene, plan.streets, seed=1)
+    swatches = MaterialFieldTranslator(plan.scene, plan.streets, seed=1)
     longest = int(np.bincount(plan.street_of_viewpoints).argmax())
     for ways in (_seen, _projected):  # compiles
         ways(plan, swatches, longest, 1)
@@ -81,7 +81,7 @@ def _window(plan: Plan, street: int) -> TexelBuffer:
     return TexelBuffer.of(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
 
 
-def _seen(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[TexelBuffer, dict[str, float]]:
+def _seen(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int) -> tuple[TexelBuffer, dict[str, float]]:
     window, seconds = _window(plan, street), 0.0
     for viewpoint in plan.of_street(street)[:count]:
         chart = plan.scene.look(viewpoint, PANORAMA)[2]
@@ -89,17 +89,17 @@ def _seen(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[Texe
         mark_first_visible(plan.scene, window, viewpoint, chart)
         seconds += time.perf_counter() - start
     start = time.perf_counter()
-    paint(window, plan.scene.placement, swatches.materials)
+    paint_visible_texels(window, plan.scene.placement, swatches.materials)
     return window, {"see": seconds, "paint": time.perf_counter() - start}
 
 
-def _projected(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[TexelBuffer, float]:
+def _projected(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int) -> tuple[TexelBuffer, float]:
     window, seconds = _window(plan, street), 0.0
     for viewpoint in plan.of_street(street)[:count]:
         panorama = render(plan.scene, window, viewpoint, (PANORAMA // 2, PANORAMA))
         rgb = swatches.translate(panorama)
         start = time.perf_counter()
-        propagate(plan.scene, window, viewpoint, rgb, seen=panorama.chart)
+        propagate(plan.scene, window, viewpoint, rgb, charts_seen=panorama.chart)
         seconds += time.perf_counter() - start
     return window, seconds
 

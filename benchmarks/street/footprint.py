@@ -26,11 +26,11 @@ from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.materials.field import Materials
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.translator.translators import MaterialFieldTranslator
 from facade_core.synth.street_truth import HALF_WIDTH, SyntheticStreet, synthetic_street
 
 TEXELS_PER_METRE, WIDTH, SUPERSAMPLED, SPACING_M, HEIGHT_M = 20.0, 1024, 3, 5.0, 2.5
@@ -42,7 +42,7 @@ SEED = 3
 
 def measure() -> dict[str, Any]:
     street = synthetic_street(8, seed=1, occluders=0, texels_per_metre=TEXELS_PER_METRE)
-    materials = Materials(street.scene, [_line(street)], seed=SEED)
+    materials = MaterialField(street.scene, [_line(street)], seed=SEED)
     ground = np.flatnonzero(street.scene.charts.kind == ChartKind.GROUND)
     found: dict[str, Any] = {}
     for name, errors in POSE_ERRORS.items():
@@ -85,7 +85,7 @@ def _line(street: SyntheticStreet) -> Street:
 
 
 def _views(
-    street: SyntheticStreet, materials: Materials, ground: np.ndarray, errors: tuple[float, float]
+    street: SyntheticStreet, materials: MaterialField, ground: np.ndarray, errors: tuple[float, float]
 ) -> tuple[list[View], list[np.ndarray], int]:
     """What each panorama shows of the ground, and what its pixels cover there along the ray, metres."""
     scene, rng = street.scene, np.random.default_rng(SEED)
@@ -108,7 +108,7 @@ def _cameras(street: SyntheticStreet) -> list[Viewpoint]:
     return [Viewpoint(number, 0, place, street.axis) for number, place in enumerate(places)]
 
 
-def _picture(scene: Scene, materials: Materials, taken: Viewpoint) -> np.ndarray:
+def _picture(scene: Scene, materials: MaterialField, taken: Viewpoint) -> np.ndarray:
     """A panorama (h, w, 3) of materials, each pixel the mean of rays."""
     import cv2
 
@@ -140,12 +140,12 @@ def _finest(views: list[View], footprints: list[np.ndarray], total: int) -> tupl
 
 
 def _walked(
-    street: SyntheticStreet, materials: Materials, ground: np.ndarray, limit: float, *, frozen: bool
+    street: SyntheticStreet, materials: MaterialField, ground: np.ndarray, limit: float, *, frozen: bool
 ) -> dict[str, float]:
     """Viewpoint by viewpoint with a translator that answers with pixels. Texels of which a viewpoint covers less than a
     `limit`-th of what the finest view did are bare again; frozen: whatever was textured from far counts as textured."""
     scene = street.scene
-    window, swatches = _window(scene, ground), Swatches(scene, [_line(street)], seed=SEED)
+    window, swatches = _window(scene, ground), MaterialFieldTranslator(scene, [_line(street)], seed=SEED)
     shown = window
     if frozen:
         shown = replace(window, state=window.state._replace(views=np.ones_like(window.state.views)))
@@ -158,7 +158,7 @@ def _walked(
             array[anew & np.isfinite(limit)] = 0
         panorama = render(scene, shown, viewpoint, (WIDTH // 2, WIDTH))
         before = window.state.views.copy()
-        propagate(scene, window, viewpoint, swatches.translate(panorama), seen=panorama.chart)
+        propagate(scene, window, viewpoint, swatches.translate(panorama), charts_seen=panorama.chart)
         added = window.state.views > before
         finest[added] = np.minimum(finest, covered)[added]
     return _scores(street, materials, ground, window.colour, window.provenance > 0)
@@ -170,7 +170,7 @@ def _covered(scene: Scene, window: TexelBuffer, viewpoint: Viewpoint, texel: np.
 
 
 def _scores(
-    street: SyntheticStreet, materials: Materials, ground: np.ndarray, colour: np.ndarray, known: np.ndarray
+    street: SyntheticStreet, materials: MaterialField, ground: np.ndarray, colour: np.ndarray, known: np.ndarray
 ) -> dict[str, float]:
     scene = street.scene
     rasters, _ = TexelBuffer.layout(scene.placement, ground, ground)

@@ -16,9 +16,9 @@ from numba import njit
 from facade_core.core.types import Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.shapes import SQUARE_M, Drawn, Squares
-from facade_core.street.materials.grain import Grains
-from facade_core.street.materials.grain_file import shipped
-from facade_core.street.materials.ground_kernels import soil
+from facade_core.street.materials.grain import GrainTables
+from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.ground_kernels import ground_colour
 
 # Texels a metre, along a side of a square; texels that are worked out together.
 DENSITY, SIDE = 16.0, 512
@@ -48,11 +48,11 @@ def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
         times = {}
         for name, chart in (("junction", 0), ("nothing", 1)):
             near, low = squares.of([chart]), np.array([places[chart, 0], 0.0])
-            _raster(near, shipped(), *low)  # compiles
+            _raster(near, load_shipped_grains(), *low)  # compiles
             taken = []
             for _ in range(REPEATED):
                 start = time.thread_time()
-                _raster(near, shipped(), *low)
+                _raster(near, load_shipped_grains(), *low)
                 taken.append(time.thread_time() - start)
             times[name] = round(1e9 * min(taken) / SIDE**2, 1)
         found[str(count)] = {"ms_a_square": round(1e3 * drawn, 1), "ns_a_texel": times}
@@ -69,12 +69,12 @@ def _charts(places: np.ndarray) -> Charts:
 
 
 @njit(nogil=True)
-def _raster(drawn: Drawn, grains: Grains, left: float, bottom: float) -> None:
+def _raster(drawn: Drawn, grains: GrainTables, left: float, bottom: float) -> None:
     side, light, out = np.full(PIECE, 1 / DENSITY), np.ones(PIECE), np.empty((PIECE, 3), np.uint8)
     for row in range(SIDE):
         y = np.full(PIECE, bottom + (row + 0.5) / DENSITY)
         for start in range(0, SIDE, PIECE):
-            soil(0, left + (start + np.arange(PIECE) + 0.5) / DENSITY, y, side, drawn, grains, 7, light, 1.0, out)
+            ground_colour(0, left + (start + np.arange(PIECE) + 0.5) / DENSITY, y, side, drawn, grains, 7, light, 1.0, out)
 
 
 def main() -> None:

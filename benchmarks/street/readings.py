@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.propagation.blend import HIGH, LOW
+from facade_core.street.propagation.blend import MAX_WEIGHT, MIN_WEIGHT
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
@@ -52,7 +52,7 @@ class View(NamedTuple):
 
 def view_of(scene: Scene, empty: TexelBuffer, viewpoint: Viewpoint, rgb: np.ndarray, *, seen: np.ndarray) -> View:
     """What a panorama shows of a window that has no view yet; it has this one afterwards."""
-    propagate(scene, empty, viewpoint, rgb, seen=seen)
+    propagate(scene, empty, viewpoint, rgb, charts_seen=seen)
     texel = np.flatnonzero(empty.provenance)
     state = empty.state
     share = _resolution(scene, empty, viewpoint, texel, rgb.shape[1])
@@ -96,9 +96,9 @@ def _counted(views: Sequence[View], reading: Reading) -> Iterator[tuple[View, np
 
 def _weight(d: np.ndarray, whole: np.ndarray, number: np.ndarray, reading: Reading) -> np.ndarray:
     """Weights (k,) of views at d of texels whose views' distances add up to `whole`."""
-    weight = np.clip(1 - d / np.maximum(whole, 1), LOW, HIGH)
+    weight = np.clip(1 - d / np.maximum(whole, 1), MIN_WEIGHT, MAX_WEIGHT)
     if reading.clamp == "mapped":
-        weight = (weight - LOW) / (HIGH - LOW)
+        weight = (weight - MIN_WEIGHT) / (MAX_WEIGHT - MIN_WEIGHT)
     return np.where((whole == 0) | (number == 1) | (reading.clamp == "none"), 1.0, weight)
 
 

@@ -18,11 +18,11 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, viewpoints
-from facade_core.street.materials.field import Materials
-from facade_core.street.propagation.blend import blend
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.surfaces import KnownTexture, finish_chart
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
 LENGTH_M, HEIGHT_M, PIECE_M = 64.0, 14.0, 16.0
@@ -46,8 +46,8 @@ def measure(images: Path) -> dict[str, Any]:
         hidden = taken = 0
         for viewpoint, gain in zip(own, exposures, strict=True):
             rgb, seen = _look(scene, viewpoint, pieces, truth, float(gain))
-            before = blend(window.state)[1].astype(int)
-            propagate(scene, window, viewpoint, rgb, seen=seen)
+            before = blend_views(window.state)[1].astype(int)
+            propagate(scene, window, viewpoint, rgb, charts_seen=seen)
             if name == "one exposure":
                 counted = _behind(scene, window, viewpoint, pieces, before)
                 hidden, taken = hidden + counted[0], taken + counted[1]
@@ -82,7 +82,7 @@ def _beside_photos(
     window = TexelBuffer.of(placement, rasters, write, seed, evidence)
     for viewpoint in own:
         rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
-        propagate(scene, window, viewpoint, rgb, seen=seen)
+        propagate(scene, window, viewpoint, rgb, charts_seen=seen)
     apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -90,14 +90,14 @@ def _beside_photos(
         colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
         return colour[rows, columns], provenance[rows, columns]
 
-    materials, around = Materials(scene, [_street()], seed=7), Known(read, pieces, pieces)
+    materials, around = MaterialField(scene, [_street()], seed=7), KnownTexture(read, pieces, pieces)
     result = {}
     for name, where, levelling in (
         ("without", scene, False),
         ("within each chart", apart, True),
         ("across charts", scene, True),
     ):
-        colours = [surface(where, materials, p, around, network=True, levelling=levelling)[0] for p in pieces]
+        colours = [finish_chart(where, materials, p, around, is_neural=True, levelling=levelling)[0] for p in pieces]
         middle = colours[3].shape[1] // 2
         result[name] = {
             "at_chart_borders": round(_seam(colours[:3]), 2),
@@ -200,7 +200,7 @@ def _behind(
     """Of the wall's texels that took this view, those that a ray to them says are hidden, and all."""
     hidden = taken = 0
     charts, placement = scene.charts, scene.placement
-    fresh = blend(window.state)[1].astype(int) > before
+    fresh = blend_views(window.state)[1].astype(int) > before
     for chart in pieces:
         flags = fresh[window.rasters.slice(placement, chart)]
         row, column = np.divmod(np.flatnonzero(flags), int(placement.width[chart]))

@@ -21,7 +21,7 @@ from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.translator.translators import MaterialFieldTranslator
 
 WIDTH = 512
 # So dense that the charts that a viewpoint sees hold about as many texels as a page of 2048 x 2048.
@@ -39,7 +39,7 @@ def measure(folder: Path) -> dict[str, Any]:
 
 def ingolstadt(folder: Path, texels_per_metre: float) -> tuple[Scene, Street, list[Viewpoint]]:
     """The scene of all shells, its longest street and the viewpoints of that."""
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
 
     os.environ["STREETLOOM_DATA"] = str(folder.parent.parent)
     block = read_block(Path(__file__).parents[2] / "catalogs" / "blocks" / "ingolstadt.yaml")
@@ -50,7 +50,7 @@ def ingolstadt(folder: Path, texels_per_metre: float) -> tuple[Scene, Street, li
         [street],
         terrain=terrain,
         ground_margin=REACH_M,
-        largest=AtlasSpec(1, texels_per_metre).largest,
+        largest=AtlasSpec(1, texels_per_metre).max_chart_side,
     )
     placement = pack(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
@@ -75,7 +75,7 @@ def window_of(scene: Scene, own: list[Viewpoint]) -> TexelBuffer:
 
 def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads: int = 1) -> dict[str, Any]:
     """Walk along the viewpoints twice, and time the second walk: the first one compiles and fills caches."""
-    translator = Swatches(scene, streets, seed=7)
+    translator = MaterialFieldTranslator(scene, streets, seed=7)
     texels = scene.placement.width.astype(np.int64) * scene.placement.height
     for _ in range(2):
         window = window_of(scene, own)
@@ -91,7 +91,7 @@ def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads:
             rgb = translator.translate(panorama)
             clocks.append(time.perf_counter())
             translated = time.process_time()
-            propagate(scene, window, viewpoint, rgb, seen=panorama.chart, threads=threads)
+            propagate(scene, window, viewpoint, rgb, charts_seen=panorama.chart, threads=threads)
             clocks.append(time.perf_counter())
             processor.append(time.process_time() - translated + rendered - begun)
             for stage, seconds in zip(("render", "translate", "propagate"), np.diff(clocks), strict=True):

@@ -12,12 +12,12 @@ from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
 from benchmarks.timing import bytes_in
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.journal import write_record
-from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
-from facade_core.atlas.store import commit, expire, new_root, open_repository, open_root
-from facade_core.street.propagation.blend import blend
+from facade_core.atlas.rasters import TexelLayout, chunk_digests, write_rasters
+from facade_core.atlas.store import commit, expire_snapshots, create_root, open_repository, open_root
+from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.translator.translators import MaterialFieldTranslator
 
 TEXELS_PER_METRE = 10.0
 # Units of the other stages, as a block of this size has them: their records weigh on every commit.
@@ -28,21 +28,21 @@ def measure(folder: Path) -> dict[str, Any]:
     """Texture one street into a store of its own, commit by commit, then expire it."""
     scene, street, own = ingolstadt(folder, TEXELS_PER_METRE)
     own = own[:VIEWPOINTS]
-    window, translator = window_of(scene, own), Swatches(scene, [street], seed=7)
+    window, translator = window_of(scene, own), MaterialFieldTranslator(scene, [street], seed=7)
     with tempfile.TemporaryDirectory() as temporary:
         store = Path(temporary) / "store"
         repository = open_repository(store, create=True)
         session = repository.writable_session("main")
         units = {"viewpoints": len(own), **OTHERS}
-        create_arrays(new_root(session), scene.spec, units, crs="EPSG:25832", panorama_width=WIDTH)
+        create_arrays(create_root(session), scene.spec, units, crs="EPSG:25832", panorama_width=WIDTH)
         commit(session, "arrays")
-        expire(repository)
+        expire_snapshots(repository)
         empty = bytes_in(store)
         commits = []
         for viewpoint in own:
             panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
             rgb = translator.translate(panorama)
-            propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
+            propagate(scene, window, viewpoint, rgb, charts_seen=panorama.chart)
             session = repository.writable_session("main")
             group = open_root(session)
             group["panoramas/rgb"][viewpoint.id] = rgb
@@ -53,7 +53,7 @@ def measure(folder: Path) -> dict[str, Any]:
             commit(session, f"viewpoint {viewpoint.id}")
             commits.append(time.perf_counter() - start)
         grown = bytes_in(store) - empty
-        expire(repository)
+        expire_snapshots(repository)
         expired = bytes_in(store) - empty
         raw = _panorama_bytes(repository)
         street_cost = _street(repository, store, scene, window)
@@ -76,10 +76,10 @@ def measure(folder: Path) -> dict[str, Any]:
 def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, Any]:
     """The end of a street: its texels written and committed, and what of that is left after expiry."""
     before = bytes_in(store)
-    held = Rasters.of(scene.placement, window.writable)
+    held = TexelLayout.of(scene.placement, window.writable)
     session = repository.writable_session("main")
     group = open_root(session)
-    colour, views = blend(window.state)
+    colour, views = blend_views(window.state)
     start = time.process_time()
     results = {"street": colour, "street_views": views, "colour": window.colour, "provenance": window.provenance}
     for name, flat in results.items():
@@ -95,7 +95,7 @@ def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, 
     )
     commit(session, "street")
     committed = time.perf_counter()
-    expire(repository)
+    expire_snapshots(repository)
     megabytes = len(chunks) * scene.spec.chunk**2 * (3 + 2 + 3 + 1) / 1e6
     return {
         "chunks": len(chunks),

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.street.readings import Reading, View, blended, view_of
 from facade_core.core.types import Pose
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.synth.street_paint import with_photos
@@ -81,14 +81,14 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
         rgb = cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
         viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
         seen = scene.look(viewpoint, WIDTH)[2]
-        propagate(scene, window, viewpoint, rgb, seen=seen)
+        propagate(scene, window, viewpoint, rgb, charts_seen=seen)
         alone = _window(street)
         views.append(view_of(scene, alone, viewpoint, rgb, seen=seen))
         for front, image in zip(fronts, latest, strict=True):
-            colour, count = _facade(street, alone, blend(alone.state), front)
+            colour, count = _facade(street, alone, blend_views(alone.state), front)
             image[count > 0] = colour[count > 0]
     by_reading = {
-        name: blend(window.state) if name == PINNED else blended(views, len(window.state.views), reading)
+        name: blend_views(window.state) if name == PINNED else blended(views, len(window.state.views), reading)
         for name, reading in READINGS.items()
     }
     found: dict[str, list[float]] = {"no blending, the latest view": []}

@@ -146,7 +146,7 @@ def _ceiling(block: Path, processes: int) -> float:
 
 def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None:
     """Render, translate and propagate every viewpoint of some streets."""
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
     from tasks.engine.compute.worker_setup import limit_threads
     from tasks.stages.ingest.planning import plan_of
 
@@ -167,7 +167,7 @@ def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | Non
     from facade_core.street.propagation.propagate import propagate
     from facade_core.street.propagation.render import render
     from facade_core.street.propagation.texel_buffer import TexelBuffer
-    from facade_core.street.translator.translate import Swatches
+    from facade_core.street.translator.translators import MaterialFieldTranslator
 
     scene, own = plan.scene, plan.of_street(street)
     charts = np.unique(plan.views[np.isin(plan.views[:, 0], [v.id for v in own]), 1])
@@ -175,8 +175,8 @@ def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | Non
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     window, translator = (
         TexelBuffer.of(scene.placement, rasters, write, *nothing),
-        Swatches(scene, plan.streets, seed=seed),
+        MaterialFieldTranslator(scene, plan.streets, seed=seed),
     )
     for viewpoint in own[:steps]:
         panorama = render(scene, window, viewpoint, (width // 2, width))
-        propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)
+        propagate(scene, window, viewpoint, translator.translate(panorama), charts_seen=panorama.chart)

@@ -50,9 +50,9 @@ def main() -> None:
 
 def inference(options: argparse.Namespace) -> dict[str, Any]:
     """Median seconds of the shipped network by panorama size."""
-    from facade_core.street.translator import neural
+    from facade_core.street.translator import neural_translator
 
-    network, found = neural.load(), {}
+    network, found = neural_translator.load_translator(), {}
     for width in (512, 1024, 2048):
         image = np.random.default_rng(0).integers(0, 255, (width // 2, width, 3), dtype=np.uint8)
         network.textured(image)
@@ -70,11 +70,11 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
     from benchmarks.translator import openings
     from benchmarks.translator.scenes import ingolstadt, walk
     from facade_core.street.propagation.render import render
-    from facade_core.street.translator import neural
-    from facade_core.street.translator.translate import Swatches
+    from facade_core.street.translator import neural_translator
+    from facade_core.street.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
-    network, swatches = neural.load(), Swatches(scene, streets, seed=7)
+    network, swatches = neural_translator.load_translator(), MaterialFieldTranslator(scene, streets, seed=7)
     translators = {
         "neural": lambda panorama, _: network.translate(panorama),
         "exemplar": lambda panorama, _: swatches.translate(panorama),
@@ -98,11 +98,11 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
 
     from benchmarks.translator.scenes import between, ingolstadt, walk
     from facade_core.street.propagation.render import render
-    from facade_core.street.translator import neural
-    from facade_core.street.translator.translate import Swatches
+    from facade_core.street.translator import neural_translator
+    from facade_core.street.translator.translators import MaterialFieldTranslator
 
     scene, own, streets = ingolstadt(options.data)
-    network, swatches = neural.load(), Swatches(scene, streets, seed=7)
+    network, swatches = neural_translator.load_translator(), MaterialFieldTranslator(scene, streets, seed=7)
     street = own[0]
     rows = []
     for translate in (
@@ -121,19 +121,19 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
 def shipped(options: argparse.Namespace) -> dict[str, Any]:
     """What is shipped, of the tables."""
     from benchmarks.translator import rows
-    from facade_core.street.translator import neural
+    from facade_core.street.translator import neural_translator
 
-    network = neural.load()
+    network = neural_translator.load_translator()
     return rows.shipped_alone(options.data, lambda panorama, _: network.translate(panorama))
 
 
 def tables(options: argparse.Namespace) -> dict[str, Any]:
     """Tables 1 and 2."""
     from benchmarks.translator import rows
-    from facade_core.street.translator import neural
+    from facade_core.street.translator import neural_translator
 
     seconds = rows.train_rows(options.data, options.models, rows.ROWS)
-    network = neural.load()
+    network = neural_translator.load_translator()
     found = rows.measure(options.data, options.models, lambda panorama, _: network.translate(panorama))
     return found | {"training_seconds_a_step": seconds}
 
@@ -141,9 +141,9 @@ def tables(options: argparse.Namespace) -> dict[str, Any]:
 def composites(options: argparse.Namespace) -> dict[str, Any]:
     """What composite streets bring."""
     from benchmarks.translator import rows
-    from facade_core.street.translator import neural
+    from facade_core.street.translator import neural_translator
 
     seconds = rows.train_rows(options.data, options.models, rows.COMPOSITES)
-    network = neural.load()
+    network = neural_translator.load_translator()
     found = rows.composites(options.data, options.models, lambda panorama, _: network.translate(panorama))
     return found | {"training_seconds_a_step": seconds}

@@ -16,11 +16,11 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.render import Panorama, render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.training_steps import Course, as_picture, seen_by
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.translator.training_steps import TrainingRecipe, tensor_to_image, generator_input
+from facade_core.street.translator.translators import MaterialFieldTranslator
 
 # Budget of each row.
-BUDGET = Course(width=16, steps=300, warm=120, crop=(64, 128), batch=1, check=300)
+BUDGET = TrainingRecipe(width=16, steps=300, warm=120, crop=(64, 128), batch=1, check=300)
 ROWS = {
     "CUT": replace(BUDGET, conditioned=False),
     "PUT 1": replace(BUDGET, masked=False, equirectangular=False, merged=False),
@@ -104,7 +104,7 @@ def _untrained(
     shipped: Translate,
     real: dict[str, np.ndarray],
 ) -> dict[str, dict[str, Any]]:
-    swatches = Swatches(scene, streets, seed=7)
+    swatches = MaterialFieldTranslator(scene, streets, seed=7)
     translators: dict[str, Translate] = {
         "exemplar (swatches)": lambda panorama, _: swatches.translate(panorama),
         "shipped network": shipped,
@@ -123,23 +123,23 @@ def _table(by_row: dict[str, dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def network(path: Path, course: Course) -> Translate:
+def network(path: Path, course: TrainingRecipe) -> Translate:
     """A row's network as a translator."""
     import torch
 
-    from facade_core.street.translator.network import Generator, as_input
+    from facade_core.street.translator.network import Generator, image_to_tensor
 
     generator = Generator(course.width, bands=course.bands, equirectangular=course.equirectangular)
     generator.load_state_dict(torch.load(path, weights_only=True))
     generator.eval()
 
     def translate(panorama: Panorama, bare: Panorama) -> np.ndarray:
-        grey, partial = as_input(bare.rgb), as_input(panorama.rgb if course.conditioned else bare.rgb)
+        grey, partial = image_to_tensor(bare.rgb), image_to_tensor(panorama.rgb if course.conditioned else bare.rgb)
         known = torch.from_numpy(panorama.textured & course.conditioned)[None, None]
-        given = seen_by(partial, grey, known, course)
+        given = generator_input(partial, grey, known, course)
         with torch.no_grad():
             entry = generator.entry(given, [(0, len(bare.rgb))])
-            rgb = as_picture(generator.decode(generator.blocks_of(entry, True, []), True)[0])
+            rgb = tensor_to_image(generator.decode(generator.blocks_of(entry, True, []), True)[0])
         rgb[panorama.chart < 0] = 0
         return rgb
 
@@ -150,7 +150,7 @@ def _scores(
     scene: Scene, own: list[list[Viewpoint]], translate: Translate, blending: Blending, real: dict[str, np.ndarray]
 ) -> dict[str, list[float]]:
     """Per street: kernel distances of crops of its views to real ones, and the difference of consecutive outputs."""
-    from facade_core.street.translator.kernel_distance import features, kernel_distance
+    from facade_core.street.translator.kernel_distance import image_features, kernel_distance
 
     found: dict[str, list[float]] = {"full": [], "crop": [], "ground": [], "difference": []}
     for views in own:
@@ -158,7 +158,7 @@ def _scores(
         pictures = [_look(scene, walked.window, viewpoint) for viewpoint in between(views)]
         for kind, cut in KINDS.items():
             crops = [crop for picture in pictures for crop in cut(picture)]
-            found[kind].append(kernel_distance(features(crops), real[kind]))
+            found[kind].append(kernel_distance(image_features(crops), real[kind]))
         found["difference"].append(walked.difference)
     return found
 
@@ -196,12 +196,12 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
 
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
-    from facade_core.street.translator.kernel_distance import features
+    from facade_core.street.translator.kernel_distance import image_features
     from tasks.training.translator import Places, in_folders, panoramas
 
     held_out = panoramas(in_folders([data / "panoramas"]), Places(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
-    return {kind: features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
+    return {kind: image_features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
 
 
 def _orderings(by_row: dict[str, dict[str, Any]], kind: str) -> dict[str, str]:
@@ -224,7 +224,7 @@ def _verdicts(by_row: dict[str, dict[str, Any]], kind: str, claims: list[tuple[s
     return verdicts
 
 
-def train_rows(data: Path, models: Path, rows: Mapping[str, Course], *, seed: int = 0) -> dict[str, float]:
+def train_rows(data: Path, models: Path, rows: Mapping[str, TrainingRecipe], *, seed: int = 0) -> dict[str, float]:
     """Train the rows that `models` does not hold yet; seconds a step of each."""
     import time
 
@@ -242,12 +242,12 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, Course], *, seed: in
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
     learnt, judged, _ = panoramas(in_folders(folders), Places(("strasbourg_stra_1",), ("toulouse",)))
     rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
-    domains = training_steps.Domains(rendered, learnt, rendered_judged, judged)
+    domains = training_steps.TrainingDomains(rendered, learnt, rendered_judged, judged)
     seconds = {}
     for name in missing:
         paired = tasks.training.composites.composites(data, seed=seed) if name == "full and composites" else []
         begun = time.perf_counter()
-        trained = training.train(replace(domains, paired=paired), rows[name], seed=seed)
+        trained = training.train_generator(replace(domains, paired=paired), rows[name], seed=seed)
         seconds[name] = round((time.perf_counter() - begun) / rows[name].steps, 2)
         models.mkdir(parents=True, exist_ok=True)
         torch.save(dict(trained.weights), _file(models, name))

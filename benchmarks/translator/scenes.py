@@ -45,7 +45,7 @@ class Walk:
 
 def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
     """The scene, and the viewpoints of its longest streets that stand between buildings."""
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
 
     os.environ["STREETLOOM_DATA"] = str(data)
     read = read_block(Path(__file__).parent / "ingolstadt_lod3.yaml")
@@ -56,7 +56,7 @@ def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
         streets,
         terrain=terrain,
         ground_margin=40.0,
-        largest=AtlasSpec(1, TEXELS_PER_METRE).largest,
+        largest=AtlasSpec(1, TEXELS_PER_METRE).max_chart_side,
     )
     placement = pack(charts.size, TEXELS_PER_METRE, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE))
@@ -80,10 +80,10 @@ def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, bl
         panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
         rgb = translate(panorama, render(scene, empty, viewpoint, (WIDTH // 2, WIDTH)))
         if blending == "weighted":
-            propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
+            propagate(scene, window, viewpoint, rgb, charts_seen=panorama.chart)
         else:
             latest = _window(scene, charts)
-            propagate(scene, latest, viewpoint, rgb, seen=panorama.chart)
+            propagate(scene, latest, viewpoint, rgb, charts_seen=panorama.chart)
             taken = np.flatnonzero(latest.provenance)
             total[taken] += latest.colour[taken]
             count[taken] += 1

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.block.yaml_files import read_yaml
-from catalogs.readers.vectors.colours import colour_of
+from catalogs.readers.vectors.colours import parse_colour
 from facade_core.core.errors import InputError
 from facade_core.core.labels import ELEMENT_CLASSES
 
@@ -300,7 +300,7 @@ def _word(value: Any) -> str:
 
 
 def _colour(value: Any) -> str:
-    found = colour_of(value) if isinstance(value, str) else None
+    found = parse_colour(value) if isinstance(value, str) else None
     if found is None:
         raise ValueError(f"{_told(value)} is no colour; write one as #a0522d")
     return "#{:02x}{:02x}{:02x}".format(*found)

@@ -16,11 +16,11 @@ import shapely
 
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMA_VERSION, SCHEMAS
 from catalogs.file_digest import file_digest
-from catalogs.readers.pictures.folders import with_labels
+from catalogs.readers.pictures.folders import picture_and_label_map
 from facade_core.core.types import Models
 
 if TYPE_CHECKING:
-    from catalogs.block.reading import Block
+    from catalogs.block.reader import Block
 
 
 def block_digest(block: Block) -> str:
@@ -34,7 +34,7 @@ def block_digest(block: Block) -> str:
         "failed_limit": None,  # decides what becomes of a result, not what it is
         "crs": block.crs.to_string(),
         "texture": replace(block.texture, roof_material=None, materials=None),
-        "exemplars": [(path.stem, *map(file_digest, with_labels(path))) for path in block.exemplars],
+        "exemplars": [(path.stem, *map(file_digest, picture_and_label_map(path))) for path in block.exemplars],
         "photos": [(facade, path.name, file_digest(path)) for facade, path in sorted(block.photos.items())],
         "panoramas": [
             (one.id, one.path.name, one.pose, file_digest(one.path), *([one.captured] if one.captured else ()))

@@ -11,26 +11,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.block.file import BlockFile
+from catalogs.block.block_file import BlockFile
 from catalogs.block.ground import block_ground
 from catalogs.block.keys import BlockKeys
 from catalogs.block.likely_shops import likely_shops
 from catalogs.block.streets import block_streets, followed
-from catalogs.buildings.extents import Bounds, Source, check_area, places_of, together
-from catalogs.buildings.outlines import Buildings, block_buildings
-from catalogs.features import Centrelines, Fault, by_reason, notes_by_reason
+from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
+from catalogs.buildings.outlines import BlockBuildings, assemble_buildings
+from catalogs.features import Centrelines, Fault, ids_by_reason, notes_by_reason
 from catalogs.frames import (
-    area_outline,
-    between,
-    block_frame,
-    check_axes,
-    check_scale,
-    known_frame,
-    named_frame,
-    outside,
+    area_polygon,
+    coordinate_transform,
+    choose_block_crs,
+    check_crs_axes,
+    check_crs_scale,
+    parse_crs,
+    parse_metric_crs,
+    note_outside_area_of_use,
 )
 from catalogs.readers.files import read_buildings, read_centrelines, read_ground
-from catalogs.readers.vectors.places import read_places
+from catalogs.readers.vectors.places import read_points_of_interest
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import Building, Ground, Street
 
@@ -56,7 +56,7 @@ class Geometry:
     tells; entrances: where a map has some."""
 
     crs: CRS
-    built: Buildings
+    built: BlockBuildings
     streets: tuple[Street, ...]
     ground: Ground
     extent: tuple[float, float, float, float]
@@ -71,12 +71,12 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
     sources = _building_sources(keys, files, file)
     centrelines = _centrelines(keys, files, sources, file) if keys.streets else None
     if keys.area:
-        file.read("area", check_area, keys.area)
-    sources, bounds = file.read("buildings.path", together, sources, keys.area, centrelines)
+        file.read("area", check_area_span, keys.area)
+    sources, bounds = file.read("buildings.path", reject_stray_buildings, sources, keys.area, centrelines)
     if not any(source.items for source in sources):
         raise _nothing("buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file)
     frame, area, notes = _frame(keys, sources, bounds, file)
-    built = block_buildings(sources, frame, area=area, storey=keys.storey)
+    built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
         raise _nothing("buildings", keys, files, bounds, built.faults, file)
     extent = extent_of(built.items)
@@ -94,61 +94,61 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
     return Geometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
 
 
-def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[Source]:
+def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[BuildingSource]:
     """What each building file holds, where the block file says that it lies."""
-    sources: list[Source] = []
+    sources: list[BuildingSource] = []
     for path in files["buildings.path"]:
         source = file.read("buildings.path", read_buildings, path, keys.buildings.lod)
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
             raise file.fault("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
-        file.read("buildings.crs", known_frame, crs)
+        file.read("buildings.crs", parse_crs, crs)
         source = replace(source, crs=crs, faults=tuple(_located(fault, path) for fault in source.faults))
-        sources.append(source.moved(keys.buildings.offset) if keys.buildings.offset else source)
+        sources.append(source.translate(keys.buildings.offset) if keys.buildings.offset else source)
     if not any(source.items or source.faults for source in sources):
         names = ", ".join(map(str, files["buildings.path"]))
         raise file.fault("buildings.path", f"{names} holds no buildings; give a file that does")
     return sources
 
 
-def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[Source], file: BlockFile) -> Centrelines:
+def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[BuildingSource], file: BlockFile) -> Centrelines:
     assert keys.streets is not None
     source = file.read("streets.path", read_centrelines, *files["streets.path"])
     faults = tuple(_located(fault, files["streets.path"][0]) for fault in source.faults)
     source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
-    file.read("streets.crs", known_frame, source.crs)
+    file.read("streets.crs", parse_crs, source.crs)
     if not source.items and not source.faults:
         raise file.fault("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
     return _named_streets(source, keys.streets.names, file) if keys.streets.names else source
 
 
-def _lying(keys: BlockKeys, files: Files, sources: Sequence[Source], file: BlockFile) -> list[Centrelines]:
+def _lying(keys: BlockKeys, files: Files, sources: Sequence[BuildingSource], file: BlockFile) -> list[Centrelines]:
     """What the files of the ground hold, where the block file says that it lies."""
     if keys.ground is None:
         return []
     found = [file.read("ground.path", read_ground, path) for path in files["ground.path"]]
     placed = [replace(one, crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs) for one in found]
     for one in placed:
-        file.read("ground.crs", known_frame, one.crs)
+        file.read("ground.crs", parse_crs, one.crs)
     return placed
 
 
 def _frame(
-    keys: BlockKeys, sources: Sequence[Source], bounds: Bounds | None, file: BlockFile
+    keys: BlockKeys, sources: Sequence[BuildingSource], bounds: Bounds | None, file: BlockFile
 ) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
     """The metric frame, the area in it, and a note where the frame was chosen."""
     west, south, east, north = keys.area or bounds or (0.0, 0.0, 0.0, 0.0)
     middle = (((west + east) / 2 + 180.0) % 360.0 - 180.0, (south + north) / 2)
     notes: tuple[str, ...] = ()
     if keys.crs:
-        frame = file.read("crs", named_frame, keys.crs)
-        file.read("crs", check_scale, frame, *middle)
-        file.read("crs", check_axes, frame, *middle)
+        frame = file.read("crs", parse_metric_crs, keys.crs)
+        file.read("crs", check_crs_scale, frame, *middle)
+        file.read("crs", check_crs_axes, frame, *middle)
     else:
-        frame = file.read("crs", block_frame, sources[0].crs, *middle)
+        frame = file.read("crs", choose_block_crs, sources[0].crs, *middle)
         notes = _chosen(frame, keys.buildings.crs)
-    notes += outside(frame, *middle)
-    return frame, area_outline(keys.area, frame) if keys.area else None, notes
+    notes += note_outside_area_of_use(frame, *middle)
+    return frame, area_polygon(keys.area, frame) if keys.area else None, notes
 
 
 def _chosen(frame: CRS, given: str | None) -> tuple[str, ...]:
@@ -156,7 +156,7 @@ def _chosen(frame: CRS, given: str | None) -> tuple[str, ...]:
     shown = f"{frame.to_string()} ({frame.name})"
     if given is None:
         return (f"crs not given: {shown} chosen",)
-    stated = known_frame(given)
+    stated = parse_crs(given)
     return (
         ()
         if stated == frame
@@ -187,7 +187,7 @@ def _streets(
             "check streets.crs, or leave streets out",
         )
     known = {piece.id for piece in near.items}
-    reasons = by_reason(remark for remark in near.remarks if remark.id in known)
+    reasons = ids_by_reason(remark for remark in near.remarks if remark.id in known)
     reasons[f"streets cut off over {FOLLOWED_M:g} m from the buildings"] = list(cut)
     return streets, notes_by_reason(reasons), faults
 
@@ -197,12 +197,12 @@ def _places(
 ) -> tuple[tuple[tuple[float, float], ...] | None, tuple[tuple[float, float], ...]]:
     """Where the map that the buildings are from has shops, (x, y) in the frame, None where none is a map; and entrances."""
     maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
-    found = [places for places in map(read_places, maps) if places is not None]
+    found = [places for places in map(read_points_of_interest, maps) if places is not None]
     if not found:
         return None, ()
 
     def inside(places: list[np.ndarray]) -> tuple[tuple[float, float], ...]:
-        there = np.column_stack(between("EPSG:4326", frame)(*np.concatenate(places).T))
+        there = np.column_stack(coordinate_transform("EPSG:4326", frame)(*np.concatenate(places).T))
         kept = (there >= extent[:2]).all(axis=1) & (there <= extent[2:]).all(axis=1)
         return tuple((x, y) for x, y in there[kept].tolist())
 
@@ -211,7 +211,7 @@ def _places(
 
 def _bounds(centrelines: Centrelines) -> Bounds | None:
     assert centrelines.crs is not None
-    places = places_of(centrelines.crs, centrelines.boxes())
+    places = locate_boxes(centrelines.crs, centrelines.boxes())
     return places.bounds(places.known) if places.known.any() else None
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from shapely import LineString
 
-from catalogs.features import Centrelines, natural_order
-from catalogs.frames import between
+from catalogs.features import Centrelines, natural_sort_key
+from catalogs.frames import coordinate_transform
 from catalogs.readers.vectors.lengths import parse_length
 from facade_core.core.types import Area, Ground, Way
 
@@ -94,7 +94,7 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
     areas: list[Area] = []
     nodes: list[tuple[str, shapely.Point]] = []
     placed = [pair for source in sources for pair in zip(source.ground, _projected(source, crs), strict=True)]
-    placed.sort(key=lambda pair: (natural_order(pair[0].id), shapely.to_wkb(pair[0].geometry) or b""))
+    placed.sort(key=lambda pair: (natural_sort_key(pair[0].id), shapely.to_wkb(pair[0].geometry) or b""))
     seen: Counter[str] = Counter()
     for feature, geometry in placed:
         seen[feature.id] += 1
@@ -239,7 +239,7 @@ def _projected(source: Centrelines, crs: CRS) -> np.ndarray:
     flat = np.empty(len(source.ground), dtype=object)
     flat[:] = [feature.geometry for feature in source.ground]
     flat = shapely.force_2d(flat)
-    return flat if source.crs is None else shapely.transform(flat, between(source.crs, crs), interleaved=False)
+    return flat if source.crs is None else shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
 
 
 def _hidden(tags: Mapping[str, str]) -> bool:

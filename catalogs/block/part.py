@@ -16,7 +16,7 @@ from facade_core.core.types import Building, Ground, Shell, Street
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from catalogs.block.reading import Block
+    from catalogs.block.reader import Block
 
 # A map puts a shop into its building, or so far before it, metres.
 SHOP_M = 15.0

@@ -10,7 +10,7 @@ from catalogs.block.keys import check_keys
 from catalogs.block.paths import FOLDERS, named_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import SOURCES
-from catalogs.imagery.account import is_fetched, read_account
+from catalogs.imagery.fetch_log import is_fetched, read_account
 from catalogs.stac.facts import SourceFact
 from facade_core.core.errors import InputError
 

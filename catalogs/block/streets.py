@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 from shapely import LineString
 
-from catalogs.features import Centreline, Centrelines, Fault, natural_order
-from catalogs.frames import between
-from catalogs.readers.limits import LONGEST_STREET
+from catalogs.features import Centreline, Centrelines, Fault, natural_sort_key
+from catalogs.frames import coordinate_transform
+from catalogs.readers.limits import MAX_STREET_LENGTH_M
 from facade_core.core.types import Street
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def block_streets(
     piece is cut into several streets; its direction is that piece's. A street longer than LONGEST_STREET is a fault, and one
     shorter than SHORTEST, unless clipping made it so. The result does not depend on the order of the pieces.
     """
-    pieces = sorted(source.items, key=lambda piece: (natural_order(piece.id), shapely.to_wkb(piece.line) or b""))
+    pieces = sorted(source.items, key=lambda piece: (natural_sort_key(piece.id), shapely.to_wkb(piece.line) or b""))
     lines = _projected([piece.line for piece in pieces], source.crs, crs)
     broken = _projected([fault.place for fault in source.faults], source.crs, crs)
     faults = [fault for fault, place in zip(source.faults, broken, strict=True) if _touches(place, area)]
@@ -54,9 +54,9 @@ def block_streets(
     merged: dict[str, list[tuple[LineString, str | None]]] = defaultdict(list)
     for name in sorted(by_name):
         for first, line in _merged(by_name[name]):
-            if line.length > LONGEST_STREET:
+            if line.length > MAX_STREET_LENGTH_M:
                 reason = (
-                    f"is {line.length / 1000:,.0f} km long within the block, over {LONGEST_STREET / 1000:g}: no street is; "
+                    f"is {line.length / 1000:,.0f} km long within the block, over {MAX_STREET_LENGTH_M / 1000:g}: no street is; "
                     "draw it again, remove it, or give area"
                 )
                 faults.append(Fault(first.id, "street", reason, first.line))
@@ -66,11 +66,11 @@ def block_streets(
                 reason = f"is {line.length:.2g} m long and joins no other of its name; remove it, or draw it to its end"
                 faults.append(Fault(first.id, "street", reason, first.line))
     streets = []
-    for id in sorted(merged, key=natural_order):
+    for id in sorted(merged, key=natural_sort_key):
         found = sorted(merged[id], key=lambda entry: entry[0].coords[0])
         for index, (line, street_name) in enumerate(found):
             streets.append(Street(id if len(found) == 1 else f"{id}-{index}", street_name, line))
-    return tuple(streets), tuple(sorted(faults, key=lambda fault: natural_order(fault.id)))
+    return tuple(streets), tuple(sorted(faults, key=lambda fault: natural_sort_key(fault.id)))
 
 
 def followed(
@@ -99,7 +99,7 @@ def _projected(geometries: Sequence[Any], source: str | None, crs: CRS) -> np.nd
     flat = shapely.force_2d(flat)
     if source is None:
         return flat
-    return shapely.transform(flat, between(source, crs), interleaved=False)
+    return shapely.transform(flat, coordinate_transform(source, crs), interleaved=False)
 
 
 def _broken(stated: LineString | None, line: LineString | None) -> str | None:

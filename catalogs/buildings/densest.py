@@ -7,29 +7,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.buildings.extents import EARTH_RADIUS, LARGEST_M, Bounds, Source, places_of
+from catalogs.buildings.extents import EARTH_RADIUS_M, MAX_BUILDING_SIZE_M, Bounds, BuildingSource, locate_boxes
 
-_STEPS = 4  # a square is moved by this share of its side
+_STEPS_PER_SIDE = 4  # a square is moved by this share of its side
 
 
-def square_around(longitude: float, latitude: float, size: float) -> Bounds:
+def square_bounds(longitude: float, latitude: float, size: float) -> Bounds:
     """(west, south, east, north) in degrees of a square of `size` metres with its middle there."""
-    up = math.degrees(size / 2 / EARTH_RADIUS)
+    up = math.degrees(size / 2 / EARTH_RADIUS_M)
     right = up / math.cos(math.radians(latitude))
     return longitude - right, latitude - up, longitude + right, latitude + up
 
 
-def densest_square(sources: Sequence[Source], size: float) -> Bounds | None:
+def densest_square(sources: Sequence[BuildingSource], size: float) -> Bounds | None:
     """(west, south, east, north) in degrees of the square of `size` metres where buildings' boxes cover most; None where no
     building of a possible size lies anywhere. Of equal ones the westernmost, then the southernmost.
     """
-    found = [places_of(source.crs, source.boxes()) for source in sources if source.crs and source.items]
-    corners = np.concatenate([places.corners[places.size <= LARGEST_M] for places in found] or [np.empty((0, 4, 2))])
+    found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs and source.items]
+    corners = np.concatenate([places.corners[places.size <= MAX_BUILDING_SIZE_M] for places in found] or [np.empty((0, 4, 2))])
     if not len(corners):
         return None
     middle = corners.mean(axis=1)
-    step = size / _STEPS
-    up = math.degrees(step / EARTH_RADIUS)
+    step = size / _STEPS_PER_SIDE
+    up = math.degrees(step / EARTH_RADIUS_M)
     # many small boxes far apart are many cells: those that hold something are kept, by number
     row = np.floor(middle[:, 1] / up).astype(np.int64)
     right = up / np.cos(np.radians(np.median(middle[:, 1])))
@@ -38,13 +38,13 @@ def densest_square(sources: Sequence[Source], size: float) -> Bounds | None:
     cells, cell = np.unique(np.column_stack([column, row]), axis=0, return_inverse=True)
     covered = np.bincount(cell.ravel(), weights=spans.prod(axis=1))
     # a square begins at any cell that some building's cell lies within
-    begins = cells[:, None] - np.stack(np.meshgrid(range(_STEPS), range(_STEPS), indexing="ij"), -1).reshape(-1, 2)
+    begins = cells[:, None] - np.stack(np.meshgrid(range(_STEPS_PER_SIDE), range(_STEPS_PER_SIDE), indexing="ij"), -1).reshape(-1, 2)
     squares, square = np.unique(begins.reshape(-1, 2), axis=0, return_inverse=True)
-    within = np.bincount(square.ravel(), weights=np.repeat(covered, _STEPS * _STEPS))
+    within = np.bincount(square.ravel(), weights=np.repeat(covered, _STEPS_PER_SIDE * _STEPS_PER_SIDE))
     west, south = squares[within.argmax()]
     return (
         float(west * right),
         float(south * up),
-        float((west + _STEPS) * right),
-        float((south + _STEPS) * up),
+        float((west + _STEPS_PER_SIDE) * right),
+        float((south + _STEPS_PER_SIDE) * up),
     )

@@ -10,29 +10,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.features import Centrelines, Fault, Footprints, Models
-from catalogs.frames import between, known_frame, points_east_and_north
+from catalogs.features import BuildingModels, Centrelines, Fault, Footprints
+from catalogs.frames import coordinate_transform, parse_crs, has_east_north_axes
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-EARTH_RADIUS = 6_371_000.0  # m
-LARGEST_M = 5_000.0  # the longest building; the largest halls and terminals are 1 to 3 km long
-WIDEST_M = 50_000.0  # what a block, or a city of them, spans at most
-APART_M = 5_000.0  # buildings nearer than this are neighbours
-FEW = 0.5  # a group of buildings apart from the largest one is set aside up to this share of it
-_CELLS = 5  # a neighbourhood is looked at in cells of this share of it
-_BEYOND = 2.0  # degrees by which places may leave the area of their frame
+EARTH_RADIUS_M = 6_371_000.0  # m
+MAX_BUILDING_SIZE_M = 5_000.0  # the longest building; the largest halls and terminals are 1 to 3 km long
+MAX_BLOCK_SPAN_M = 50_000.0  # what a block, or a city of them, spans at most
+NEIGHBOUR_DISTANCE_M = 5_000.0  # buildings nearer than this are neighbours
+MAX_STRAY_SHARE = 0.5  # a group of buildings apart from the largest one is set aside up to this share of it
+_CELLS_PER_DISTANCE = 5  # a neighbourhood is looked at in cells of this share of it
+_AREA_MARGIN_DEG = 2.0  # degrees by which places may leave the area of their frame
 
-WIDEST_AREA_M = 200_000.0  # of the area that a block is looked for in
+MAX_AREA_SPAN_M = 200_000.0  # of the area that a block is looked for in
 
-Source = Footprints | Models
+BuildingSource = Footprints | BuildingModels
 Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Places:
+class BoxLocations:
     """Where the boxes (n, 4) of some units lie: corners (n, 4, 2) in degrees, NaN where that is nowhere; centre (n, 3)
     metres from the middle of a spherical Earth; size (n,) metres across."""
 
@@ -46,7 +46,7 @@ class Places:
 
     def lonlat(self, chosen: np.ndarray) -> tuple[float, float]:
         """The middle of some of them, in degrees."""
-        return _lonlat(self.centre[chosen].mean(axis=0))
+        return _point_lonlat(self.centre[chosen].mean(axis=0))
 
     def bounds(self, chosen: np.ndarray) -> Bounds:
         """(west, south, east, north) of some of them, in degrees; where they lie across the date line, east is beyond 180."""
@@ -57,46 +57,46 @@ class Places:
         return float(longitude.min()), float(latitude.min()), float(longitude.max()), float(latitude.max())
 
 
-def check_area(area: Sequence[float]) -> None:
+def check_area_span(area: Sequence[float]) -> None:
     """InputError where an area is no place in which a block is looked for, but a part of the world."""
     west, south, east, north = area
-    wide = EARTH_RADIUS * math.radians(east - west) * math.cos(math.radians((south + north) / 2))
-    span = max(wide, EARTH_RADIUS * math.radians(north - south))
-    if span > WIDEST_AREA_M:
+    wide = EARTH_RADIUS_M * math.radians(east - west) * math.cos(math.radians((south + north) / 2))
+    span = max(wide, EARTH_RADIUS_M * math.radians(north - south))
+    if span > MAX_AREA_SPAN_M:
         raise InputError(
-            f"{list(area)} spans {span / 1000:,.0f} km; give the block's own, up to {WIDEST_AREA_M / 1000:g} km"
+            f"{list(area)} spans {span / 1000:,.0f} km; give the block's own, up to {MAX_AREA_SPAN_M / 1000:g} km"
         )
 
 
-def places_of(crs: str, boxes: np.ndarray) -> Places:
+def locate_boxes(crs: str, boxes: np.ndarray) -> BoxLocations:
     """Where boxes (n, 4) of (xmin, ymin, xmax, ymax) in a frame lie. Raises InputError where the frame cannot be used."""
-    frame = known_frame(crs)
+    frame = parse_crs(crs)
     corners = boxes[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 2)
-    longitude, latitude = between(frame, "EPSG:4326")(corners[:, 0], corners[:, 1])
+    longitude, latitude = coordinate_transform(frame, "EPSG:4326")(corners[:, 0], corners[:, 1])
     lonlat = np.column_stack([longitude, latitude])
     nowhere = ~(np.isfinite(lonlat).all(axis=1) & (np.abs(lonlat) <= (360.0, 90.0)).all(axis=1))
     lonlat[nowhere] = np.nan
     lam, phi = np.radians(lonlat).T
-    points = EARTH_RADIUS * np.column_stack([np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)])
+    points = EARTH_RADIUS_M * np.column_stack([np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)])
     points = points.reshape(-1, 4, 3)
     size = np.linalg.norm(points[:, :2] - points[:, 2:], axis=2).max(axis=1)
     if frame.is_geographic:  # the chord of what goes all around is short
         size = np.maximum(
-            size, EARTH_RADIUS * np.cos(phi.reshape(-1, 4).mean(axis=1)) * np.radians(boxes[:, 2] - boxes[:, 0])
+            size, EARTH_RADIUS_M * np.cos(phi.reshape(-1, 4).mean(axis=1)) * np.radians(boxes[:, 2] - boxes[:, 0])
         )
-    places = Places(lonlat.reshape(-1, 4, 2), points.mean(axis=1), size)
-    if places.known.any() and not points_east_and_north(frame):
-        _check_order(frame, *places.lonlat(places.known))
+    places = BoxLocations(lonlat.reshape(-1, 4, 2), points.mean(axis=1), size)
+    if places.known.any() and not has_east_north_axes(frame):
+        _check_axis_order(frame, *places.lonlat(places.known))
     return places
 
 
-def _check_order(frame: CRS, longitude: float, latitude: float) -> None:
+def _check_axis_order(frame: CRS, longitude: float, latitude: float) -> None:
     """InputError where coordinates do not lie where a frame with axes south and west is used: many writers take them for
     east and north all the same."""
     area = frame.area_of_use
     if area is not None and not (
-        area.south - _BEYOND <= latitude <= area.north + _BEYOND
-        and area.west - _BEYOND <= longitude <= area.east + _BEYOND
+        area.south - _AREA_MARGIN_DEG <= latitude <= area.north + _AREA_MARGIN_DEG
+        and area.west - _AREA_MARGIN_DEG <= longitude <= area.east + _AREA_MARGIN_DEG
     ):
         axes = " and ".join(axis.direction for axis in frame.axis_info)
         raise InputError(
@@ -105,9 +105,9 @@ def _check_order(frame: CRS, longitude: float, latitude: float) -> None:
         )
 
 
-def together(
-    sources: Sequence[Source], area: Sequence[float] | None, centrelines: Centrelines | None
-) -> tuple[list[Source], Bounds | None]:
+def reject_stray_buildings(
+    sources: Sequence[BuildingSource], area: Sequence[float] | None, centrelines: Centrelines | None
+) -> tuple[list[BuildingSource], Bounds | None]:
     """The sources without the buildings that cannot be of one block, which become faults, and (west, south, east, north) in
     degrees of what is left, or of all where nothing is; None where that is nowhere.
 
@@ -115,25 +115,25 @@ def together(
     nowhere in its frame, is over LARGEST_M wide, or lies with few others over APART_M from the most. Raises InputError where
     what is left spans more than WIDEST_M.
     """
-    found = [places_of(source.crs, source.boxes()) for source in sources if source.crs]
-    every = Places(*(np.concatenate([getattr(p, name) for p in found]) for name in ("corners", "centre", "size")))
+    found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs]
+    every = BoxLocations(*(np.concatenate([getattr(p, name) for p in found]) for name in ("corners", "centre", "size")))
     owner = np.repeat(np.arange(len(found)), [len(places.size) for places in found])
-    meant = every.known & _within(every.corners, area)
-    sound = meant & (every.size <= LARGEST_M)
+    meant = every.known & _intersects_area(every.corners, area)
+    sound = meant & (every.size <= MAX_BUILDING_SIZE_M)
     spanned = every.bounds(every.known) if every.known.any() else None
     group = np.full(len(owner), -1)
-    group[sound] = _groups(every.centre[sound])
+    group[sound] = _neighbour_groups(every.centre[sound])
     kept = sound & np.isin(group, _main_groups(every, group, centrelines))
 
     reasons: dict[int, str] = {}
     for index in np.flatnonzero(~every.known).tolist():
         crs = sources[owner[index]].crs
-        reasons[index] = f"it lies nowhere on Earth in {_named(crs)}; mend its coordinates, or check buildings.crs"
+        reasons[index] = f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
     for index in np.flatnonzero(meant & ~sound).tolist():
         west, south, east, north = every.bounds(np.array([index]))
         reasons[index] = (
             f"it reaches from {west:.4f}, {south:.4f} to {east:.4f}, {north:.4f}, {every.size[index] / 1000:,.0f} km; a "
-            f"building is up to {LARGEST_M / 1000:g} km long: mend its corners, or remove it"
+            f"building is up to {MAX_BUILDING_SIZE_M / 1000:g} km long: mend its corners, or remove it"
         )
     for index in np.flatnonzero(sound & ~kept).tolist():
         longitude, latitude = every.lonlat(np.array([index]))
@@ -144,13 +144,13 @@ def together(
         )
     starts = np.searchsorted(owner, np.arange(len(sources)))
     left = [
-        _without(source, {index - start: why for index, why in reasons.items() if owner[index] == number})
+        _without_items(source, {index - start: why for index, why in reasons.items() if owner[index] == number})
         for number, (source, start) in enumerate(zip(sources, starts, strict=True))
     ]
     return left, every.bounds(kept) if kept.any() else spanned
 
 
-def _without(source: Any, reasons: dict[int, str]) -> Any:
+def _without_items(source: Any, reasons: dict[int, str]) -> Any:
     if not reasons:
         return source
     faults = [
@@ -160,7 +160,7 @@ def _without(source: Any, reasons: dict[int, str]) -> Any:
     return replace(source, items=items, faults=(*source.faults, *faults))
 
 
-def _within(corners: np.ndarray, area: Sequence[float] | None) -> np.ndarray:
+def _intersects_area(corners: np.ndarray, area: Sequence[float] | None) -> np.ndarray:
     """Whether boxes reach into the area, (n,)."""
     if area is None:
         return np.ones(len(corners), bool)
@@ -170,7 +170,7 @@ def _within(corners: np.ndarray, area: Sequence[float] | None) -> np.ndarray:
     return inside & (corners[..., 1].max(axis=1) >= south) & (corners[..., 1].min(axis=1) <= north)
 
 
-def _groups(points: np.ndarray) -> np.ndarray:
+def _neighbour_groups(points: np.ndarray) -> np.ndarray:
     """The number of the group of neighbours of each point, (n,)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -178,47 +178,47 @@ def _groups(points: np.ndarray) -> np.ndarray:
 
     if len(points) == 0:
         return np.empty(0, np.int64)
-    cells, cell = np.unique(np.floor(points / (APART_M / _CELLS)), axis=0, return_inverse=True)
-    pairs = cKDTree(cells).query_pairs(_CELLS, output_type="ndarray")
+    cells, cell = np.unique(np.floor(points / (NEIGHBOUR_DISTANCE_M / _CELLS_PER_DISTANCE)), axis=0, return_inverse=True)
+    pairs = cKDTree(cells).query_pairs(_CELLS_PER_DISTANCE, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
     return connected_components(graph, directed=False)[1][cell]
 
 
-def _main_groups(places: Places, group: np.ndarray, centrelines: Centrelines | None) -> np.ndarray:
+def _main_groups(places: BoxLocations, group: np.ndarray, centrelines: Centrelines | None) -> np.ndarray:
     """The groups that make up the block: those with many buildings; where they lie too far apart, the ones with streets."""
     counts = np.bincount(group[group >= 0])
-    main = np.flatnonzero(counts > FEW * counts.max(initial=0))
-    if _span(places.centre[np.isin(group, main)]) <= WIDEST_M:
+    main = np.flatnonzero(counts > MAX_STRAY_SHARE * counts.max(initial=0))
+    if _diagonal(places.centre[np.isin(group, main)]) <= MAX_BLOCK_SPAN_M:
         return main
     if len(main) > 1 and centrelines is not None and centrelines.crs and centrelines.items:
-        streets = places_of(centrelines.crs, centrelines.boxes())
-        near = [g for g in main if _near(places.centre[group == g], streets.centre[streets.known])]
-        if near and _span(places.centre[np.isin(group, near)]) <= WIDEST_M:
+        streets = locate_boxes(centrelines.crs, centrelines.boxes())
+        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.known])]
+        if near and _diagonal(places.centre[np.isin(group, near)]) <= MAX_BLOCK_SPAN_M:
             return np.array(near)
-    span = _span(places.centre[np.isin(group, main)]) / 1000
+    span = _diagonal(places.centre[np.isin(group, main)]) / 1000
     where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.lonlat(group == g)]]
     raise InputError(
-        f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {WIDEST_M / 1000:g} km; give area, or mend "
+        f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {MAX_BLOCK_SPAN_M / 1000:g} km; give area, or mend "
         "the coordinates of those elsewhere"
     )
 
 
-def _near(points: np.ndarray, others: np.ndarray) -> bool:
+def _is_near_any(points: np.ndarray, others: np.ndarray) -> bool:
     from scipy.spatial import cKDTree
 
     return len(others) > 0 and bool(
-        np.isfinite(cKDTree(others).query(points, distance_upper_bound=2 * APART_M)[0]).any()
+        np.isfinite(cKDTree(others).query(points, distance_upper_bound=2 * NEIGHBOUR_DISTANCE_M)[0]).any()
     )
 
 
-def _span(points: np.ndarray) -> float:
+def _diagonal(points: np.ndarray) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
-def _lonlat(point: np.ndarray) -> tuple[float, float]:
+def _point_lonlat(point: np.ndarray) -> tuple[float, float]:
     x, y, z = point
     return float(np.degrees(np.arctan2(y, x))), float(np.degrees(np.arctan2(z, np.hypot(x, y))))
 
 
-def _named(crs: str | None) -> str:
+def _short_crs_name(crs: str | None) -> str:
     return (crs or "")[:60]

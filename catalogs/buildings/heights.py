@@ -8,28 +8,28 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from catalogs.buildings.roofs import BESIDE_M, SHEDS, chances
+from catalogs.buildings.roofs import ATTACHED_DISTANCE_M, SHED_USES, hash_uniform_pair
 from catalogs.features import Footprint
 from facade_core.core.types import Building
 
 # What is known counts by its distance (metres) and by how unlike its area is (the logarithm of the ratio): it falls to 1/e, and
 # as a bell curve, over these. Set by hand in view of errors on Helsinki's tagged buildings (`python -m benchmarks.heights`): no
 # command chose them, and none of these buildings is apart from that.
-NEAR_M, UNLIKE = 250.0, 2.0
+DISTANCE_SCALE_M, LOG_AREA_SCALE = 250.0, 2.0
 # So much counts what is known far away; and so many of the nearest are looked at.
-FAR, KNOWN = 1e-3, 64
+FAR_WEIGHT, MAX_NEIGHBOURS = 1e-3, 64
 # Sheds of one storey: by use, or smaller than the first (m2), or free-standing and smaller than the second.
-SHED_M2, FREE_SHED_M2 = 45.0, 100.0
-LOW = SHEDS | {"kiosk", "pavilion", "greenhouse", "glasshouse", "toilets", "bungalow", "farm_auxiliary"}
+MAX_LOW_AREA_M2, MAX_DETACHED_LOW_AREA_M2 = 45.0, 100.0
+ONE_FLOOR_USES = SHED_USES | {"kiosk", "pavilion", "greenhouse", "glasshouse", "toilets", "bungalow", "farm_auxiliary"}
 # Where no building of a block has a height.
-FALLBACK_HEIGHT = 12.0
+FALLBACK_HEIGHT_M = 12.0
 # These shares of all are one storey below the median, and one above, as about so many tagged ones are by a look that no command
 # repeats. They keep a block from one height; the mean error grows by them (the same command).
-STEP = 0.23
+VARIATION_SHARE = 0.23
 
 
-def assumed_heights(
-    buildings: Sequence[Building], stated: Sequence[Footprint | None], storey: float
+def assume_heights(
+    buildings: Sequence[Building], footprints: Sequence[Footprint | None], floor_height: float
 ) -> tuple[Building, ...]:
     """The buildings, those of which no height is known (height_source "default") as high as is likely.
 
@@ -40,51 +40,51 @@ def assumed_heights(
         return tuple(buildings)
     outlines = np.array([building.footprint for building in buildings], dtype=object)
     area, centre = shapely.area(outlines), shapely.get_coordinates(shapely.centroid(outlines))
-    low = _sheds(outlines, area, stated)
+    low = _is_single_floor(outlines, area, footprints)
     # a model's height is to its top, and says nothing of storeys
     known = ~unknown & ~low & np.array([building.shell is None for building in buildings], bool)
-    levels = np.array([building.height / storey for building in buildings])
-    chance = np.array([chances(building.id)[0] for building in buildings])
+    levels = np.array([building.height / floor_height for building in buildings])
+    chance = np.array([hash_uniform_pair(building.id)[0] for building in buildings])
     likely = np.ones(len(buildings))
     asked = unknown & ~low
-    likely[asked] = _likely(
-        centre[asked], area[asked], chance[asked], centre[known], area[known], levels[known], FALLBACK_HEIGHT / storey
+    likely[asked] = _estimate_floors(
+        centre[asked], area[asked], chance[asked], centre[known], area[known], levels[known], FALLBACK_HEIGHT_M / floor_height
     )
     return tuple(
-        replace(building, height=round(float(count) * storey, 2)) if assumed else building
+        replace(building, height=round(float(count) * floor_height, 2)) if assumed else building
         for building, count, assumed in zip(buildings, likely, unknown, strict=True)
     )
 
 
-def _sheds(outlines: np.ndarray, area: np.ndarray, stated: Sequence[Footprint | None]) -> np.ndarray:
+def _is_single_floor(outlines: np.ndarray, area: np.ndarray, stated: Sequence[Footprint | None]) -> np.ndarray:
     """Whether buildings (n,) have one storey by what they are."""
-    low = (area < SHED_M2) | np.array([source is not None and source.kind in LOW for source in stated], bool)
-    small = np.flatnonzero(~low & (area < FREE_SHED_M2))
-    near, _ = shapely.STRtree(outlines).query(outlines[small], predicate="dwithin", distance=BESIDE_M)
+    low = (area < MAX_LOW_AREA_M2) | np.array([source is not None and source.use in ONE_FLOOR_USES for source in stated], bool)
+    small = np.flatnonzero(~low & (area < MAX_DETACHED_LOW_AREA_M2))
+    near, _ = shapely.STRtree(outlines).query(outlines[small], predicate="dwithin", distance=ATTACHED_DISTANCE_M)
     low[small[np.bincount(near, minlength=len(small)) <= 1]] = True  # each is near itself
     return low
 
 
-def _likely(
+def _estimate_floors(
     centre: np.ndarray,
     area: np.ndarray,
     chance: np.ndarray,
     known_centre: np.ndarray,
     known_area: np.ndarray,
     known_levels: np.ndarray,
-    usual: float,
+    default_floors: float,
 ) -> np.ndarray:
     """Whole storeys (n,) of buildings at centres (n, 2): the median of those that are known (k,), or `usual` where none is; one
     less or one more by chance (n,)."""
     from scipy.spatial import cKDTree
 
-    step = (chance > 1 - STEP).astype(int) - (chance < STEP).astype(int)
+    step = (chance > 1 - VARIATION_SHARE).astype(int) - (chance < VARIATION_SHARE).astype(int)
     if not len(known_levels) or not len(centre):
-        return np.maximum(1.0, np.round(usual) + step)
-    distance, index = cKDTree(known_centre).query(centre, k=min(KNOWN, len(known_levels)))
+        return np.maximum(1.0, np.round(default_floors) + step)
+    distance, index = cKDTree(known_centre).query(centre, k=min(MAX_NEIGHBOURS, len(known_levels)))
     distance, index = distance.reshape(len(centre), -1), index.reshape(len(centre), -1)
     unlike = np.log(known_area[index] / area[:, None])
-    weight = (np.exp(-distance / NEAR_M) + FAR) * np.maximum(np.exp(-0.5 * (unlike / UNLIKE) ** 2), 1e-6)
+    weight = (np.exp(-distance / DISTANCE_SCALE_M) + FAR_WEIGHT) * np.maximum(np.exp(-0.5 * (unlike / LOG_AREA_SCALE) ** 2), 1e-6)
     order = np.argsort(known_levels[index], axis=1, kind="stable")
     levels = np.take_along_axis(known_levels[index], order, axis=1)
     share = np.cumsum(np.take_along_axis(weight, order, axis=1), axis=1)

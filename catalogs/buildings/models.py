@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 
 from catalogs.broken import fault_reason
-from catalogs.features import Model, Models
-from catalogs.frames import between
-from catalogs.readers.limits import HIGHEST, LOWEST, TALLEST
+from catalogs.features import BuildingModel, BuildingModels
+from catalogs.frames import coordinate_transform
+from catalogs.readers.limits import MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M, MAX_BUILDING_HEIGHT_M
 from facade_core.core.types import SEMANTICS, Shell
 
 if TYPE_CHECKING:
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon, Polygon
 
 GROUND = SEMANTICS.index("ground")
-WELD = 0.001  # m; corners of neighbouring triangles are the same within this
-GAP = 0.01  # m; slits between triangles that miss each other by a hair are closed
+WELD_M = 0.001  # m; corners of neighbouring triangles are the same within this
+MAX_GAP_M = 0.01  # m; slits between triangles that miss each other by a hair are closed
 
 
-def models_in_frame(
-    source: Models, crs: CRS, first_texture: int
-) -> Iterator[tuple[Model, Shell, Polygon | MultiPolygon | str]]:
+def project_models(
+    source: BuildingModels, crs: CRS, first_texture: int
+) -> Iterator[tuple[BuildingModel, Shell, Polygon | MultiPolygon | str]]:
     """(model, its shell in `crs`, its outline) of each model; instead of an outline the reason why it cannot be used.
 
     Texture indices are counted on from `first_texture`.
     """
     assert source.crs is not None, "the block gives a frame to every source"
-    to_frame = between(source.crs, crs)
+    to_frame = coordinate_transform(source.crs, crs)
     for model in source.items:
         shell = model.shell
         x, y = to_frame(shell.vertices[:, 0], shell.vertices[:, 1])
@@ -42,11 +42,11 @@ def models_in_frame(
             continue
         texture = np.where(shell.texture >= 0, shell.texture + first_texture, -1).astype(np.int32)
         shell = replace(shell, vertices=vertices, texture=texture)
-        if np.ptp(vertices[:, 2]) > TALLEST:
-            yield model, shell, f"it is over {TALLEST:g} m high; check its heights, or remove it"
+        if np.ptp(vertices[:, 2]) > MAX_BUILDING_HEIGHT_M:
+            yield model, shell, f"it is over {MAX_BUILDING_HEIGHT_M:g} m high; check its heights, or remove it"
             continue
         low = float(vertices[:, 2].min())
-        if not LOWEST <= low <= HIGHEST:
+        if not MIN_GROUND_HEIGHT_M <= low <= MAX_GROUND_HEIGHT_M:
             yield (
                 model,
                 shell,
@@ -54,24 +54,24 @@ def models_in_frame(
             )
             continue
         try:
-            outline = outline_of(shell)
+            outline = shell_outline(shell)
         except Exception as error:  # what GEOS makes of it is no other model's fault
             yield model, shell, fault_reason(error)
             continue
         yield model, shell, outline if not outline.is_empty else "it covers no ground (walls only); give a closed model"
 
 
-def outline_of(shell: Shell) -> Polygon | MultiPolygon:
+def shell_outline(shell: Shell) -> Polygon | MultiPolygon:
     """What a shell covers on the ground: its ground surfaces, or all it has where those are missing. Empty for bare walls."""
     corners = shell.vertices[shell.triangles][..., :2]
     edges = corners[:, 1:] - corners[:, :1]
-    flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) > 2 * WELD
-    ground = _union(corners[flat & (shell.semantic == GROUND)])
-    return ground if ground.area > 0 else _union(corners[flat])
+    flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) > 2 * WELD_M
+    ground = _union_triangles(corners[flat & (shell.semantic == GROUND)])
+    return ground if ground.area > 0 else _union_triangles(corners[flat])
 
 
-def _union(triangles: np.ndarray) -> Polygon | MultiPolygon:
-    covered = shapely.union_all(shapely.polygons(triangles), grid_size=WELD)
-    closed = covered.buffer(GAP, join_style="mitre").buffer(-GAP, join_style="mitre")
+def _union_triangles(triangles: np.ndarray) -> Polygon | MultiPolygon:
+    covered = shapely.union_all(shapely.polygons(triangles), grid_size=WELD_M)
+    closed = covered.buffer(MAX_GAP_M, join_style="mitre").buffer(-MAX_GAP_M, join_style="mitre")
     polygons = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
     return shapely.normalize(shapely.union_all(polygons))

@@ -14,27 +14,27 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from catalogs.broken import fault_reason
-from catalogs.buildings.heights import assumed_heights
-from catalogs.buildings.models import models_in_frame
-from catalogs.buildings.parts import Stated, hosts, with_parts
-from catalogs.buildings.roofs import with_roofs
-from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
-from catalogs.frames import between
+from catalogs.buildings.heights import assume_heights
+from catalogs.buildings.models import project_models
+from catalogs.buildings.parts import PartCandidate, find_host_outlines, apply_building_parts
+from catalogs.buildings.roofs import add_assumed_roofs
+from catalogs.features import BuildingModels, Fault, Footprint, Footprints, natural_sort_key, notes_by_reason
+from catalogs.frames import coordinate_transform
 from facade_core.core.types import Building
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
-SMALLEST_PART = 4.0  # m2; of a building's parts
-AROUND_M = 500.0  # buildings this near to the area tell heights, too
-SLIVER = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
-SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
-BESIDE = 0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
+MIN_FOOTPRINT_M2 = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
+MIN_PART_M2 = 4.0  # m2; of a building's parts
+CONTEXT_DISTANCE_M = 500.0  # buildings this near to the area tell heights, too
+MAX_SLIVER_SHARE = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
+DUPLICATE_SHARE = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
+MAX_NEIGHBOUR_OVERLAP = 0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
 
 
 @dataclass(frozen=True)
-class Buildings:
+class BlockBuildings:
     """The buildings of a block, the pictures that their shells' textures count, what was assumed, and what is broken."""
 
     items: tuple[Building, ...]
@@ -55,12 +55,12 @@ class _Candidate:
     @property
     def whole(self) -> bool:
         """Whether it stands on the ground by itself."""
-        return self.of is None and (self.stated is None or not self.stated.begins_above)
+        return self.of is None and (self.stated is None or not self.stated.starts_above_ground)
 
 
-def block_buildings(
-    sources: Sequence[Footprints | Models], crs: CRS, *, area: Polygon | None, storey: float
-) -> Buildings:
+def assemble_buildings(
+    sources: Sequence[Footprints | BuildingModels], crs: CRS, *, area: Polygon | None, floor_height: float
+) -> BlockBuildings:
     """Buildings in the metric frame, ordered by id. Every source states its crs.
 
     area: polygon in the frame; a building is in if its representative point is. A MultiPolygon becomes one building per
@@ -77,33 +77,33 @@ def block_buildings(
     stated: dict[str, list[Any]] = defaultdict(list)
     for source in sources:
         assert source.crs is not None, "the block gives a frame to every source"
-        places = _projected([remark.outline for remark in source.remarks], source.crs, crs)
+        places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
         for remark, place in zip(source.remarks, places, strict=True):
-            if _touches(place, area):
+            if _may_intersect(place, area):
                 reasons[remark.reason].append(remark.id)
-        places = _projected([fault.place for fault in source.faults], source.crs, crs)
-        faults += [fault for fault, place in zip(source.faults, places, strict=True) if _touches(place, area)]
-        if isinstance(source, Models):
-            candidates = _modelled(source, crs, area, len(textures), reasons, faults)
+        places = _project([fault.place for fault in source.faults], source.crs, crs)
+        faults += [fault for fault, place in zip(source.faults, places, strict=True) if _may_intersect(place, area)]
+        if isinstance(source, BuildingModels):
+            candidates = _model_candidates(source, crs, area, len(textures), reasons, faults)
             textures += source.textures
         else:
-            candidates = _outlined(source, crs, area, around, reasons, faults)
-        found += _new(candidates, found, stated, reasons)
+            candidates = _footprint_candidates(source, crs, area, around, reasons, faults)
+        found += _drop_duplicates(candidates, found, stated, reasons)
 
-    found.sort(key=lambda candidate: natural_order(candidate.building.id))
+    found.sort(key=lambda candidate: natural_sort_key(candidate.building.id))
     whole = [candidate for candidate in found if candidate.whole]
     parts = [candidate for candidate in found if not candidate.whole]
-    buildings, notes = _with_heights(whole, [*around, *filter(_tells_heights, parts)], storey)
+    buildings, notes = _assume_heights(whole, [*around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
-        buildings = _with_parts(buildings, found, parts, storey, reasons)
-    return Buildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
+        buildings = _add_parts(buildings, found, parts, floor_height, reasons)
+    return BlockBuildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
 
 
-def _with_parts(
+def _add_parts(
     buildings: Sequence[Building],
     found: Sequence[_Candidate],
     parts: Sequence[_Candidate],
-    storey: float,
+    floor_height: float,
     reasons: dict[str, list[str]],
 ) -> tuple[Building, ...]:
     """The buildings, with their parts and what begins above the ground, ordered by id."""
@@ -116,16 +116,16 @@ def _with_parts(
             continue  # the whole is left out, as an earlier source states it
         more = of.stated if of is not None else None
         kind, built = (
-            part.stated.kind or (more.kind if more else None),
-            part.stated.built or (more.built if more else None),
+            part.stated.use or (more.use if more else None),
+            part.stated.year_built or (more.year_built if more else None),
         )
         own = replace(part.stated, kind=kind, built=built)
-        stated.append(Stated(part.building, own, None if of is None else of.building.id))
-    found_parts = with_parts(buildings, stated, storey, SMALLEST, reasons)
-    return tuple(sorted(found_parts, key=lambda building: natural_order(building.id)))
+        stated.append(PartCandidate(part.building, own, None if of is None else of.building.id))
+    found_parts = apply_building_parts(buildings, stated, floor_height, MIN_FOOTPRINT_M2, reasons)
+    return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
 
 
-def _outlined(
+def _footprint_candidates(
     source: Footprints,
     crs: CRS,
     area: Polygon | None,
@@ -136,23 +136,23 @@ def _outlined(
     """The buildings of outlines in the area; `around` takes those near it whose height is known."""
     assert source.crs is not None
     pieces: list[tuple[Footprint, str, Polygon]] = []
-    outlines = _projected([footprint.outline for footprint in source.items], source.crs, crs)
+    outlines = _project([footprint.outline for footprint in source.items], source.crs, crs)
     for footprint, stated in zip(source.items, outlines, strict=True):
-        outline, smallest = stated, SMALLEST_PART if footprint.part else SMALLEST
+        outline, smallest = stated, MIN_PART_M2 if footprint.is_part else MIN_FOOTPRINT_M2
         try:
             outline = _without_stray_holes(stated)
             if outline is not stated:
                 reasons["holes outside their outlines ignored"].append(footprint.id)
-            reason = _broken(outline)
-            large, small = ([], []) if reason else _parts(outline, smallest)
+            reason = _find_defect(outline)
+            large, small = ([], []) if reason else _split_polygons(outline, smallest)
         except Exception as error:  # what GEOS makes of it is no other outline's fault
             reason = fault_reason(error)
         if reason:
-            if _touches(outline, area):
+            if _may_intersect(outline, area):
                 faults.append(Fault(footprint.id, "building", reason))
             continue
-        if not large and _touches(outline, area):
-            what = "parts of buildings" if footprint.part else "footprints"
+        if not large and _may_intersect(outline, area):
+            what = "parts of buildings" if footprint.is_part else "footprints"
             reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
             reasons[f"{reason} set aside"].append(footprint.id)
         pieces += [
@@ -160,7 +160,7 @@ def _outlined(
             for index, part in enumerate(large)
         ]
     candidates: list[_Candidate] = []
-    of = hosts([outline for _, _, outline in pieces], [footprint.part for footprint, _, _ in pieces])
+    of = find_host_outlines([outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces])
     for (footprint, id, outline), host in zip(pieces, of, strict=True):
         whole = pieces[host][2] if host >= 0 else None
         inside = area is None or area.contains((outline if whole is None else whole).representative_point())
@@ -169,13 +169,13 @@ def _outlined(
         candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
         if inside:
             candidates.append(candidate)
-        elif _tells_heights(candidate) and shapely.dwithin(area, outline, AROUND_M):
+        elif _states_floor_height(candidate) and shapely.dwithin(area, outline, CONTEXT_DISTANCE_M):
             around.append(candidate)
     return candidates
 
 
-def _modelled(
-    source: Models,
+def _model_candidates(
+    source: BuildingModels,
     crs: CRS,
     area: Polygon | None,
     first_texture: int,
@@ -183,13 +183,13 @@ def _modelled(
     faults: list[Fault],
 ) -> list[_Candidate]:
     candidates = []
-    for model, shell, outline in models_in_frame(source, crs, first_texture):
+    for model, shell, outline in project_models(source, crs, first_texture):
         if isinstance(outline, str):
             faults.append(Fault(model.id, "building", outline))
         elif area is not None and not area.contains(outline.representative_point()):
             continue
-        elif outline.area < SMALLEST:
-            reasons[f"models that cover under {SMALLEST:g} m2 set aside"].append(model.id)
+        elif outline.area < MIN_FOOTPRINT_M2:
+            reasons[f"models that cover under {MIN_FOOTPRINT_M2:g} m2 set aside"].append(model.id)
         else:
             low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
             base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
@@ -200,7 +200,7 @@ def _modelled(
     return candidates
 
 
-def _new(
+def _drop_duplicates(
     candidates: list[_Candidate],
     earlier: list[_Candidate],
     stated: dict[str, list[Any]],
@@ -218,7 +218,7 @@ def _new(
         id, outline = candidate.building.id, candidate.building.footprint
         others = [earlier[i].building.footprint for i in tree.query(outline, predicate="intersects")]
         shared = max((outline.intersection(other).area for other in others), default=0.0)
-        if shared > SAME * outline.area or any(_overlap(outline, other) for other in stated[id]):
+        if shared > DUPLICATE_SHARE * outline.area or any(_overlap(outline, other) for other in stated[id]):
             reasons["buildings stated twice, the first kept"].append(id)
             continue
         stated[id].append(outline)
@@ -233,20 +233,20 @@ def _new(
 
 
 def _overlap(outline: Any, other: Any) -> bool:
-    return bool(outline.intersection(other).area > BESIDE * min(outline.area, other.area))
+    return bool(outline.intersection(other).area > MAX_NEIGHBOUR_OVERLAP * min(outline.area, other.area))
 
 
-def _with_heights(
-    candidates: list[_Candidate], around: list[_Candidate], storey: float
+def _assume_heights(
+    candidates: list[_Candidate], around: list[_Candidate], floor_height: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
     """The buildings with heights and roofs, and a note on what is assumed of heights; those around have heights."""
     # the roofs of heights that are known tell where their storeys end
     known_roofs = [
-        with_roofs(_known_heights(some, storey), [one.stated for one in some]) for some in (candidates, around)
+        add_assumed_roofs(_apply_stated_heights(some, floor_height), [one.stated for one in some]) for some in (candidates, around)
     ]
     stated = [candidate.stated for candidate in candidates]
-    every = assumed_heights([*known_roofs[0], *known_roofs[1]], [*stated, *(one.stated for one in around)], storey)
-    roofed = with_roofs(every[: len(candidates)], stated)
+    every = assume_heights([*known_roofs[0], *known_roofs[1]], [*stated, *(one.stated for one in around)], floor_height)
+    roofed = add_assumed_roofs(every[: len(candidates)], stated)
     unknown = [building.height for building in roofed if building.height_source == "default"]
     if not unknown:
         return roofed, ()
@@ -256,46 +256,46 @@ def _with_heights(
     return roofed, (f"{len(unknown)} of {len(roofed)} buildings state no height: {span} assumed, {origin}",)
 
 
-def _known_heights(candidates: list[_Candidate], storey: float) -> list[Building]:
+def _apply_stated_heights(candidates: list[_Candidate], floor_height: float) -> list[Building]:
     """The buildings with the heights that are stated, 0 where none is."""
     buildings = []
     for candidate in candidates:
         building = candidate.building
         if candidate.stated:
-            height, origin = _height(candidate.stated, storey)
+            height, origin = _stated_height(candidate.stated, floor_height)
             building = replace(building, height=height or 0.0, height_source=origin)
         buildings.append(building)
     return buildings
 
 
-def _tells_heights(candidate: _Candidate) -> bool:
+def _states_floor_height(candidate: _Candidate) -> bool:
     """Whether a building states its height, and so tells that of others; so do parts on the ground that are tagged as
     buildings."""
     stated = candidate.stated
     return (
-        stated is not None and _is_known(stated) and (candidate.whole or bool(stated.kind and not stated.begins_above))
+        stated is not None and _states_height(stated) and (candidate.whole or bool(stated.use and not stated.starts_above_ground))
     )
 
 
-def _is_known(footprint: Footprint) -> bool:
+def _states_height(footprint: Footprint) -> bool:
     return footprint.height is not None or footprint.levels is not None
 
 
-def _height(footprint: Footprint, storey: float) -> tuple[float | None, str]:
+def _stated_height(footprint: Footprint, floor_height: float) -> tuple[float | None, str]:
     if footprint.height is not None:
         return round(footprint.height, 2), "height"
     if footprint.levels is not None:
-        return round(footprint.levels * storey, 2), "levels"
+        return round(footprint.levels * floor_height, 2), "levels"
     return None, "default"
 
 
-def _projected(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
+def _project(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
     flat = np.empty(len(outlines), dtype=object)
     flat[:] = outlines
-    return shapely.transform(shapely.force_2d(flat), between(source, crs), interleaved=False)
+    return shapely.transform(shapely.force_2d(flat), coordinate_transform(source, crs), interleaved=False)
 
 
-def _touches(outline: Any, area: Polygon | None) -> bool:
+def _may_intersect(outline: Any, area: Polygon | None) -> bool:
     """Whether an outline, however broken, reaches into the area; one without a place counts."""
     if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
         return True
@@ -308,29 +308,29 @@ def _without_stray_holes(outline: Any) -> Any:
         return outline
     polygons = []
     for part in shapely.get_parts(outline):
-        shell = _repaired(Polygon(part.exterior))
-        holes = [hole for hole in part.interiors if shell.covers(_repaired(Polygon(hole)).representative_point())]
+        shell = _repair(Polygon(part.exterior))
+        holes = [hole for hole in part.interiors if shell.covers(_repair(Polygon(hole)).representative_point())]
         polygons.append(Polygon(part.exterior, holes))
     return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
 
 
-def _broken(outline: Any) -> str | None:
+def _find_defect(outline: Any) -> str | None:
     """Why an outline cannot be believed, with the remedy; None where at most its spelling wants repair."""
     if not np.isfinite(shapely.get_coordinates(outline)).all():
         return "a corner of its footprint is not a number; mend or remove it"
     reason = shapely.is_valid_reason(outline)
     # a ring that merely touches itself, or crosses itself in a sliver, encloses what was meant
-    if reason.startswith("Self-intersection") and abs(_repaired(outline).area - outline.area) > SLIVER * outline.area:
+    if reason.startswith("Self-intersection") and abs(_repair(outline).area - outline.area) > MAX_SLIVER_SHARE * outline.area:
         return f"its footprint crosses itself ({reason.partition('[')[2].rstrip(']')}); mend or remove it"
     return None
 
 
-def _repaired(outline: Any) -> Any:
+def _repair(outline: Any) -> Any:
     return outline if outline.is_valid else shapely.make_valid(outline, method="structure", keep_collapsed=False)
 
 
-def _parts(outline: Polygon, smallest: float) -> tuple[list[Polygon], list[Polygon]]:
+def _split_polygons(outline: Polygon, min_area: float) -> tuple[list[Polygon], list[Polygon]]:
     """The valid polygons of an outline, courtyards kept, from west to east: large enough ones, and too small ones."""
-    polygons = [part for part in shapely.get_parts(_repaired(outline)) if part.geom_type == "Polygon" and part.area > 0]
+    polygons = [part for part in shapely.get_parts(_repair(outline)) if part.geom_type == "Polygon" and part.area > 0]
     polygons = sorted(shapely.normalize(polygons), key=lambda part: part.bounds)
-    return [p for p in polygons if p.area >= smallest], [p for p in polygons if p.area < smallest]
+    return [p for p in polygons if p.area >= min_area], [p for p in polygons if p.area < min_area]

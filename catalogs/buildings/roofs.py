@@ -14,7 +14,7 @@ from catalogs.features import Footprint
 from facade_core.core.types import Building, Roof
 
 # Uses of a building, as OpenStreetMap has them, by the roof that they mostly have.
-FLAT = frozenset(
+FLAT_ROOF_USES = frozenset(
     [
         "industrial",
         "warehouse",
@@ -40,27 +40,27 @@ FLAT = frozenset(
         "container",
     ]
 )
-SHEDS = frozenset(("shed", "garage", "garages", "carport", "hut", "service", "utility", "entrance"))
-CHURCHES = frozenset(("church", "cathedral", "chapel", "basilica", "monastery"))
+SHED_USES = frozenset(("shed", "garage", "garages", "carport", "hut", "service", "utility", "entrance"))
+CHURCH_USES = frozenset(("church", "cathedral", "chapel", "basilica", "monastery"))
 # From this year on, over wings deeper than this (half their depth, metres), or over walls higher than this, roofs are flat.
-FLAT_SINCE, DEEP, TALL = 1945, 15.0, 30.0
+FLAT_ROOF_SINCE_YEAR, MAX_PITCHED_HALF_DEPTH_M, MAX_PITCHED_HEIGHT_M = 1945, 15.0, 30.0
 # Sheds cover less than this (m2) or are less deep; halls of one storey are flat from the second figure on.
-SHED_M2, SHED_DEPTH, HALL_M2 = 30.0, 2.0, 200.0
+MAX_SHED_AREA_M2, MAX_SHED_HALF_DEPTH_M, MIN_HALL_AREA_M2 = 30.0, 2.0, 200.0
 # Houses that stand alone, up to this: gables of these pitches. Others have the pitches of a row along a street.
-HOUSE_M2, HOUSE_HEIGHT = 400.0, 11.0
-HOUSE_PITCH, ROW_PITCH = (32.0, 42.0), (24.0, 34.0)
-STEEP_PITCH, CHURCH_PITCH, SHED_PITCH = 66.0, 45.0, 8.0
+MAX_HOUSE_AREA_M2, MAX_HOUSE_HEIGHT_M = 400.0, 11.0
+HOUSE_PITCH_RANGE_DEG, ROW_PITCH_RANGE_DEG = (32.0, 42.0), (24.0, 34.0)
+MANSARD_PITCH_DEG, CHURCH_PITCH_DEG, SHED_PITCH_DEG = 66.0, 45.0, 8.0
 # How high a roof is at most, over a row, a church, a shed; what is deeper has a flat middle.
-ROW_RISE, CHURCH_RISE, SHED_RISE, MANSARD_RISE = 5.0, 12.0, 1.0, 4.4
+MAX_ROW_ROOF_M, MAX_CHURCH_ROOF_M, MAX_SHED_ROOF_M, MANSARD_ROOF_M = 5.0, 12.0, 1.0, 4.4
 # Of a row's roofs these shares are mansards (where they are deep enough for one) and hipped; the others have gables.
-MANSARDS, HIPPED, MANSARD_DEPTH = 0.2, 0.15, 6.7
+MANSARD_SHARE, HIPPED_SHARE, MIN_MANSARD_HALF_DEPTH_M = 0.2, 0.15, 6.7
 # No roof is taken off walls that are then lower than this.
-LEAST_WALL = 2.5
+MIN_WALL_M = 2.5
 # Neighbours stand nearer than this.
-BESIDE_M = 0.3
+ATTACHED_DISTANCE_M = 0.3
 
 
-def with_roofs(buildings: Sequence[Building], stated: Sequence[Footprint | None]) -> tuple[Building, ...]:
+def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footprint | None]) -> tuple[Building, ...]:
     """The buildings with a roof each, but for those with a model, or of which no height is known yet (0); `stated` (n,) is what
     a source says of each.
 
@@ -70,67 +70,67 @@ def with_roofs(buildings: Sequence[Building], stated: Sequence[Footprint | None]
     """
     tree = shapely.STRtree([building.footprint for building in buildings])
     roofed = []
-    for index, (building, source) in enumerate(zip(buildings, stated, strict=True)):
+    for index, (building, source) in enumerate(zip(buildings, footprints, strict=True)):
         if source is not None and building.roof is None and building.height > 0:
-            near = tree.query(building.footprint, predicate="dwithin", distance=BESIDE_M)
-            building = under_roof(building, source, attached=any(other != index for other in near))
+            near = tree.query(building.footprint, predicate="dwithin", distance=ATTACHED_DISTANCE_M)
+            building = add_assumed_roof(building, source, attached=any(other != index for other in near))
         roofed.append(building)
     return tuple(roofed)
 
 
-def under_roof(building: Building, source: Footprint, *, attached: bool) -> Building:
+def add_assumed_roof(building: Building, footprint: Footprint, *, attached: bool) -> Building:
     """A building of known height with the roof that is assumed."""
-    roof = assumed(building, source, attached=attached)
-    if building.height_source != "height" or source.roof_height is not None:
+    roof = likeliest_roof(building, footprint, attached=attached)
+    if building.height_source != "height" or footprint.roof_height is not None:
         return replace(building, roof=roof)
     walls = building.height - roof.height
-    if walls < LEAST_WALL:
+    if walls < MIN_WALL_M:
         return replace(building, roof=Roof("flat", 0.0, confidence=roof.confidence))
     return replace(building, height=round(walls, 2), roof=roof)
 
 
-def assumed(building: Building, source: Footprint, *, attached: bool) -> Roof:
+def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) -> Roof:
     """The likeliest roof of a building.
 
     confidence: how often such a rule is right, as a judgement. A height that is stated of a roof is kept.
     """
     outline, height = building.footprint, building.height
     depth = float(shapely.maximum_inscribed_circle(outline, tolerance=0.1).length)
-    one, two = chances(building.id)
-    kind = source.kind or ""
+    one, two = hash_uniform_pair(building.id)
+    kind = footprint.use or ""
 
     def sloped(shape: str, pitches: tuple[float, float], most: float, confidence: float) -> Roof:
         pitch = round(pitches[0] + one * (pitches[1] - pitches[0]), 1)
-        rise = min(most, depth * math.tan(math.radians(pitch))) if source.roof_height is None else source.roof_height
-        if source.roof_height is not None:
+        rise = min(most, depth * math.tan(math.radians(pitch))) if footprint.roof_height is None else footprint.roof_height
+        if footprint.roof_height is not None:
             pitch = round(min(max(pitch, math.degrees(math.atan2(rise, depth))), 70.0), 1)
         return Roof(shape, round(rise, 2), pitch=pitch, confidence=confidence)
 
     def flat(confidence: float) -> Roof:
         return Roof("flat", 0.0, confidence=confidence)
 
-    if source.roof_height is not None and source.roof_height > 0:
-        return sloped("gabled", ROW_PITCH if attached else HOUSE_PITCH, ROW_RISE, 0.6)
-    if source.roof_height == 0 or kind in FLAT:
+    if footprint.roof_height is not None and footprint.roof_height > 0:
+        return sloped("gabled", ROW_PITCH_RANGE_DEG if attached else HOUSE_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, 0.6)
+    if footprint.roof_height == 0 or kind in FLAT_ROOF_USES:
         return flat(0.8)
-    if kind in CHURCHES:
-        return sloped("gabled", (CHURCH_PITCH, CHURCH_PITCH), CHURCH_RISE, 0.6)
-    if kind in SHEDS or outline.area < SHED_M2 or depth < SHED_DEPTH:
-        rise = min(2 * depth * math.tan(math.radians(SHED_PITCH)), SHED_RISE)
+    if kind in CHURCH_USES:
+        return sloped("gabled", (CHURCH_PITCH_DEG, CHURCH_PITCH_DEG), MAX_CHURCH_ROOF_M, 0.6)
+    if kind in SHED_USES or outline.area < MAX_SHED_AREA_M2 or depth < MAX_SHED_HALF_DEPTH_M:
+        rise = min(2 * depth * math.tan(math.radians(SHED_PITCH_DEG)), MAX_SHED_ROOF_M)
         return Roof("skillion", round(rise, 2), confidence=0.4) if one < 0.5 else flat(0.4)
-    if (source.built or 0) >= FLAT_SINCE or depth > DEEP or height > TALL:
+    if (footprint.year_built or 0) >= FLAT_ROOF_SINCE_YEAR or depth > MAX_PITCHED_HALF_DEPTH_M or height > MAX_PITCHED_HEIGHT_M:
         return flat(0.6)
-    if height < 2 * LEAST_WALL and outline.area > HALL_M2:
+    if height < 2 * MIN_WALL_M and outline.area > MIN_HALL_AREA_M2:
         return flat(0.5)
-    if not attached and outline.area < HOUSE_M2 and height < HOUSE_HEIGHT:
-        return sloped("gabled", HOUSE_PITCH, ROW_RISE, 0.5)
+    if not attached and outline.area < MAX_HOUSE_AREA_M2 and height < MAX_HOUSE_HEIGHT_M:
+        return sloped("gabled", HOUSE_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, 0.5)
     confidence = 0.5 if attached else 0.4
-    if two < MANSARDS and depth >= MANSARD_DEPTH:
-        return Roof("mansard", MANSARD_RISE, pitch=STEEP_PITCH, confidence=confidence)
-    return sloped("hipped" if two < MANSARDS + HIPPED else "gabled", ROW_PITCH, ROW_RISE, confidence)
+    if two < MANSARD_SHARE and depth >= MIN_MANSARD_HALF_DEPTH_M:
+        return Roof("mansard", MANSARD_ROOF_M, pitch=MANSARD_PITCH_DEG, confidence=confidence)
+    return sloped("hipped" if two < MANSARD_SHARE + HIPPED_SHARE else "gabled", ROW_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, confidence)
 
 
-def chances(id: str) -> tuple[float, float]:
+def hash_uniform_pair(building_id: str) -> tuple[float, float]:
     """Two numbers from 0 to 1 that an id always has."""
-    digest = np.frombuffer(blake2b(id.encode(errors="surrogatepass"), digest_size=8).digest(), np.uint32)
+    digest = np.frombuffer(blake2b(building_id.encode(errors="surrogatepass"), digest_size=8).digest(), np.uint32)
     return float(digest[0]) / 2**32, float(digest[1]) / 2**32

@@ -10,7 +10,7 @@ from typing import Any
 
 from catalogs.block.keys import BlockKeys, check_keys
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.tiles import files_of_tiles
+from catalogs.city.tile_index import files_of_tiles
 from facade_core.core.errors import InputError
 
 # A block's side, metres.

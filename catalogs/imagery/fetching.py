@@ -12,11 +12,11 @@ from pathlib import Path
 
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
-from catalogs.imagery.account import ARRIVING, Account, Kept
-from catalogs.imagery.offer import Offer, fault
-from catalogs.imagery.web import Away, Refused
-from catalogs.readers.pictures.folders import whole_picture
-from catalogs.readers.pictures.opening import opened
+from catalogs.imagery.fetch_log import ARRIVING, Account, Kept
+from catalogs.imagery.http_client import Away, Refused
+from catalogs.imagery.remote_panorama import Offer, fault
+from catalogs.readers.pictures.folders import check_picture
+from catalogs.readers.pictures.opening import open_picture
 from catalogs.readers.pictures.panoramas import check_equirectangular
 from facade_core.core.errors import ImageError, InputError
 
@@ -118,7 +118,7 @@ def _fetched(source: str, offer: Offer, stem: str, account: Account, part: Path,
         if offer.sha256 not in (None, digest):
             raise Refused("is not what its service says (checksum differs); run again, or tell its service")
         try:
-            whole_picture(part)
+            check_picture(part)
         except InputError as error:  # which names its folder too
             raise Refused(str(error).removeprefix(f"{part.parent}: ")) from error
         suffix, problem = _judged(part, look)
@@ -155,7 +155,7 @@ def _fetched(source: str, offer: Offer, stem: str, account: Account, part: Path,
 def _judged(part: Path, look: Look) -> tuple[str, str | None]:
     """The suffix of a picture's file, and why it is no panorama that can be used."""
     try:
-        with opened(part) as image:
+        with open_picture(part) as image:
             kind = str(image.format)
         if kind not in _SUFFIX:
             raise ImageError(f"is a {kind}; ask for a JPEG")

@@ -9,10 +9,10 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
-from catalogs.imagery.boxes import quartered
-from catalogs.imagery.offer import Box, Offer, Wanted, fault, licensed, number, placed
-from catalogs.imagery.web import Refused, Web, shown_url
-from catalogs.readers.pictures.poses import turned
+from catalogs.imagery.box_search import quartered
+from catalogs.imagery.http_client import Refused, Web, shown_url
+from catalogs.imagery.remote_panorama import Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.readers.pictures.poses import camera_angles
 from facade_core.core.errors import InputError
 
 API = "https://graph.mapillary.com"
@@ -118,7 +118,7 @@ def _offer(record: Mapping[str, Any]) -> Offer | Fault | None:
         # as worked out from the pictures around where it was, else as the camera's own sensors had it
         angles = [record.get("computed_compass_angle", record.get("compass_angle"))]
         if record.get("computed_rotation"):
-            angles = [*turned(record["computed_rotation"])]
+            angles = [*camera_angles(record["computed_rotation"])]
         pose = placed(record.get("computed_geometry") or record.get("geometry"), *angles)
         rights = licensed(LICENCE, LICENCE_URL, None)
     except (ValueError, TypeError) as error:

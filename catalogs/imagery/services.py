@@ -12,14 +12,14 @@ from urllib.parse import urlsplit
 
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
-from catalogs.imagery.account import POSES, is_fetched, read_account
+from catalogs.imagery.fetch_log import POSES, is_fetched, read_account
 from catalogs.imagery.fetching import Get
+from catalogs.imagery.http_client import Refused, Token, Web, shown_url
 from catalogs.imagery.mapillary import API as MAPILLARY
 from catalogs.imagery.mapillary import mapillary_offers
-from catalogs.imagery.offer import Offer, Wanted
+from catalogs.imagery.remote_panorama import Offer, Wanted
 from catalogs.imagery.stac import stac_offers
-from catalogs.imagery.web import Refused, Token, Web, shown_url
-from catalogs.readers.pictures.panoramas import in_frame, read_panoramas
+from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
 from catalogs.readers.pictures.poses import LONLAT, SourcePose
 from facade_core.core.errors import InputError
 
@@ -99,7 +99,7 @@ def _folder(folder: Path, poses: Path | None) -> Service:
         for one in found.items:
             pose = one.pose
             stated = SourcePose(frame.to_wkt(), pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll)
-            place = in_frame(stated, pose.view, lonlat, {})
+            place = project_pose(stated, pose.view, lonlat, {})
             if west <= place.x <= east and south <= place.y <= north:
                 told = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
                 before = told_of.get(one.path.name)

@@ -9,10 +9,10 @@ from typing import Any
 
 from catalogs.broken import is_system_error, short_message
 from catalogs.features import Fault
-from catalogs.imagery.boxes import quartered
-from catalogs.imagery.offer import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
-from catalogs.imagery.web import Refused, Web, shown_url
-from catalogs.readers.pictures.poses import day_of
+from catalogs.imagery.box_search import quartered
+from catalogs.imagery.http_client import Refused, Web, shown_url
+from catalogs.imagery.remote_panorama import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.readers.pictures.poses import parse_day
 from facade_core.core.errors import InputError
 
 # Items of a page, and pages of a search at most: more belong to a smaller box.
@@ -94,7 +94,7 @@ def _offer(item: Mapping[str, Any] | Fault, licence: str | None) -> Offer | Faul
         identifier,
         str(asset["href"]),
         pose,
-        captured=day_of(properties.get("datetime")),
+        captured=parse_day(properties.get("datetime")),
         author=_author(item, properties),
         licence=rights,
         licence_url=text,

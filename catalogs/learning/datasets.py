@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.readers.pictures.opening import opened
+from catalogs.readers.pictures.opening import open_picture
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
@@ -246,7 +246,7 @@ def _image_files(folder: Path) -> list[Path]:
 
 def _read_image(path: Path, mode: str | None) -> np.ndarray:
     try:
-        with opened(path) as image:
+        with open_picture(path) as image:
             return np.asarray(image.convert(mode) if mode else image)
     except (ImageError, OSError) as error:
         raise ImageError(f"{path}: cannot be read as an image; fetch it again or remove the pair") from error

@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.published.places import Folder
-from catalogs.readers.annotations import IS_FACADE
+from catalogs.published.folders import Folder
+from catalogs.readers.annotations import IS_FACADE_COLUMN
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def write_layers(
         raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
     facades = rows[(rows.kind == "facade") & rows.building.isin(chosen)]
     layers = {
-        "facades": facades.to_crs(crs).assign(**{IS_FACADE: ~facades.id.isin(no_facades)}),
+        "facades": facades.to_crs(crs).assign(**{IS_FACADE_COLUMN: ~facades.id.isin(no_facades)}),
         "walls": facades.set_geometry([walls.get(id) for id in facades.id], crs=crs),
         **{
             name: gpd.GeoDataFrame(list(own), geometry="geometry", crs=crs) if own else None

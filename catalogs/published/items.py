@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.features import natural_order
+from catalogs.features import natural_sort_key
 from catalogs.frames import LONLAT
 from facade_core.core.errors import InputError
 
@@ -230,7 +230,7 @@ def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -
     path = Path(path)
     for row in rows:
         _check(row, path)
-    rows = sorted(rows, key=lambda row: (KINDS.index(row["kind"]), natural_order(row["id"])))
+    rows = sorted(rows, key=lambda row: (KINDS.index(row["kind"]), natural_sort_key(row["id"])))
     for one, two in zip(rows, rows[1:], strict=False):
         if one["kind"] == two["kind"] == "facade" and one["id"] == two["id"]:
             raise InputError(f"{path.name}: facade {one['id']} has two rows; give each facade one")

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from catalogs.features import file_stem, natural_order
+from catalogs.features import file_stem, natural_sort_key
 from catalogs.published.items import ASSUMED
 from catalogs.visible import escape_invisible
 from facade_core.core.labels import PARSE_COLOURS
@@ -137,7 +137,7 @@ def street_pages(rows: Sequence[Mapping[str, Any]]) -> list[StreetPages]:
     for row in rows:
         by_street.setdefault(row["street"], []).append(row)
     found = []
-    for name in sorted(by_street, key=natural_order):
+    for name in sorted(by_street, key=natural_sort_key):
         own = by_street[name]
         parts = tuple(own[start : start + ON_PAGE] for start in range(0, len(own), ON_PAGE))
         stem = file_stem(name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Generic, cast
 
-from catalogs.features import natural_order
-from catalogs.published.places import F, Folder, each
+from catalogs.features import natural_sort_key
+from catalogs.published.folders import F, Folder, each
 from facade_core.core.errors import InputError
 
 # In a city's folder, from its first minute on: of which blocks it is.
@@ -50,8 +50,8 @@ def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
             left_out.append(f"{parent} is left out: {error.strerror}")
     if not runs:
         raise InputError(f"{folder}: nothing is published there; {publishes(folder, 'finishes and publishes')}")
-    runs.sort(key=lambda run: natural_order(run.name))
-    return runs, sorted(left_out, key=natural_order)
+    runs.sort(key=lambda run: natural_sort_key(run.name))
+    return runs, sorted(left_out, key=natural_sort_key)
 
 
 def stores_in(folder: F) -> dict[str, F]:
@@ -69,7 +69,7 @@ def stores_in(folder: F) -> dict[str, F]:
         }
         without = [one for one, is_run in zip(waiting, with_store, strict=True) if not is_run]
         waiting = [child for one in without if one.parent == folder for child in _folders(one)]
-    return dict(sorted(found.items(), key=lambda one: natural_order(one[0])))
+    return dict(sorted(found.items(), key=lambda one: natural_sort_key(one[0])))
 
 
 def _holds(folder: Folder) -> str | None:

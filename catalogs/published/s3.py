@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.published import objects
+from catalogs.published import object_store
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -85,17 +85,17 @@ class S3Folder:
         return self.read_bytes().decode(encoding, errors)
 
     def write_text(self, text: str, encoding: str = "utf-8") -> None:
-        objects.put(self.path, text.encode(encoding))
+        object_store.put(self.path, text.encode(encoding))
 
     def touch(self) -> None:
-        objects.put(self.path, b"")
+        object_store.put(self.path, b"")
 
     def unlink(self, missing_ok: bool = False) -> None:
-        objects.delete([self.path])
+        object_store.delete([self.path])
 
     def sizes(self) -> dict[str, int]:
         """The objects below this folder, by their paths in it, with their sizes in bytes."""
-        return {name: one.size for name, one in objects.listed(self.path).items()}
+        return {name: one.size for name, one in object_store.listed(self.path).items()}
 
     def size(self) -> int | None:
         """The bytes of this object; None where there is none."""
@@ -104,7 +104,7 @@ class S3Folder:
 
     def remove(self) -> None:
         """Remove all that is below this folder."""
-        objects.delete(f"{self.path}/{name}" for name in objects.listed(self.path))
+        object_store.delete(f"{self.path}/{name}" for name in object_store.listed(self.path))
 
     def _kind(self) -> str:
         with reached(self):
@@ -114,7 +114,7 @@ class S3Folder:
         """This folder as where an Icechunk repository lies."""
         import icechunk
 
-        endpoint = objects.endpoint()
+        endpoint = object_store.endpoint()
         return icechunk.s3_storage(
             bucket=self.bucket,
             prefix=self.prefix,
@@ -138,7 +138,7 @@ def folder_at(place: str | Path | S3Folder) -> Path | S3Folder:
 
 def filesystem() -> S3FileSystem:
     """The buckets that the environment leads to."""
-    return _filesystem(objects.endpoint(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"))
+    return _filesystem(object_store.endpoint(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"))
 
 
 @contextmanager

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, cast
 
-from catalogs.published import objects
-from catalogs.published.places import F, Folder
+from catalogs.published import object_store
+from catalogs.published.folders import F, Folder
 from catalogs.published.runs import publishes
 from catalogs.published.s3 import S3Folder
 from facade_core.core.errors import InputError, MachineError, StoreError
@@ -184,7 +184,7 @@ def current_if_any(out: F) -> Snapshot[F] | None:
 
 def pointer_tag(out: Folder) -> str | None:
     """Which version of `current` a bucket holds; None on this machine, where the run's lock is enough, and where none is."""
-    found = objects.get(f"{out.path}/current") if isinstance(out, S3Folder) else None
+    found = object_store.get(f"{out.path}/current") if isinstance(out, S3Folder) else None
     return found[1] if found else None
 
 
@@ -194,7 +194,7 @@ def make_current(snapshot: Snapshot, over: str | None = None) -> None:
     over: in a bucket the version that it is written over, by `pointer_tag`. Raises MachineError where another is there.
     """
     if isinstance(snapshot.out, S3Folder):
-        if objects.put_if(f"{snapshot.out.path}/current", f"{snapshot.id}\n".encode(), over) is None:
+        if object_store.put_if(f"{snapshot.out.path}/current", f"{snapshot.id}\n".encode(), over) is None:
             raise MachineError(f"{snapshot.out}: another run published meanwhile; let it end, and run again")
         return
     pointer = snapshot.out / ".current.tmp"

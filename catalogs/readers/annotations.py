@@ -13,12 +13,12 @@ from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
 
 # (id of a facade or building, what is corrected, value): see `catalogs.block.corrections`.
-Said = tuple[str, str, Any]
+Annotation = tuple[str, str, Any]
 # How high CityJSON says that a building is, a `Measured`: an edit of it is one of the eaves.
-MEASURED = "measured height"
+MEASURED_HEIGHT = "measured height"
 
 
-class Measured(NamedTuple):
+class MeasuredHeight(NamedTuple):
     """What CityJSON says of a building's height, metres: to its ridge, as it is now and as it was exported, and to its eaves;
     None where it does not say."""
 
@@ -28,7 +28,7 @@ class Measured(NamedTuple):
 
 
 # What the table `buildings` of a GeoPackage, and the attributes of CityJSON's buildings, call what can be corrected.
-COLUMNS = {
+GEOPACKAGE_COLUMNS = {
     "height_m": "height",
     "levels": "levels",
     "roof_shape": "roof_shape",
@@ -38,7 +38,7 @@ COLUMNS = {
     "wall_colour": "wall_colour",
     "roof_colour": "roof_colour",
 }
-ATTRIBUTES = {
+CITYJSON_ATTRIBUTES = {
     "eavesHeight": "height",
     "storeysAboveGround": "levels",
     "roofType": "roof_shape",
@@ -49,44 +49,44 @@ ATTRIBUTES = {
     "roofColour": "roof_colour",
 }
 # What CityJSON's buildings call the measured height that was exported, by which an edit of it is told.
-EXPORTED = "measuredHeightExported"
+EXPORTED_HEIGHT_ATTRIBUTE = "measuredHeightExported"
 # What the table `facades` of a GeoPackage calls that a wall is one.
-IS_FACADE = "is_facade"
+IS_FACADE_COLUMN = "is_facade"
 
 
-def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
+def read_annotations(path: Path, facades: dict[str, str]) -> list[Annotation]:
     """What a file, or a folder of LabelMe's, says. facades: name of a picture -> id of the facade it is of.
 
     Boxes become shares of the picture. Raises InputError: one line with the file and the remedy.
     """
-    found = _read(path, facades)
+    found = _read_file(path, facades)
     for id, *_ in found:
         if not isinstance(id, str) or not id:
             raise InputError(f"{path}: {str(id)[:40]!r} is no id of a facade or building; write it as it was exported")
     return found
 
 
-def _read(path: Path, facades: dict[str, str]) -> list[Said]:
+def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
     if path.is_dir():
         files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
         return [said for file in files for said in read_annotations(file, facades)]
     if path.suffix.lower() == ".gpkg":
-        return _tables(path)
+        return _read_geopackage(path)
     try:
         if path.suffix.lower() == ".jsonl":
             lines = path.read_text(encoding="utf-8").split("\n")
-            return [said for line in lines if line.strip() for said in _cityjson(json.loads(line))]
+            return [said for line in lines if line.strip() for said in _parse_cityjson(json.loads(line))]
         document = load_json(path)
         if isinstance(document, dict) and document.get("type") == "CityJSON":
-            return list(_cityjson(document))
+            return list(_parse_cityjson(document))
         if isinstance(document, dict) and {"images", "annotations"} <= document.keys():
-            return _coco(document, facades)
+            return _parse_coco(document, facades)
         if isinstance(document, dict) and "shapes" in document:
-            return [_labelme(document, facades)]
+            return [_parse_labelme(document, facades)]
         if isinstance(document, dict) and isinstance(document.get("corrections"), list):
-            return said_in(document["corrections"], str(path))
+            return parse_corrections(document["corrections"], str(path))
     except (
         KeyError,
         TypeError,
@@ -103,15 +103,15 @@ def _read(path: Path, facades: dict[str, str]) -> list[Said]:
     )
 
 
-def said_in(corrections: Sequence[Mapping[str, Any]], named: str) -> list[Said]:
+def parse_corrections(corrections: Sequence[Mapping[str, Any]], source_name: str) -> list[Annotation]:
     """What corrections of streetloom's own JSON say. Raises InputError: one line that says what they are `named`."""
     try:
-        return [said for one in corrections for said in _own(one)]
+        return [said for one in corrections for said in _parse_correction(one)]
     except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{named} cannot be understood ({error}); catalogs/README.md shows what can be") from error
+        raise InputError(f"{source_name} cannot be understood ({error}); catalogs/README.md shows what can be") from error
 
 
-def _coco(document: dict[str, Any], facades: dict[str, str]) -> list[Said]:
+def _parse_coco(document: dict[str, Any], facades: dict[str, str]) -> list[Annotation]:
     names = {one["id"]: one["name"] for one in document["categories"]}
     found: dict[int, list[Any]] = {image["id"]: [] for image in document["images"]}
     sizes = {image["id"]: (float(image["width"]), float(image["height"])) for image in document["images"]}
@@ -121,11 +121,11 @@ def _coco(document: dict[str, Any], facades: dict[str, str]) -> list[Said]:
         found[one["image_id"]].append(
             (names[one["category_id"]], x / width, y / height, (x + w) / width, (y + h) / height)
         )
-    of = {image["id"]: image.get("facade") or _facade(image["file_name"], facades) for image in document["images"]}
+    of = {image["id"]: image.get("facade") or _facade_id(image["file_name"], facades) for image in document["images"]}
     return [(of[image], "elements", elements) for image, elements in found.items()]
 
 
-def _labelme(document: dict[str, Any], facades: dict[str, str]) -> Said:
+def _parse_labelme(document: dict[str, Any], facades: dict[str, str]) -> Annotation:
     width, height = float(document["imageWidth"]), float(document["imageHeight"])
     elements = []
     for shape in document["shapes"]:
@@ -133,16 +133,16 @@ def _labelme(document: dict[str, Any], facades: dict[str, str]) -> Said:
             raise ValueError(f"{shape['label']} is a circle; draw a rectangle")
         xs, ys = zip(*((float(x), float(y)) for x, y in shape["points"]), strict=True)
         elements.append((shape["label"], min(xs) / width, min(ys) / height, max(xs) / width, max(ys) / height))
-    return document.get("facade") or _facade(document["imagePath"], facades), "elements", elements
+    return document.get("facade") or _facade_id(document["imagePath"], facades), "elements", elements
 
 
-def _facade(file: str, facades: dict[str, str]) -> str:
+def _facade_id(file: str, facades: dict[str, str]) -> str:
     """The facade that a picture is of, by its name."""
     stem = Path(file.replace("\\", "/")).stem
     return facades.get(stem, stem)
 
 
-def _own(one: Mapping[str, Any]) -> Iterator[Said]:
+def _parse_correction(one: Mapping[str, Any]) -> Iterator[Annotation]:
     if not isinstance(one, Mapping):
         raise ValueError(f"{str(one)[:40]!r} is no correction")
     id = one.get("facade_id") or one.get("building_id")
@@ -153,18 +153,18 @@ def _own(one: Mapping[str, Any]) -> Iterator[Said]:
             yield id, what, value
 
 
-def _tables(path: Path) -> list[Said]:
+def _read_geopackage(path: Path) -> list[Annotation]:
     """What the tables `buildings` and `facades` that an export of `gpkg` writes say of each; a table or a column that is not
     there says nothing."""
     import geopandas
     import pyogrio
 
-    of_facades = {IS_FACADE: "facade"}
-    found: list[Said] = []
+    of_facades = {IS_FACADE_COLUMN: "facade"}
+    found: list[Annotation] = []
     known = False
     try:
         layers = set(pyogrio.list_layers(path)[:, 0].tolist())
-        for layer, names in (("buildings", COLUMNS), ("facades", of_facades)):
+        for layer, names in (("buildings", GEOPACKAGE_COLUMNS), ("facades", of_facades)):
             if layer not in layers:
                 continue
             table = geopandas.read_file(path, layer=layer, ignore_geometry=True)
@@ -173,32 +173,32 @@ def _tables(path: Path) -> list[Said]:
             known = True
             for row in table.to_dict("records"):
                 said = {name: value for name, value in row.items() if value == value}  # an empty cell of numbers is NaN
-                if said.get(IS_FACADE) in (0, 1):  # as programs without truth values write it
-                    said[IS_FACADE] = bool(said[IS_FACADE])
+                if said.get(IS_FACADE_COLUMN) in (0, 1):  # as programs without truth values write it
+                    said[IS_FACADE_COLUMN] = bool(said[IS_FACADE_COLUMN])
                 id = said.get("id")
-                found += _of_building("" if id is None else str(id), said, names)
+                found += _building_annotations("" if id is None else str(id), said, names)
     except Exception as error:
         raise InputError(
             f"{path} cannot be read ({' '.join(str(error).split())[:80]}); give one that `export --format gpkg` wrote"
         ) from error
     if not known:
         raise InputError(
-            f"{path} has no table buildings with id and {', '.join(COLUMNS)}, nor facades with id and {IS_FACADE}; give one "
+            f"{path} has no table buildings with id and {', '.join(GEOPACKAGE_COLUMNS)}, nor facades with id and {IS_FACADE_COLUMN}; give one "
             "that `export --format gpkg` wrote"
         )
     return found
 
 
-def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
+def _parse_cityjson(document: Mapping[str, Any]) -> Iterator[Annotation]:
     """What the attributes of CityJSON's buildings say, and which of their walls are facades."""
     for id, one in document.get("CityObjects", {}).items():
         if one["type"] not in ("Building", "BuildingPart"):
             continue
         attributes = one.get("attributes", {})
-        yield from _of_building(id, attributes, ATTRIBUTES)
+        yield from _building_annotations(id, attributes, CITYJSON_ATTRIBUTES)
         if attributes.get("measuredHeight") not in (None, ""):
-            said = (attributes.get(name) for name in ("measuredHeight", EXPORTED, "eavesHeight"))
-            yield id, MEASURED, Measured(*said)
+            said = (attributes.get(name) for name in ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight"))
+            yield id, MEASURED_HEIGHT, MeasuredHeight(*said)
         surfaces = [
             s for geometry in one.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
         ]
@@ -211,7 +211,7 @@ def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
             yield facade, "facade", is_one
 
 
-def _of_building(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Said]:
+def _building_annotations(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Annotation]:
     """What a row says of a building, by its own names for what can be; an empty cell says nothing."""
     for name, what in names.items():
         value = row.get(name)
@@ -219,6 +219,6 @@ def _of_building(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> I
             yield id, what, value.item() if hasattr(value, "item") else value
 
 
-def pictures_of(ids: list[str]) -> dict[str, str]:
+def facades_by_picture_name(ids: list[str]) -> dict[str, str]:
     """Name of the picture that an export writes of each facade, without suffix -> its id."""
     return {file_stem(id): id for id in ids}

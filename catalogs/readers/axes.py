@@ -17,14 +17,14 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     from pyproj import CRS
 
-EARTH_RADIUS = 6_371_000.0  # m
-_BEYOND, _FARTHEST_BEYOND = (
+EARTH_RADIUS_M = 6_371_000.0  # m
+_AREA_MARGIN_SHARE, _MAX_AREA_MARGIN_DEG = (
     0.3,
     2.0,
 )  # of an area's extent, degrees; 25832 serves Passau too, 1.5 degrees east of its area
-_SHORT = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
-_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
-_SURVEYS = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)
+_BARE_CODE = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
+_EPSG_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
+_SURVEY_CODES = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)
     f"DE_DHDN_3GK{zone}": 31464 + zone for zone in range(2, 6)
 }
 
@@ -53,7 +53,7 @@ class Axes:
         return points[:, order] * (1.0, 1.0, self.vertical)
 
 
-def axes_of(name: str | None, place: tuple[float, float] | None, path: Path) -> tuple[Axes, str | None]:
+def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, path: Path) -> tuple[Axes, str | None]:
     """The axes of a frame by the name that a file gives, and a remark (see features.Remark) where they are a guess.
 
     name: "EPSG:7415", a bare code, a URN or URL of OGC, also compound, CRS84, or a name of the German surveys; place: the first
@@ -64,8 +64,8 @@ def axes_of(name: str | None, place: tuple[float, float] | None, path: Path) -> 
     """
     if not name:
         return Axes(), None
-    codes = _codes(name)
-    parts = _parts(codes)
+    codes = _parse_epsg_codes(name)
+    parts = _crs_parts(codes)
     horizontal = next((part for part in parts if not part.is_vertical), None)
     if horizontal is None:
         return Axes(), "names of a CRS that are not understood"
@@ -74,31 +74,31 @@ def axes_of(name: str | None, place: tuple[float, float] | None, path: Path) -> 
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")
     north_first = horizontal.axis_info[0].direction == "north" and "CRS84" not in name
     remark = None
-    if place is not None:
-        north_first, remark = _order(horizontal, north_first, place, short=_SHORT.fullmatch(name) is not None)
+    if sample_point is not None:
+        north_first, remark = _axis_order(horizontal, north_first, sample_point, is_bare_code=_BARE_CODE.fullmatch(name) is not None)
     unit = horizontal.axis_info[0].unit_conversion_factor
     heights = [
         axis.unit_conversion_factor for part in parts for axis in part.axis_info if axis.direction in ("up", "down")
     ]
     if horizontal.is_geographic:
-        latitude = 0.0 if place is None else place[0 if north_first else 1] * unit
-        metres = EARTH_RADIUS * unit
+        latitude = 0.0 if sample_point is None else sample_point[0 if north_first else 1] * unit
+        metres = EARTH_RADIUS_M * unit
         scale, vertical = (metres * max(math.cos(latitude), 1e-3), metres), 1.0
     else:
         scale, vertical = (unit, unit), unit
     return Axes(crs, horizontal.to_string(), north_first, scale, heights[0] if heights else vertical), remark
 
 
-def _codes(name: str) -> list[int]:
+def _parse_epsg_codes(name: str) -> list[int]:
     """The EPSG codes of a name, those of a compound frame in its order."""
-    if short := _SHORT.fullmatch(name):
+    if short := _BARE_CODE.fullmatch(name):
         return [int(short[1])]
-    codes = [int(code) for found in _CODES.findall(name) for code in found if code]
-    surveys = [code for survey, code in _SURVEYS.items() if survey in name]
+    codes = [int(code) for found in _EPSG_CODES.findall(name) for code in found if code]
+    surveys = [code for survey, code in _SURVEY_CODES.items() if survey in name]
     return codes or surveys or [4326] * ("CRS84" in name)
 
 
-def _parts(codes: Sequence[int]) -> list[CRS]:
+def _crs_parts(codes: Sequence[int]) -> list[CRS]:
     """The frames of all codes, horizontal and vertical ones apart; none where one of the codes is unknown."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
@@ -110,22 +110,22 @@ def _parts(codes: Sequence[int]) -> list[CRS]:
     return [part for frame in frames for part in frame.sub_crs_list or [frame]]
 
 
-def _order(crs: CRS, north_first: bool, place: tuple[float, float], *, short: bool) -> tuple[bool, str | None]:
+def _axis_order(crs: CRS, north_first: bool, sample_point: tuple[float, float], *, is_bare_code: bool) -> tuple[bool, str | None]:
     """Whether the first number is the northing after all, and a remark where that is a guess.
 
     short: the name is a mere code, which many writers pair with an order of their own.
     """
-    east, north = place[::-1] if north_first else place
-    other = _covers(crs, north, east)
-    if not _covers(crs, east, north):
+    east, north = sample_point[::-1] if north_first else sample_point
+    other = _is_near_area_of_use(crs, north, east)
+    if not _is_near_area_of_use(crs, east, north):
         remark = "frames whose axes are swapped" if other else "frames far from the area they are made for"
         return north_first != other, remark
-    if other and north_first and short:
+    if other and north_first and is_bare_code:
         return True, "frames whose first axis is taken to be north, as EPSG defines them"
     return north_first, None
 
 
-def _covers(crs: CRS, east: float, north: float) -> bool:
+def _is_near_area_of_use(crs: CRS, east: float, north: float) -> bool:
     """Whether a place lies in the area that a frame is made for, or not far from it."""
     from pyproj import Transformer
 
@@ -135,9 +135,9 @@ def _covers(crs: CRS, east: float, north: float) -> bool:
         return False
     if area is None:
         return True
-    beyond = min(_BEYOND * (area.north - area.south), _FARTHEST_BEYOND)
+    beyond = min(_AREA_MARGIN_SHARE * (area.north - area.south), _MAX_AREA_MARGIN_DEG)
     if not area.south - beyond <= latitude <= area.north + beyond:
         return False
     width = (area.east - area.west) % 360.0 or 360.0
-    beyond = min(_BEYOND * width, _FARTHEST_BEYOND)
+    beyond = min(_AREA_MARGIN_SHARE * width, _MAX_AREA_MARGIN_DEG)
     return (longitude - area.west + beyond) % 360.0 <= width + 2 * beyond

@@ -11,14 +11,14 @@ import numpy as np
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, Shell
 
-_SMALLEST = 1e-6  # m2; twice the area that a face encloses at least
-FARTHEST = 1e9  # no coordinate of a real frame is larger
-MOST_CORNERS = 10_000  # of a face or an outline; cutting one into triangles takes time by its square
-_SLIVER = 1e-9  # m2; twice the area of a triangle at least
+_MIN_DOUBLE_FACE_AREA_M2 = 1e-6  # m2; twice the area that a face encloses at least
+MAX_COORDINATE = 1e9  # no coordinate of a real frame is larger
+MAX_CORNERS = 10_000  # of a face or an outline; cutting one into triangles takes time by its square
+_MIN_DOUBLE_TRIANGLE_AREA_M2 = 1e-9  # m2; twice the area of a triangle at least
 
 
 # What the surfaces of CityGML (2.0 and 3.0) and CityJSON are; those inside a building are not read.
-SEMANTIC_OF = {
+SURFACE_SEMANTICS = {
     "RoofSurface": "roof",
     "OuterFloorSurface": "roof",
     "WallSurface": "wall",
@@ -45,7 +45,7 @@ class Face:
     uv: Sequence[np.ndarray] | None = None
 
 
-def shell_of(faces: Sequence[Face], scale: tuple[float, float] = (1.0, 1.0)) -> Shell | None:
+def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float] = (1.0, 1.0)) -> Shell | None:
     """The shell of a building's faces; None where no face encloses an area.
 
     Equal vertices are shared. `scale` is the length of a unit of x and of y in metres, so that faces in degrees are cut in a
@@ -57,17 +57,17 @@ def shell_of(faces: Sequence[Face], scale: tuple[float, float] = (1.0, 1.0)) -> 
     if not faces:
         return None
     most = max(sum(map(len, group)) for group in rings)
-    if most > MOST_CORNERS:
-        raise GeometryError(f"a face of it has {most} corners, more than {MOST_CORNERS}; cut it up, or simplify it")
+    if most > MAX_CORNERS:
+        raise GeometryError(f"a face of it has {most} corners, more than {MAX_CORNERS}; cut it up, or simplify it")
     points = np.concatenate([ring for group in rings for ring in group])
-    cut, owner = _triangles(points, [[len(ring) for ring in group] for group in rings], scale)
+    cut, owner = _triangulate(points, [[len(ring) for ring in group] for group in rings], metres_per_unit)
     if len(cut) == 0:
         return None
     semantic = np.array([SEMANTICS.index(face.semantic) for face in faces], np.uint8)
     texture = np.array([-1 if face.uv is None else face.texture for face in faces], np.int32)
     uv = np.zeros((len(cut), 3, 2), np.float32)
     if (texture >= 0).any():
-        uv = np.concatenate([_uv(face, sum(map(len, group))) for face, group in zip(faces, rings, strict=True)])[cut]
+        uv = np.concatenate([_face_uv(face, sum(map(len, group))) for face, group in zip(faces, rings, strict=True)])[cut]
     vertices, index = np.unique(points[cut].reshape(-1, 3), axis=0, return_inverse=True)
     return Shell(
         vertices=vertices,
@@ -78,15 +78,15 @@ def shell_of(faces: Sequence[Face], scale: tuple[float, float] = (1.0, 1.0)) -> 
     )
 
 
-def _uv(face: Face, count: int) -> np.ndarray:
+def _face_uv(face: Face, count: int) -> np.ndarray:
     """Texture coordinates (count, 2) of a face's rings; zeros without texture."""
     if face.texture < 0 or face.uv is None:
         return np.zeros((count, 2))
     return np.concatenate([uv for uv, ring in zip(face.uv, face.rings, strict=True) if len(ring) >= 3])
 
 
-def _triangles(
-    points: np.ndarray, lengths: Sequence[Sequence[int]], scale: tuple[float, float]
+def _triangulate(
+    points: np.ndarray, lengths: Sequence[Sequence[int]], metres_per_unit: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Corners (t, 3) of all triangles as rows of `points`, turning as the outer rings do, and the face of each (t,).
 
@@ -100,13 +100,13 @@ def _triangles(
     following = np.arange(1, len(points) + 1)
     following[ring + ring_size - 1] = ring
 
-    near = np.logical_and.reduceat((np.abs(points) < FARTHEST).all(axis=1), first)
+    near = np.logical_and.reduceat((np.abs(points) < MAX_COORDINATE).all(axis=1), first)
     points = np.where(near[owner][:, None], points, 0.0)
-    local = (points - points[first][owner]) * (*scale, 1.0)
+    local = (points - points[first][owner]) * (*metres_per_unit, 1.0)
     areas = np.add.reduceat(np.cross(local, local[following]), ring)  # Newell: twice the area, along the normal
     normal = areas[np.isin(ring, first)]
     length = np.linalg.norm(normal, axis=1)
-    sound = length > _SMALLEST
+    sound = length > _MIN_DOUBLE_FACE_AREA_M2
     normal = np.where(sound[:, None], normal, (0.0, 0.0, 1.0)) / np.where(sound, length, 1.0)[:, None]
     x, y, z = normal.T
     flat_lying = np.abs(z) >= 0.9
@@ -125,7 +125,7 @@ def _triangles(
     a, b, c = (flat[cut[:, k]] for k in range(3))
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     cut[turn < 0] = cut[turn < 0][:, ::-1]
-    cut = cut[np.abs(turn) > _SLIVER]
+    cut = cut[np.abs(turn) > _MIN_DOUBLE_TRIANGLE_AREA_M2]
     return cut, owner[cut[:, 0]]
 
 

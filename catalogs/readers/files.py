@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.broken import wrap_reader_errors
-from catalogs.features import Centrelines, Footprints, Models
-from catalogs.readers.limits import within_limits
+from catalogs.features import BuildingModels, Centrelines, Footprints
+from catalogs.readers.limits import apply_limits
 from facade_core.core.errors import InputError
 
 # Suffix -> module and function; modules are imported when a file of theirs is read.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {
-    ".pbf": ("vectors.osm", "read_footprints"),
-    ".json": ("json_files", "read_json"),
+    ".pbf": ("vectors.osm", "read_osm_footprints"),
+    ".json": ("json_files", "read_json_buildings"),
     ".jsonl": ("cityjson.buildings", "read_cityjson"),
     ".gml": ("citygml.buildings", "read_citygml"),
     ".xml": ("citygml.buildings", "read_citygml"),
@@ -25,44 +25,44 @@ BUILDING_READERS: Mapping[str, tuple[str, str]] = {
     ".gltf": ("meshes.models", "read_meshes"),
     ".ply": ("meshes.models", "read_meshes"),
     ".npz": ("meshes.models", "read_meshes"),
-    ".gpkg": ("vectors.features", "read_footprints"),
-    ".geojson": ("vectors.features", "read_footprints"),
-    ".parquet": ("vectors.features", "read_footprints"),
-    ".geoparquet": ("vectors.features", "read_footprints"),
-    ".shp": ("vectors.features", "read_footprints"),
-    ".fgb": ("vectors.features", "read_footprints"),
+    ".gpkg": ("vectors.features", "read_vector_footprints"),
+    ".geojson": ("vectors.features", "read_vector_footprints"),
+    ".parquet": ("vectors.features", "read_vector_footprints"),
+    ".geoparquet": ("vectors.features", "read_vector_footprints"),
+    ".shp": ("vectors.features", "read_vector_footprints"),
+    ".fgb": ("vectors.features", "read_vector_footprints"),
 }
 CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
-    ".pbf": ("vectors.osm", "read_centrelines"),
+    ".pbf": ("vectors.osm", "read_osm_centrelines"),
     ".graphml": ("vectors.graphml", "read_graphml"),
-    ".gpkg": ("vectors.features", "read_centrelines"),
-    ".geojson": ("vectors.features", "read_centrelines"),
-    ".json": ("vectors.features", "read_centrelines"),
-    ".parquet": ("vectors.features", "read_centrelines"),
-    ".geoparquet": ("vectors.features", "read_centrelines"),
-    ".shp": ("vectors.features", "read_centrelines"),
-    ".fgb": ("vectors.features", "read_centrelines"),
+    ".gpkg": ("vectors.features", "read_vector_centrelines"),
+    ".geojson": ("vectors.features", "read_vector_centrelines"),
+    ".json": ("vectors.features", "read_vector_centrelines"),
+    ".parquet": ("vectors.features", "read_vector_centrelines"),
+    ".geoparquet": ("vectors.features", "read_vector_centrelines"),
+    ".shp": ("vectors.features", "read_vector_centrelines"),
+    ".fgb": ("vectors.features", "read_vector_centrelines"),
 }
 GROUND_READERS: Mapping[str, tuple[str, str]] = {
-    ".pbf": ("vectors.osm", "read_centrelines"),
-    ".gpkg": ("vectors.features", "read_ground"),
-    ".geojson": ("vectors.features", "read_ground"),
-    ".json": ("vectors.features", "read_ground"),
-    ".parquet": ("vectors.features", "read_ground"),
-    ".geoparquet": ("vectors.features", "read_ground"),
-    ".shp": ("vectors.features", "read_ground"),
-    ".fgb": ("vectors.features", "read_ground"),
+    ".pbf": ("vectors.osm", "read_osm_centrelines"),
+    ".gpkg": ("vectors.features", "read_vector_ground"),
+    ".geojson": ("vectors.features", "read_vector_ground"),
+    ".json": ("vectors.features", "read_vector_ground"),
+    ".parquet": ("vectors.features", "read_vector_ground"),
+    ".geoparquet": ("vectors.features", "read_vector_ground"),
+    ".shp": ("vectors.features", "read_vector_ground"),
+    ".fgb": ("vectors.features", "read_vector_ground"),
 }
 
 
-def read_buildings(path: Path, lod: str | None = None) -> Footprints | Models:
+def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingModels:
     """Read buildings; the suffix picks the reader, `lod` the level of detail of a model that has several.
 
     What is broken or beyond the limits of a block is set aside. Raises InputError for an unknown suffix or a broken file.
     """
-    reader = _reader(path, BUILDING_READERS)
+    reader = _find_reader(path, BUILDING_READERS)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return within_limits(reader(path, lod), path)
+        return apply_limits(reader(path, lod), path)
 
 
 def read_centrelines(path: Path) -> Centrelines:
@@ -70,9 +70,9 @@ def read_centrelines(path: Path) -> Centrelines:
 
     Raises InputError for an unknown suffix or a broken file.
     """
-    reader = _reader(path, CENTRELINE_READERS)
+    reader = _find_reader(path, CENTRELINE_READERS)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
-        return within_limits(reader(path), path)
+        return apply_limits(reader(path), path)
 
 
 def read_ground(path: Path) -> Centrelines:
@@ -80,12 +80,12 @@ def read_ground(path: Path) -> Centrelines:
 
     Raises InputError for an unknown suffix or a broken file.
     """
-    reader = _reader(path, GROUND_READERS)
+    reader = _find_reader(path, GROUND_READERS)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
         return reader(path)
 
 
-def _reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[..., Any]:
+def _find_reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[..., Any]:
     name = path.name.lower()
     found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
     if found is None:

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from catalogs.features import Footprints, Models
+from catalogs.features import BuildingModels, Footprints
 from catalogs.readers import walls
 from catalogs.readers.cityjson import buildings as cityjson
-from catalogs.readers.json_text import is_sequence, load_json
+from catalogs.readers.json_text import is_json_lines, load_json
 from catalogs.readers.vectors import features as vectors
 from facade_core.core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
 
 
-def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
+def read_json_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingModels:
     """Buildings out of CityJSON, GeoJSON or wall rectangles; `lod` as in catalogs.readers.cityjson.buildings.
 
     Raises InputError where the file is broken, or is none of these.
     """
-    if is_sequence(path):
+    if is_json_lines(path):
         return cityjson.read_cityjson(path, lod)
     document = load_json(path)
     kind = document.get("type") if isinstance(document, dict) else None
     if isinstance(document, dict) and (str(kind).startswith("CityJSON") or "CityObjects" in document):
-        return cityjson.models_of(document, path, lod)
+        return cityjson.parse_cityjson(document, path, lod)
     if isinstance(kind, str) and kind in _GEOJSON:
-        return vectors.read_footprints(path, lod)
+        return vectors.read_vector_footprints(path, lod)
     if isinstance(document, dict) and isinstance(document.get("walls"), dict):
         return walls.read_walls(path, lod)
     raise InputError(

@@ -8,10 +8,10 @@ from typing import Any
 
 from facade_core.core.errors import InputError
 
-_LONGEST_WORD = len("-Infinity")
+_MAX_WORD_LENGTH = len("-Infinity")
 
 
-def is_sequence(path: Path) -> bool:
+def is_json_lines(path: Path) -> bool:
     """Whether a file is a sequence of JSON texts, one a line. Raises InputError where it cannot be opened."""
     if path.suffix.lower() == ".jsonl":
         return True
@@ -40,7 +40,7 @@ def parse_json(text: bytes, where: str) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         # A text that ends too early fails at its end, or in a word or string that the end cuts.
-        if error.pos and (error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _LONGEST_WORD):
+        if error.pos and (error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _MAX_WORD_LENGTH):
             raise InputError(
                 f"{where} is truncated: the JSON breaks off at line {error.lineno}; get it again"
             ) from error

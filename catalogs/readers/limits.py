@@ -10,75 +10,84 @@ from typing import Any, TypeVar
 import shapely
 
 from catalogs.broken import single_line
-from catalogs.features import Centreline, Centrelines, Fault, Footprint, Footprints, Model, Models, Remark
-from catalogs.readers.faces import MOST_CORNERS
+from catalogs.features import (
+    BuildingModel,
+    BuildingModels,
+    Centreline,
+    Centrelines,
+    Fault,
+    Footprint,
+    Footprints,
+    Remark,
+)
+from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
 
-MOST_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
-MOST_FEATURES = 5_000_000  # of a file; a block has thousands
-LONGEST_ID = 1000  # letters
-LONGEST_NAME = 200  # letters; what is longer is cut
-MOST_POINTS = 100_000  # of a centreline
-LONGEST_STREET = 60_000.0  # m; what a block spans, and a winding more. Each few metres of it are a viewpoint
-LOWEST, HIGHEST = -1000.0, 10_000.0  # m; where on Earth a building can stand
-TALLEST = 1500.0  # m; what reaches further up is a slip of the data
+MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
+MAX_FEATURES = 5_000_000  # of a file; a block has thousands
+MAX_ID_LENGTH = 1000  # letters
+MAX_NAME_LENGTH = 200  # letters; what is longer is cut
+MAX_CENTRELINE_POINTS = 100_000  # of a centreline
+MAX_STREET_LENGTH_M = 60_000.0  # m; what a block spans, and a winding more. Each few metres of it are a viewpoint
+MIN_GROUND_HEIGHT_M, MAX_GROUND_HEIGHT_M = -1000.0, 10_000.0  # m; where on Earth a building can stand
+MAX_BUILDING_HEIGHT_M = 1500.0  # m; what reaches further up is a slip of the data
 
-Source = TypeVar("Source", Footprints, Models, Centrelines)
+SourceT = TypeVar("Source", Footprints, BuildingModels, Centrelines)
 
 
-def within_limits(source: Source, path: Path) -> Source:
+def apply_limits(source: SourceT, path: Path) -> SourceT:
     """A source with what no block can hold set aside: ids that are no text of a useful length, outlines of too many corners,
     ground far above or below the Earth. Names lose what is no letter."""
     kind = "street" if isinstance(source, Centrelines) else "building"
-    if len(source.items) > MOST_FEATURES:
+    if len(source.items) > MAX_FEATURES:
         raise InputError(
-            f"{path} holds {len(source.items)} {kind}s, more than {MOST_FEATURES}; cut out the area that is meant"
+            f"{path} holds {len(source.items)} {kind}s, more than {MAX_FEATURES}; cut out the area that is meant"
         )
     items: list[Any] = []
-    faults = [replace(f, id=_shown(f.id), reason=single_line(f.reason)) for f in source.faults]
+    faults = [replace(f, id=_short_id(f.id), reason=single_line(f.reason)) for f in source.faults]
     for item in source.items:
-        if reason := _too_much(item):
-            faults.append(Fault(_shown(item.id), kind, f"{path.name}: {reason}", _place(item)))
+        if reason := _limit_violation(item):
+            faults.append(Fault(_short_id(item.id), kind, f"{path.name}: {reason}", _bounding_box(item)))
         elif item.name is None:
             items.append(item)
         else:
-            items.append(replace(item, name=single_line(item.name[:LONGEST_NAME]) or None))
-    return replace(source, items=tuple(items), faults=tuple(faults), remarks=_shown_remarks(source.remarks))
+            items.append(replace(item, name=single_line(item.name[:MAX_NAME_LENGTH]) or None))
+    return replace(source, items=tuple(items), faults=tuple(faults), remarks=_clean_remarks(source.remarks))
 
 
-def _too_much(item: Footprint | Model | Centreline) -> str | None:
+def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None:
     """Why a unit cannot be one of a block, with the remedy; None where it can."""
-    if len(item.id) > LONGEST_ID:
-        return f"its id has {len(item.id)} letters, more than {LONGEST_ID}; give it a shorter one"
+    if len(item.id) > MAX_ID_LENGTH:
+        return f"its id has {len(item.id)} letters, more than {MAX_ID_LENGTH}; give it a shorter one"
     if single_line(item.id) != item.id:
         return "its id holds what is no letter, such as a line break or half a character; give it another"
     if isinstance(item, Centreline):
         points = shapely.get_num_coordinates(item.line)
-        return f"it has {points} points, more than {MOST_POINTS}; simplify it" if points > MOST_POINTS else None
+        return f"it has {points} points, more than {MAX_CENTRELINE_POINTS}; simplify it" if points > MAX_CENTRELINE_POINTS else None
     if isinstance(item, Footprint):
         corners = shapely.get_num_coordinates(item.outline)
-        if corners > MOST_CORNERS:
-            return f"its outline has {corners} corners, more than {MOST_CORNERS}; simplify it"
-        if item.height is not None and item.height > TALLEST:
+        if corners > MAX_CORNERS:
+            return f"its outline has {corners} corners, more than {MAX_CORNERS}; simplify it"
+        if item.height is not None and item.height > MAX_BUILDING_HEIGHT_M:
             return f"it is {item.height:.6g} m high; check its heights, or remove it"
-    if item.base is not None and not LOWEST <= item.base <= HIGHEST:
+    if item.base is not None and not MIN_GROUND_HEIGHT_M <= item.base <= MAX_GROUND_HEIGHT_M:
         return f"its ground is at a height of {item.base:.6g} m; mend that, or remove it"
     return None
 
 
-def _place(item: Any) -> Any:
-    if isinstance(item, Model):
+def _bounding_box(item: Any) -> Any:
+    if isinstance(item, BuildingModel):
         plan = item.shell.vertices[:, :2]
         return shapely.box(*plan.min(axis=0), *plan.max(axis=0))
     shape = item.line if isinstance(item, Centreline) else item.outline
     return shapely.box(*shape.bounds)
 
 
-def _shown(id: str) -> str:
+def _short_id(id: str) -> str:
     """An id as far as it is of use in a report."""
-    text = single_line(id[:LONGEST_ID])
-    return text if len(text) <= LONGEST_NAME else f"{text[:40]}..."
+    text = single_line(id[:MAX_ID_LENGTH])
+    return text if len(text) <= MAX_NAME_LENGTH else f"{text[:40]}..."
 
 
-def _shown_remarks(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
-    return tuple(replace(remark, id=_shown(remark.id), reason=single_line(remark.reason)) for remark in remarks)
+def _clean_remarks(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    return tuple(replace(remark, id=_short_id(remark.id), reason=single_line(remark.reason)) for remark in remarks)

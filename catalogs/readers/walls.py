@@ -12,18 +12,18 @@ from shapely import LineString, MultiPolygon, Polygon
 
 from catalogs.broken import fault_reason
 from catalogs.features import Fault, Footprint, Footprints
-from catalogs.readers.faces import FARTHEST
+from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
 # How far a body reaches behind a wall of which no more is known.
-DEPTH_M = 10.0
+ASSUMED_DEPTH_M = 10.0
 # What is above walls nothing tells.
-FLAT = Roof("flat", 0.0, confidence=0.5)
+FLAT_ROOF = Roof("flat", 0.0, confidence=0.5)
 # Walls meet, and stand upright, within this.
-TOLERANCE_M = 0.1
-_SHAPE = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
+WALL_TOLERANCE_M = 0.1
+_EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
 
 
 def read_walls(path: Path, lod: str | None = None) -> Footprints:
@@ -36,14 +36,14 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
     content = load_json(path)
     walls = content.get("walls") if isinstance(content, dict) else None
     if not isinstance(walls, dict):
-        raise InputError(f"{path} has no walls; give {_SHAPE}")
+        raise InputError(f"{path} has no walls; give {_EXPECTED_JSON}")
     crs = content.get("crs")
     if crs is not None and not isinstance(crs, str):
         raise InputError(f'{path}: crs is {crs!r}; give a text such as "EPSG:28992"')
     items, faults = [], []
     for building, stated in walls.items():
         try:
-            items.append(_building(building, stated))
+            items.append(_parse_building(building, stated))
         except ValueError as reason:
             faults.append(Fault(building, "building", str(reason)))
         except Exception as error:  # GEOS has errors of its own
@@ -51,63 +51,63 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
     return Footprints(crs, tuple(items), faults=tuple(faults))
 
 
-def _building(name: str, stated: Any) -> Footprint:
+def _parse_building(name: str, walls: Any) -> Footprint:
     """The body behind a building's walls; ValueError with the reason and the remedy where they bound none."""
-    if not isinstance(stated, Mapping) or not stated:
+    if not isinstance(walls, Mapping) or not walls:
         raise ValueError("it has no wall; give it walls, or take it out of the file")
-    rings = {wall: _ring(wall, corners) for wall, corners in stated.items()}
-    feet = [_foot(wall, ring) for wall, ring in rings.items()]
-    outlines = [outline for chain in _chains(feet) for outline in _bodies(chain)]
+    rings = {wall: _parse_ring(wall, corners) for wall, corners in walls.items()}
+    feet = [_base_line(wall, ring) for wall, ring in rings.items()]
+    outlines = [outline for chain in _connect_base_lines(feet) for outline in _outline_polygons(chain)]
     body = shapely.normalize(shapely.union_all(outlines))
     heights = np.concatenate([ring[:, 2] for ring in rings.values()])
     base = float(heights.min())
     assert isinstance(body, Polygon | MultiPolygon)
     # walls are known as high as they are: a roof that is drawn in their height would end them below their top
-    return Footprint(name, body, float(heights.max()) - base, None, None, base, roof=FLAT)
+    return Footprint(name, body, float(heights.max()) - base, None, None, base, roof=FLAT_ROOF)
 
 
-def _ring(wall: str, corners: Any) -> np.ndarray:
+def _parse_ring(wall: str, corners: Any) -> np.ndarray:
     """The corners of a wall, (n, 3)."""
     try:
         ring = np.asarray(corners, np.float64)
     except (TypeError, ValueError, OverflowError):
         ring = np.empty(0)
-    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not (np.abs(ring) < FARTHEST).all():
+    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not (np.abs(ring) < MAX_COORDINATE).all():
         raise ValueError(f"wall {wall} is no list of three or more [x, y, z] numbers; mend it")
     return ring
 
 
-def _foot(wall: str, ring: np.ndarray) -> np.ndarray:
+def _base_line(wall: str, ring: np.ndarray) -> np.ndarray:
     """The line (2, 2) on which a wall stands, from left to right seen from outside."""
     apart = np.linalg.norm(ring[:, None, :2] - ring[None, :, :2], axis=2)
     a, b = sorted(np.unravel_index(apart.argmax(), apart.shape))
     foot = np.array([ring[a, :2], ring[b, :2]])
-    if apart.max() < TOLERANCE_M or np.ptp(ring[:, 2]) < TOLERANCE_M:
+    if apart.max() < WALL_TOLERANCE_M or np.ptp(ring[:, 2]) < WALL_TOLERANCE_M:
         raise ValueError(f"wall {wall} has no area; mend it")
-    if shapely.distance(LineString(foot), shapely.points(ring[:, :2])).max() > TOLERANCE_M:
+    if shapely.distance(LineString(foot), shapely.points(ring[:, :2])).max() > WALL_TOLERANCE_M:
         raise ValueError(f"wall {wall} does not stand upright; give walls as vertical rectangles")
     along = foot[1] - foot[0]
     first = (ring[:, :2] - foot[0]) @ along
     return foot if first[0] <= first[np.flatnonzero(np.abs(first - first[0]) > 1e-6)[0]] else foot[::-1]
 
 
-def _chains(feet: list[np.ndarray]) -> list[np.ndarray]:
+def _connect_base_lines(feet: list[np.ndarray]) -> list[np.ndarray]:
     """Feet that meet end to end, in the order given, as polylines (n, 2)."""
     chains: list[list[np.ndarray]] = []
     for foot in feet:
-        if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= TOLERANCE_M:
+        if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= WALL_TOLERANCE_M:
             chains[-1].append(foot[1])
         else:
             chains.append([foot[0], foot[1]])
     return [np.array(chain) for chain in chains]
 
 
-def _bodies(chain: np.ndarray) -> list[Polygon]:
+def _outline_polygons(chain: np.ndarray) -> list[Polygon]:
     closed = Polygon(chain) if len(chain) >= 4 else Polygon()
     if closed.is_valid and closed.area > 0:
         return [closed]
     bodies = []
     for a, b in zip(chain[:-1], chain[1:], strict=True):
-        left = np.array([a[1] - b[1], b[0] - a[0]]) * DEPTH_M / np.linalg.norm(b - a)
+        left = np.array([a[1] - b[1], b[0] - a[0]]) * ASSUMED_DEPTH_M / np.linalg.norm(b - a)
         bodies.append(Polygon([a, b, b + left, a + left]))
     return bodies

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from urllib.parse import quote
 
-from catalogs.published.places import Folder, put
+from catalogs.published.folders import Folder, put
 from catalogs.published.runs import Run, publishes, runs_in
 from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
-from catalogs.features import file_stem, natural_order
+from catalogs.features import file_stem, natural_sort_key
 from catalogs.frames import LONLAT
+from catalogs.published.folders import F, Folder, at, sizes_in
 from catalogs.published.items import feet_in
-from catalogs.published.places import F, Folder, at, sizes_in
 from catalogs.stac.assets import (
     block_assets,
     card_asset,
@@ -75,7 +75,7 @@ def write_stac(
     from pyproj import CRS
 
     folder, crs = Path(folder), CRS.from_user_input(block.crs)
-    rows = sorted(rows, key=lambda row: natural_order(row["id"]))
+    rows = sorted(rows, key=lambda row: natural_sort_key(row["id"]))
     facades = [row for row in rows if row["kind"] == "facade"]
     ends = [row["geometry"] for row in facades]
     feet = [
@@ -97,7 +97,7 @@ def write_stac(
             "facades", f"facades/{file_stem(foot.row['building'] or 'none')}/{file_stem(item.id)}.json", item, parents
         )
 
-    for street in sorted(streets, key=lambda street: natural_order(street.id)):
+    for street in sorted(streets, key=lambda street: natural_sort_key(street.id)):
         item = street_item(street, place_of(street.line, crs), block)
         writer.add("streets", hrefs[f"street/{street.id}"], item, [hrefs[f"block/{block.name}"]])
 

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from catalogs.published.places import Folder, at, put, sizes_in
+from catalogs.published.folders import Folder, at, put, sizes_in
 from catalogs.stac.parquet import MIRROR, without_links
 from catalogs.stac.snapshot import COLLECTION, STAC, json_text
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from facade_core.atlas.rasters import Rasters, write_rasters
+from facade_core.atlas.rasters import TexelLayout, write_rasters
 from facade_core.atlas.stored_files import FOLDERS
-from facade_core.core.atlas_spec import TEXT, Array, AtlasSpec, Axis
+from facade_core.core.atlas_spec import STRING_DTYPE, ArraySpec, AtlasSpec, Axis
 from facade_core.core.labels import FLAGS
 from facade_core.core.provenance import PROVENANCE
 from facade_core.core.zarr_types import StoreGroup
@@ -16,68 +16,68 @@ from facade_core.geometry.chart_packing import Placement
 
 # Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
 # another format begins anew at the next run.
-FORMAT = 4
+STORE_FORMAT = 4
 
-PAGE, PAGE_RGB = ("page", "y", "x"), ("page", "y", "x", "band")
-FROM = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
+PAGE_DIMS, PAGE_RGB_DIMS = ("page", "y", "x"), ("page", "y", "x", "band")
+PROVENANCE_FLAGS = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
 
 # Arrays over the pages of the atlas, by who writes them. The colours of each, and what these are from, come first: records have
 # the digests of these two, chart by chart.
-SEEDS = (
-    Array("atlas/seed", PAGE_RGB, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}),
-    Array("atlas/seed_evidence", PAGE, "uint8", "provenance of seed, 0 where there is none", FROM),
-    Array("facade_maps/evidence", PAGE_RGB, "uint8", "facade image before completion"),
-    Array(
+BASE_ARRAYS = (
+    ArraySpec("atlas/seed", PAGE_RGB_DIMS, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}),
+    ArraySpec("atlas/seed_evidence", PAGE_DIMS, "uint8", "provenance of seed, 0 where there is none", PROVENANCE_FLAGS),
+    ArraySpec("facade_maps/evidence", PAGE_RGB_DIMS, "uint8", "facade image before completion"),
+    ArraySpec(
         "facade_maps/labels",
-        PAGE,
+        PAGE_DIMS,
         "uint8",
         "class id as in facade_core.labels, 255 unknown",
         {**FLAGS, "ancillary_variables": "confidence occluded"},
     ),
-    Array("facade_maps/occluded", PAGE, "bool", "hidden in the facade image"),
-    Array(
+    ArraySpec("facade_maps/occluded", PAGE_DIMS, "bool", "hidden in the facade image"),
+    ArraySpec(
         "facade_maps/confidence",
-        PAGE,
+        PAGE_DIMS,
         "uint8",
         "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all",
         {"units": "1"},
     ),
-    Array("facade_maps/camera", PAGE, "uint16", "which of the cameras in its record it is from, from 1 on; 0 none"),
+    ArraySpec("facade_maps/camera", PAGE_DIMS, "uint16", "which of the cameras in its record it is from, from 1 on; 0 none"),
 )
-STREETS = (
-    Array(
+STREET_ARRAYS = (
+    ArraySpec(
         "atlas/street",
-        PAGE_RGB,
+        PAGE_RGB_DIMS,
         "uint8",
         "colour from the street stage, Eq. 1",
         {"ancillary_variables": "street_views"},
     ),
-    Array("atlas/street_views", PAGE, "uint16", "views blended into street", {"units": "1"}),
+    ArraySpec("atlas/street_views", PAGE_DIMS, "uint16", "views blended into street", {"units": "1"}),
 )
-SURFACES = (
-    Array("atlas/colour", PAGE_RGB, "uint8", "resolved colour", {"ancillary_variables": "provenance"}),
-    Array(
+SURFACE_ARRAYS = (
+    ArraySpec("atlas/colour", PAGE_RGB_DIMS, "uint8", "resolved colour", {"ancillary_variables": "provenance"}),
+    ArraySpec(
         "atlas/provenance",
-        PAGE,
+        PAGE_DIMS,
         "uint8",
         "source of colour: " + ", ".join(f"{rank} {source}" for rank, source in enumerate(PROVENANCE)),
-        FROM,
+        PROVENANCE_FLAGS,
     ),
 )
-OF_STAGE = {
-    "textures": SEEDS,
-    "grounds": SEEDS,
-    "walls": SEEDS,
-    "facades": SEEDS,
-    "streets": STREETS,
-    "surfaces": SURFACES,
+STAGE_ARRAYS = {
+    "textures": BASE_ARRAYS,
+    "grounds": BASE_ARRAYS,
+    "walls": BASE_ARRAYS,
+    "facades": BASE_ARRAYS,
+    "streets": STREET_ARRAYS,
+    "surfaces": SURFACE_ARRAYS,
 }
 
 ARRAYS = (
-    *SEEDS,
-    *STREETS,
-    *SURFACES,
-    Array(
+    *BASE_ARRAYS,
+    *STREET_ARRAYS,
+    *SURFACE_ARRAYS,
+    ArraySpec(
         "panoramas/rgb",
         ("viewpoint", "row", "column", "band"),
         "uint8",
@@ -86,10 +86,10 @@ ARRAYS = (
 )
 
 
-def journal(stage: str) -> Array:
+def journal_array(stage: str) -> ArraySpec:
     """The array of the records of a stage, one a unit."""
     meaning = f"record of each unit of {stage}, JSON; empty until it is done"
-    return Array(f"journal/{stage}", (_unit(stage),), TEXT, meaning)
+    return ArraySpec(f"journal/{stage}", (_unit_dimension(stage),), STRING_DTYPE, meaning)
 
 
 def create_arrays(
@@ -97,7 +97,7 @@ def create_arrays(
 ) -> None:
     """Empty atlas pages, facade maps, panoramas and journal, for so many units by stage: no chunk is written."""
     axes = _axes(spec, units, panorama_width)
-    for array in (*ARRAYS, *map(journal, units)):
+    for array in (*ARRAYS, *map(journal_array, units)):
         array.create(group, axes)
     for folder in ("atlas", "facade_maps"):
         group.require_group(folder).attrs.update(
@@ -108,7 +108,7 @@ def create_arrays(
         group.create_group(f"exemplars/{exemplar}", overwrite=True)
     for folder in FOLDERS:
         group.create_group(folder, overwrite=True)
-    group.attrs.update(format=FORMAT)
+    group.attrs.update(format=STORE_FORMAT)
 
 
 def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, panorama_width: int) -> None:
@@ -117,13 +117,13 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
     What is in both keeps its content, but for panoramas of another width, which begin anew.
     """
     axes = _axes(spec, units, panorama_width)
-    for array in (*ARRAYS, *map(journal, units)):
-        array.fit(group, axes)
+    for array in (*ARRAYS, *map(journal_array, units)):
+        array.resize(group, axes)
     for exemplar in range(units["exemplars"]):
         group.require_group(f"exemplars/{exemplar}")
     for folder in FOLDERS:
         group.require_group(folder)
-    group.attrs.update(format=FORMAT)
+    group.attrs.update(format=STORE_FORMAT)
 
 
 def clear_rasters(
@@ -132,11 +132,11 @@ def clear_rasters(
     """Make the atlas and the facade maps at some charts as they were before a stage wrote them; without one, before any did."""
     arrays = [
         group[array.path]
-        for array in (OF_STAGE[stage] if stage else (*SEEDS, *STREETS, *SURFACES))
+        for array in (STAGE_ARRAYS[stage] if stage else (*BASE_ARRAYS, *STREET_ARRAYS, *SURFACE_ARRAYS))
         if array.path in group  # a store of an earlier version lacks some until its plan is written
     ]
     for chart in charts:
-        one = Rasters.of(placement, [chart])
+        one = TexelLayout.of(placement, [chart])
         for array in arrays:
             write_rasters(array, spec, placement, one, np.zeros((one.total, *array.shape[3:]), array.dtype))
 
@@ -144,7 +144,7 @@ def clear_rasters(
 def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, Axis]:
     """Every dimension of ARRAYS and of the journal: a chunk is a square of a page, a panorama, or what one unit writes."""
     return {
-        **{_unit(stage): Axis(count, 1) for stage, count in units.items()},
+        **{_unit_dimension(stage): Axis(count, 1) for stage, count in units.items()},
         "page": Axis(spec.pages, 1),
         "y": Axis(spec.page, spec.chunk),
         "x": Axis(spec.page, spec.chunk),
@@ -154,5 +154,5 @@ def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dic
     }
 
 
-def _unit(stage: str) -> str:
+def _unit_dimension(stage: str) -> str:
     return stage.removesuffix("s")

@@ -12,7 +12,7 @@ from typing import Any, Required, TypedDict
 
 import numpy as np
 
-from facade_core.atlas.journal_cache import read_held
+from facade_core.atlas.journal_cache import read_cached_array
 from facade_core.core.zarr_types import StoreGroup
 
 
@@ -145,14 +145,14 @@ class Record(TypedDict, total=False):
 
 
 # Fields of a record that may differ between two runs of the same unit on the same input.
-VOLATILE = ("worker", "seconds", "started", "commits", "traceback")
+VOLATILE_FIELDS = ("worker", "seconds", "started", "commits", "traceback")
 
 
 def read_journal(group: StoreGroup, stage: str) -> list[Record | None]:
     """All records of a stage by unit index, None where there is none; no units where the store is older than the stage."""
     if f"journal/{stage}" not in group:
         return []
-    return [json.loads(text) if text else None for text in read_held(group, f"journal/{stage}")]
+    return [json.loads(text) if text else None for text in read_cached_array(group, f"journal/{stage}")]
 
 
 def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[Record | None]:
@@ -168,7 +168,7 @@ def write_record(group: StoreGroup, stage: str, index: int, record: Record) -> N
     group[f"journal/{stage}"][index] = json.dumps(record, sort_keys=True, allow_nan=False)
 
 
-def forget_record(group: StoreGroup, stage: str, index: int) -> None:
+def clear_record(group: StoreGroup, stage: str, index: int) -> None:
     """Make a unit due again, which it is in a store from before its stage."""
     if f"journal/{stage}" in group:
         group[f"journal/{stage}"][index] = ""
@@ -179,14 +179,14 @@ def unit_key(*parts: Any) -> str:
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def latest_digests(seeds: list[Record | None], streets: list[Record | None]) -> dict[str, str]:
+def latest_digests(base_records: list[Record | None], street_records: list[Record | None]) -> dict[str, str]:
     """Digest of every chart, by its id, as the last of those who share its arrays left it: those of `seeds` each have charts of
     their own, streets write in the order of their waves."""
     charts: dict[str, str] = {}
-    for record in seeds:
+    for record in base_records:
         if record:
             charts.update(record.get("digests", {}))
-    for record in sorted((r for r in streets if r), key=lambda r: (r["wave"], r["unit"])):
+    for record in sorted((r for r in street_records if r), key=lambda r: (r["wave"], r["unit"])):
         charts.update(record["digests"])
     return charts
 

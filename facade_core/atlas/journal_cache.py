@@ -12,12 +12,12 @@ from threading import Lock
 import icechunk
 import numpy as np
 
-from facade_core.atlas.location import Place
+from facade_core.atlas.store_location import StoreLocation
 from facade_core.core.zarr_types import StoreGroup
 
 
 @dataclass
-class _Held:
+class _CachedJournals:
     """Arrays by their paths as they are at a snapshot, but for some elements of each, which others were committed over."""
 
     snapshot: str | None = None
@@ -26,31 +26,31 @@ class _Held:
 
 
 # By the folder of a store.
-_held: dict[Place, _Held] = {}
-_lock = Lock()
+_caches: dict[StoreLocation, _CachedJournals] = {}
+_cache_lock = Lock()
 
 
 @contextmanager
-def holding(store: Place) -> Iterator[None]:
+def cache_journals(store: StoreLocation) -> Iterator[None]:
     """While this lasts, `read_held` reads each array of the store in a folder once, and then what was committed.
 
     Each record of a journal is a chunk, of which a second reads a thousand, and a run asks for all before each of its stages.
     """
-    _held[store] = _Held()
+    _caches[store] = _CachedJournals()
     try:
         yield
     finally:
-        _held.pop(store, None)
+        _caches.pop(store, None)
 
 
-def read_held(group: StoreGroup, path: str) -> np.ndarray:
+def read_cached_array(group: StoreGroup, path: str) -> np.ndarray:
     """An array (n,) of a chunk for each element, as the group has it. It is not to be written to.
 
     The folder of a store is told by its root group (`facade_core.atlas.store`)."""
-    array, held = group[path], _held.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
+    array, held = group[path], _caches.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
     if held is None or (session := group.store.session).has_uncommitted_changes:
         return array[:]
-    with _lock:
+    with _cache_lock:
         if held.snapshot != session.snapshot_id:  # the store went back, or somebody reads what it was
             held.snapshot, held.arrays = session.snapshot_id, {}
         values = held.arrays.pop(path, None)  # until it is read: a reading that fails leaves nothing behind
@@ -64,11 +64,11 @@ def read_held(group: StoreGroup, path: str) -> np.ndarray:
     return values
 
 
-def note_commit(store: Place, parent: str | None, snapshot: str, changes: icechunk.Diff) -> None:
+def update_cached_journals(store: StoreLocation, parent: str | None, snapshot: str, changes: icechunk.Diff) -> None:
     """A snapshot was committed on top of its parent in the store in a folder, with some changes."""
-    if (held := _held.get(store)) is None:
+    if (held := _caches.get(store)) is None:
         return
-    with _lock:
+    with _cache_lock:
         if held.snapshot != parent:  # what else was committed nobody said
             held.arrays = {}
         for name in changes.new_arrays | changes.updated_arrays | changes.deleted_arrays:

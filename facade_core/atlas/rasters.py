@@ -15,7 +15,7 @@ from facade_core.geometry.chart_packing import THIN, Placement
 
 
 @dataclass(frozen=True)
-class Rasters:
+class TexelLayout:
     """The texels of some charts laid end to end, row-major within a chart.
 
     charts (k,) chart ids in their order in memory; offset (n,) int64 over ALL charts of the block: texel (row, column) of
@@ -27,7 +27,7 @@ class Rasters:
     total: int
 
     @classmethod
-    def of(cls, placement: Placement, charts: Iterable[int]) -> Rasters:
+    def of(cls, placement: Placement, charts: Iterable[int]) -> TexelLayout:
         held = np.array(list(charts), np.int64)
         size = placement.width[held].astype(np.int64) * placement.height[held]
         offset = np.full(len(placement.page), -1, np.int64)
@@ -39,35 +39,35 @@ class Rasters:
         return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
 
 
-def read_rasters(array: StoreArray, placement: Placement, rasters: Rasters) -> np.ndarray:
+def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -> np.ndarray:
     """The held charts' texels of a (page, y, x, ...) array: (total, ...). A chunk that small charts share is read once."""
-    flat = np.empty((rasters.total, *array.shape[3:]), array.dtype)
+    flat = np.empty((layout.total, *array.shape[3:]), array.dtype)
     chunk = array.chunks[1]
     shared: dict[tuple[int, int, int], np.ndarray] = {}
-    for c in rasters.charts:
+    for c in layout.charts:
         page, y, x = int(placement.page[c]), int(placement.y[c]), int(placement.x[c])
         height, width = int(placement.height[c]), int(placement.width[c])
         cell = (page, y // chunk, x // chunk)
         if cell[1:] == ((y + height - 1) // chunk, (x + width - 1) // chunk):
             if cell not in shared:
-                shared[cell] = np.asarray(array[_region(cell, chunk)])
+                shared[cell] = np.asarray(array[_chunk_region(cell, chunk)])
             block = shared[cell][y % chunk : y % chunk + height, x % chunk : x % chunk + width]
         else:
             block = np.asarray(array[page, y : y + height, x : x + width])
-        flat[rasters.slice(placement, c)] = block.reshape(-1, *array.shape[3:])
+        flat[layout.slice(placement, c)] = block.reshape(-1, *array.shape[3:])
     return flat
 
 
-def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rasters: Rasters, flat: np.ndarray) -> None:
+def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: np.ndarray) -> None:
     """Write the held charts' texels (total, ...) and their gutters into a (page, y, x, ...) array.
 
     A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones, and thin ones, share theirs,
     each of which is read and rewritten once: only the unit that owns the building may do that.
     """
     shared: dict[tuple[int, int, int], list[tuple[int, int, np.ndarray]]] = {}
-    for c in rasters.charts:
+    for c in layout.charts:
         height, width = int(placement.height[c]), int(placement.width[c])
-        raster = flat[rasters.slice(placement, c)].reshape(height, width, *array.shape[3:])
+        raster = flat[layout.slice(placement, c)].reshape(height, width, *array.shape[3:])
         page, y, x = int(placement.page[c]), int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
         colour = [(0, 0)] * (raster.ndim - 2)
         block = np.pad(raster, [(spec.gutter,) * 2, (spec.gutter,) * 2, *colour], mode="edge")
@@ -83,7 +83,7 @@ def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rast
             part = (y % spec.chunk, left % spec.chunk, block[:, left - x : right - x])
             shared.setdefault((page, row, column), []).append(part)
     for cell, members in shared.items():
-        region = _region(cell, spec.chunk)
+        region = _chunk_region(cell, spec.chunk)
         whole = np.array(array[region])
         for y, x, block in members:
             whole[y : y + block.shape[0], x : x + block.shape[1]] = block
@@ -102,19 +102,19 @@ def write_chunks(array: StoreArray, region: tuple[int, slice, slice], values: np
     array[region] = values
 
 
-def _region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, slice]:
+def _chunk_region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, slice]:
     page, row, column = cell
     return page, slice(row * chunk, (row + 1) * chunk), slice(column * chunk, (column + 1) * chunk)
 
 
 def chart_digests(
-    colour: np.ndarray, provenance: np.ndarray, placement: Placement, rasters: Rasters, ids: np.ndarray
+    colour: np.ndarray, provenance: np.ndarray, placement: Placement, layout: TexelLayout, ids: np.ndarray
 ) -> dict[str, str]:
     """Digest of colour (total, 3) and provenance (total,) of every held chart: its id of `ids` (charts,) uint64, in hexadecimal
     -> hex. The same wherever the chart lies on the pages."""
     digests: dict[str, str] = {}
-    for c in rasters.charts.tolist():
-        texels = rasters.slice(placement, c)
+    for c in layout.charts.tolist():
+        texels = layout.slice(placement, c)
         digest = hashlib.blake2b(np.ascontiguousarray(colour[texels]).tobytes(), digest_size=8)
         digest.update(np.ascontiguousarray(provenance[texels]).tobytes())
         digests[f"{int(ids[c]):016x}"] = digest.hexdigest()

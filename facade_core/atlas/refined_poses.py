@@ -8,7 +8,7 @@ from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.zarr_types import StoreGroup
 
 
-def read_posed(group: StoreGroup) -> list[Record | None]:
+def read_refined_poses(group: StoreGroup) -> list[Record | None]:
     """The records of panoramas by index, with what their bundles found in place of what is of them alone; what a bundle says
     counts where it is of the pose that a panorama has alone now."""
     records = read_journal(group, "poses")

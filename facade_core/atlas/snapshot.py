@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import icechunk
 import numpy as np
 
-from facade_core.atlas.arrays import ARRAYS, PAGE
+from facade_core.atlas.arrays import ARRAYS, PAGE_DIMS
 from facade_core.atlas.journal import read_records
-from facade_core.atlas.location import Place
 from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.atlas.store_location import StoreLocation
 from facade_core.atlas.table_schema import TABLES
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.zarr_types import StoreGroup, group_at
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 # CF names of world coordinates.
-WORLD = {
+WORLD_COORDINATES = {
     "world_x": {"standard_name": "projection_x_coordinate", "units": "m"},
     "world_y": {"standard_name": "projection_y_coordinate", "units": "m"},
     "world_z": {"long_name": "height in the block's frame", "units": "m", "positive": "up"},
 }
 # As the store has them.
-CHUNKS: Mapping[str, int] = {}
+STORED_CHUNKS: Mapping[str, int] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Atlas:
 
     tree: xr.DataTree
     session: icechunk.Session = field(repr=False)
-    path: Place | None
+    path: StoreLocation | None
     chunks: Mapping[str, int] | None = field(repr=False)
 
     def __getitem__(self, path: str) -> Any:
@@ -129,7 +129,7 @@ class Atlas:
         page, top, left, height, width = (int(chart[name]) for name in ("page", "y", "x", "height", "width"))
         window = {"page": page, "y": slice(top, top + height), "x": slice(left, left + width)}
         # a store may be older than some array
-        on_pages = [array.path.split("/") for array in ARRAYS if array.dims[:3] == PAGE]
+        on_pages = [array.path.split("/") for array in ARRAYS if array.dims[:3] == PAGE_DIMS]
         rasters = {
             name: self.tree[folder][name].isel(window).assign_attrs(grid_mapping="crs")
             for folder, name in on_pages
@@ -143,7 +143,7 @@ class Atlas:
             v, u = v.chunk({"y": chunks["y"]}), u.chunk({"x": chunks["x"]})
         world = {
             name: (chart["origin"][axis] + v * chart["axis_v"][axis] + u * chart["axis_u"][axis]).assign_attrs(attrs)
-            for axis, (name, attrs) in enumerate(WORLD.items())
+            for axis, (name, attrs) in enumerate(WORLD_COORDINATES.items())
         }
         return xr.Dataset(
             rasters,
@@ -167,7 +167,7 @@ class Atlas:
         )
 
 
-def open_atlas(source: icechunk.Session | Place | str, *, chunks: Mapping[str, int] | None = CHUNKS) -> Atlas:
+def open_atlas(source: icechunk.Session | StoreLocation | str, *, chunks: Mapping[str, int] | None = STORED_CHUNKS) -> Atlas:
     """The store of a session, or the newest snapshot of that in a folder: the store's own, or a run's; for one in a bucket
     `catalogs.folder_at("s3://...")` gives the folder.
 
@@ -192,12 +192,12 @@ def open_atlas(source: icechunk.Session | Place | str, *, chunks: Mapping[str, i
     groups = xr.open_groups(
         store, engine="zarr", consolidated=False, zarr_format=3, mask_and_scale=False, chunks=chunks
     )
-    crs = _crs(str(root.attrs.get("crs", group_at(root, "atlas").attrs["crs"])))
-    tree = xr.DataTree.from_dict({name: _described(name.strip("/"), group, crs) for name, group in groups.items()})
+    crs = _crs_attributes(str(root.attrs.get("crs", group_at(root, "atlas").attrs["crs"])))
+    tree = xr.DataTree.from_dict({name: _with_declared_attributes(name.strip("/"), group, crs) for name, group in groups.items()})
     return Atlas(tree, session, path, chunks)
 
 
-def _described(group: str, dataset: xr.Dataset, crs: Mapping[str, Any]) -> xr.Dataset:
+def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str, Any]) -> xr.Dataset:
     """A group with the attributes that are declared for its arrays, and the CRS where it has one: a store that was written
     before they were declared lacks some."""
     declared = {array.path: array.attrs for array in ARRAYS}
@@ -212,7 +212,7 @@ def _described(group: str, dataset: xr.Dataset, crs: Mapping[str, Any]) -> xr.Da
     return dataset.assign_coords(crs=((), np.int32(0), crs)) if "crs" in dataset.attrs else dataset
 
 
-def _crs(name: str) -> dict[str, Any]:
+def _crs_attributes(name: str) -> dict[str, Any]:
     """CF attributes of a CRS."""
     from pyproj import CRS
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import icechunk
 
-from facade_core.atlas.arrays import FORMAT
-from facade_core.atlas.journal_cache import note_commit
-from facade_core.atlas.location import Place
+from facade_core.atlas.arrays import STORE_FORMAT
+from facade_core.atlas.journal_cache import update_cached_journals
+from facade_core.atlas.store_location import StoreLocation
 from facade_core.core.errors import FormatError, LostStoreError, StoreError
 from facade_core.core.zarr_types import StoreGroup
 
@@ -28,13 +28,13 @@ icechunk.set_logs_filter("off")
 
 # Units, and pages of the atlas, that one manifest lists: a commit writes those that it touches anew, and in its snapshot a line
 # for each that there is (ADR 0045).
-UNITS_A_MANIFEST, PAGES_A_MANIFEST = 64, 4
+UNITS_PER_MANIFEST, PAGES_PER_MANIFEST = 64, 4
 
 # The local file system has no compare-and-swap: of two threads that move a branch at once, one commit is lost without an error.
 # A bucket has, and there this spares commits of the same process their second tries.
-_committing = Lock()
+_commit_lock = Lock()
 # What is asked before each commit into a store.
-_guards: dict[Place, Callable[[], None]] = {}
+_commit_guards: dict[StoreLocation, Callable[[], None]] = {}
 
 
 class Repository(icechunk.Repository):
@@ -42,7 +42,7 @@ class Repository(icechunk.Repository):
     whether the commit arrived; and they are of snapshots that can be read, where Icechunk's would hold nothing. Both raise
     StoreError."""
 
-    path: Place
+    path: StoreLocation
 
     def writable_session(self, branch: str) -> icechunk.Session:
         return self._readable(super().writable_session(branch))
@@ -64,7 +64,7 @@ class Repository(icechunk.Repository):
         return session
 
 
-def configuration(units: int, pages: int) -> icechunk.RepositoryConfig:
+def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
     """How a store is opened whose manifests list so many units, or pages, each.
 
     It is given at every opening, and not kept in the store: there it would be one more file without which a store is lost. What
@@ -81,7 +81,7 @@ def configuration(units: int, pages: int) -> icechunk.RepositoryConfig:
     return icechunk.RepositoryConfig(manifest=manifests)
 
 
-def open_repository(path: Place, *, create: bool = False) -> Repository:
+def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
     """The repository in folder `path`. Raises StoreError when there is none (and `create` is False) or it is damaged."""
     if not create and not path.is_dir():  # the storage would make one, which a run takes for a store that lost all
         raise StoreError(f"{path}: there is no store; run the block first")
@@ -94,7 +94,7 @@ def open_repository(path: Place, *, create: bool = False) -> Repository:
     try:
         if create:
             Repository.open_or_create(storage)
-        config = configuration(UNITS_A_MANIFEST, PAGES_A_MANIFEST)
+        config = repository_config(UNITS_PER_MANIFEST, PAGES_PER_MANIFEST)
         repository = cast(Repository, Repository.open(storage, config))
     except icechunk.IcechunkError as error:
         raise StoreError(
@@ -108,19 +108,19 @@ def open_root(session: icechunk.Session) -> StoreGroup:
     """The root group of a store, to be written to where the session is. Raises FormatError where it is of another format;
     a store to which nothing was written yet is of any.
     """
-    group = root_of_any_format(session)
-    found = format_of(group)
-    if found != FORMAT and dict(group.attrs):
+    group = open_root_of_any_format(session)
+    found = read_format(group)
+    if found != STORE_FORMAT and dict(group.attrs):
         repository = getattr(session, "repository", None)
         where, out = (repository.path, repository.path.parent) if repository else ("the store", "OUT")
         raise FormatError(
-            f"{where}: is of format {found or 'unknown'}, and this version of Streetloom reads {FORMAT}; `streetloom run "
+            f"{where}: is of format {found or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; `streetloom run "
             f"BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
         )
     return group
 
 
-def root_of_any_format(session: icechunk.Session) -> StoreGroup:
+def open_root_of_any_format(session: icechunk.Session) -> StoreGroup:
     """The root group of a store, whoever wrote it; where the session is to be written to, it is made if there is none."""
     import zarr
 
@@ -130,14 +130,14 @@ def root_of_any_format(session: icechunk.Session) -> StoreGroup:
     return cast(StoreGroup, zarr.open_group(store, mode="r" if session.read_only else "a"))
 
 
-def new_root(session: icechunk.Session) -> StoreGroup:
+def create_root(session: icechunk.Session) -> StoreGroup:
     """An empty root group in place of whatever the store held."""
     import zarr
 
     return cast(StoreGroup, zarr.group(store=session.store, overwrite=True))
 
 
-def format_of(group: StoreGroup) -> int | None:
+def read_format(group: StoreGroup) -> int | None:
     """The format of a store. Those made before it had an attribute of its own say it of what they were made for."""
     made_for = group.attrs.get("made_for")
     found = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
@@ -165,8 +165,8 @@ def commit(session: icechunk.Session, message: str) -> str:
     branch = session.branch or BRANCH  # a committed session has none
     repository: Repository = session.repository  # type: ignore[attr-defined]
     changes = session.status()
-    with _committing:
-        if (still := _guards.get(repository.path)) is not None:
+    with _commit_lock:
+        if (still := _commit_guards.get(repository.path)) is not None:
             still()
         try:
             # moves the branch if its tip is the session's base; else rebases the session onto the tip, and tries again
@@ -176,7 +176,7 @@ def commit(session: icechunk.Session, message: str) -> str:
                 f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
             ) from error
         tip = repository.lookup_branch(branch)
-        note_commit(repository.path, repository.lookup_snapshot(snapshot).parent_id, snapshot, changes)
+        update_cached_journals(repository.path, repository.lookup_snapshot(snapshot).parent_id, snapshot, changes)
     if tip != snapshot:
         raise StoreError(
             f"{message}: the commit {snapshot} is lost, {branch} is at {tip}: another process writes into this store; end it, "
@@ -186,24 +186,24 @@ def commit(session: icechunk.Session, message: str) -> str:
 
 
 @contextmanager
-def guarded(store: Place, still: Callable[[], None]) -> Iterator[None]:
+def guard_commits(store: StoreLocation, check: Callable[[], None]) -> Iterator[None]:
     """While this lasts, `still` is asked before each commit into a store: it raises where this process may commit no more."""
-    _guards[store] = still
+    _commit_guards[store] = check
     try:
         yield
     finally:
-        del _guards[store]
+        del _commit_guards[store]
 
 
-def expire(repository: icechunk.Repository, younger: timedelta = timedelta()) -> None:
+def expire_snapshots(repository: icechunk.Repository, min_age: timedelta = timedelta()) -> None:
     """Forget every snapshot that is neither the newest, nor the one before it, nor tagged, nor younger than that, and remove
     what only those held.
 
     The one before stays for the day on which the newest cannot be read. For a moment at which nobody else writes: what an open
     session wrote would be taken for garbage.
     """
-    with _committing:
+    with _commit_lock:
         *_, before = islice(repository.ancestry(branch=BRANCH), 2)
-        left = datetime.now(UTC) - younger
+        left = datetime.now(UTC) - min_age
         repository.expire_snapshots(min(before.written_at, left))
         repository.garbage_collect(left)

@@ -19,7 +19,7 @@ from facade_core.core.zarr_types import StoreGroup, group_at
 HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES = "hierarchies", "earlier", "pages", "tiles", "coarse", "pictures"
 FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES)
 # The stages whose units write them.
-ENCODING = ("facades", "pages", "tiles", "pictures")
+FILE_STAGES = ("facades", "pages", "tiles", "pictures")
 
 
 def hierarchy_path(chart: int) -> str:
@@ -47,7 +47,7 @@ def picture_path(name: str) -> str:
     return f"{PICTURES}/{name}"
 
 
-def encoded_of(stage: str, unit: int, record: Record | None) -> dict[str, str]:
+def unit_files(stage: str, unit: int, record: Record | None) -> dict[str, str]:
     """The files that a unit of a stage wrote, path -> digest; none where it is not done."""
     if record is None or record["status"] != "done":
         return {}
@@ -61,7 +61,7 @@ def encoded_of(stage: str, unit: int, record: Record | None) -> dict[str, str]:
     return {picture_path(record["file"]): record["digest"]} if "file" in record else {}
 
 
-def write_encoded(group: StoreGroup, path: str, data: bytes, long_name: str) -> None:
+def write_stored_file(group: StoreGroup, path: str, data: bytes, long_name: str) -> None:
     """Put a file in the store, in place of what was there."""
     group.create_array(
         path,
@@ -75,27 +75,27 @@ def write_encoded(group: StoreGroup, path: str, data: bytes, long_name: str) -> 
     )
 
 
-def read_encoded(group: StoreGroup, path: str, digest: str) -> bytes:
+def read_stored_file(group: StoreGroup, path: str, digest: str) -> bytes:
     """A file of the store. Raises StoreError where there is none, or it has another digest."""
-    return read_checked(group, path, digest).tobytes()
+    return read_verified_array(group, path, digest).tobytes()
 
 
-def read_checked(group: StoreGroup, path: str, digest: str) -> np.ndarray:
+def read_verified_array(group: StoreGroup, path: str, digest: str) -> np.ndarray:
     """A file, or coarse rasters, as the array that the store has of it. Raises StoreError as `read_encoded` does."""
     if path not in group:
         raise StoreError(f"{path} is not in the store; the next run makes it again")
     data = np.asarray(group[path][:])
-    if encoded_digest(np.ascontiguousarray(data).data) != digest:
+    if stored_file_digest(np.ascontiguousarray(data).data) != digest:
         raise StoreError(f"{path} is not as it was written; the next run makes it again")
     return data
 
 
-def encoded_digest(data: bytes | memoryview) -> str:
+def stored_file_digest(data: bytes | memoryview) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
-def forget_encoded(group: StoreGroup, folder: str, kept: set[str]) -> None:
+def delete_stored_files(group: StoreGroup, folder: str, kept: set[str]) -> None:
     """Remove the files of a folder but for those of some names."""
     for name, _ in list(group_at(group, folder).arrays()):
         if name not in kept:

@@ -9,16 +9,16 @@ import numpy as np
 from facade_core.geometry.charts import CORNERS, Charts, raster_sizes
 
 # Pieces of one surface are in one plane where their normals are closer than this (cosine), and they are no further apart.
-ALIKE, APART_M = 0.98, 0.5
+MIN_COPLANAR_COSINE, MAX_PLANE_GAP_M = 0.98, 0.5
 
 # Of some rows and columns of a chart's raster: colour (h, w, 3) and provenance (h, w).
-Reader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
+ChartReader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
 
 
-def pieces_around(charts: Charts, chart: int, margin: float) -> np.ndarray:
+def coplanar_pieces(charts: Charts, chart: int, margin: float) -> np.ndarray:
     """The other pieces (k,) of a chart's surface that lie in its plane and come within `margin` metres of it."""
     # in the chart's own frame a piece whose axes are others reaches farther than it does, by its diagonal at most
-    others = charts.near(chart, 2 * margin + charts.longest + APART_M)
+    others = charts.near(chart, 2 * margin + charts.longest + MAX_PLANE_GAP_M)
     others = others[(charts.surface[others] == charts.surface[chart]) & (others != chart)]
     if len(others) == 0:
         return others
@@ -28,20 +28,20 @@ def pieces_around(charts: Charts, chart: int, margin: float) -> np.ndarray:
     width, height = charts.size[chart]
     near = (x.max(axis=1) > -margin) & (x.min(axis=1) < width + margin)
     near &= (y.max(axis=1) > -margin) & (y.min(axis=1) < height + margin)
-    near &= np.abs(corners @ normal[chart]).min(axis=1) < APART_M
-    near &= normal[others] @ normal[chart] > ALIKE
+    near &= np.abs(corners @ normal[chart]).min(axis=1) < MAX_PLANE_GAP_M
+    near &= normal[others] @ normal[chart] > MIN_COPLANAR_COSINE
     return others[near]
 
 
-def surrounded(
-    charts: Charts, density: np.ndarray, chart: int, size: tuple[int, int], margin: int, read: Reader
+def read_with_surroundings(
+    charts: Charts, density: np.ndarray, chart: int, size: tuple[int, int], margin: int, read: ChartReader
 ) -> tuple[np.ndarray, np.ndarray]:
     """Colour (h + 2 m, w + 2 m, 3) and provenance (h + 2 m, w + 2 m) of a chart of size (h, w) texels and of what lies within
     m = `margin` texels of it on pieces of its surface; 0 where there is none. density (n,): texels per metre of all charts."""
     height, width = size
     rows, columns = height + 2 * margin, width + 2 * margin
     colour, provenance = np.zeros((rows, columns, 3), np.uint8), np.zeros((rows, columns), np.uint8)
-    for other in pieces_around(charts, chart, margin / density[chart]).tolist():
+    for other in coplanar_pieces(charts, chart, margin / density[chart]).tolist():
         # texel (x, y) of the chart with its margin is texel turn @ (x, y) + move of the other piece
         axes = np.stack([charts.axis_u[other], charts.axis_v[other]])
         finer = density[other] / density[chart]

@@ -53,7 +53,7 @@ class Table:
                 f"table {self.name}: {', '.join(sorted(odd))} missing or not declared in TABLES; declare it"
             )
         variables = {
-            column.name: (column.dims, _typed(values[column.name], column.dtype), dict(column.attributes))
+            column.name: (column.dims, _to_array(values[column.name], column.dtype), dict(column.attributes))
             for column in self.columns
             if column.name in values
         }
@@ -70,7 +70,7 @@ class Table:
         return values
 
 
-def _typed(values: Any, dtype: str) -> np.ndarray:
+def _to_array(values: Any, dtype: str) -> np.ndarray:
     if dtype == TEXT:
         return text_column(values)
     return np.asarray(values, dtype)
@@ -88,9 +88,9 @@ def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = 
     return Column(name, tuple(dims.split()), dtype, {**named, **more}, **of)
 
 
-_KINDS: dict[str, Any] = {"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)}
+_KIND_FLAGS: dict[str, Any] = {"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)}
 
-_ROLES: dict[str, Any] = {"flag_values": list(range(len(ROLES))), "flag_meanings": " ".join(ROLES)}
+_ROLE_FLAGS: dict[str, Any] = {"flag_values": list(range(len(ROLES))), "flag_meanings": " ".join(ROLES)}
 
 TABLES = {
     table.name: table
@@ -98,7 +98,7 @@ TABLES = {
         Table(
             "charts",
             (
-                _column("kind", "chart", "uint8", ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS)), **_KINDS),
+                _column("kind", "chart", "uint8", ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS)), **_KIND_FLAGS),
                 _column("surface", "chart", "int32", "the uncut surface that the chart is a piece of"),
                 _column("building", "chart", "int32", "row of buildings, -1 for ground"),
                 _column("origin", "chart xyz", "float64", "upper left corner", "m", placed=True),
@@ -169,7 +169,7 @@ TABLES = {
                 _column("chart", "facade", "int32", "row of charts"),
                 _column("street", "facade", "int32", "row of streets, that which sees it best, or the nearest"),
                 _column("building", "facade", "int32", "row of buildings"),
-                _column("role", "facade", "uint8", "what it is to the streets", **_ROLES),
+                _column("role", "facade", "uint8", "what it is to the streets", **_ROLE_FLAGS),
                 _column("width", "facade", "float64", "along the wall", "m"),
                 _column("height", "facade", "float64", "of the wall", "m"),
                 _column("floors", "facade", "int32", "storeys by the map", "1"),

@@ -12,7 +12,7 @@ from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreArray, StoreGroup
 
 # The dtype of strings of any length.
-TEXT = "string"
+STRING_DTYPE = "string"
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class AtlasSpec:
             raise StoreError(f"unusable atlas: {self}; it needs a page, a density and a gutter below half a chunk")
 
     @property
-    def largest(self) -> float:
+    def max_chart_side(self) -> float:
         """The longest side in metres of a chart that still fits a page with its gutters."""
         return (self.page - 2 * self.gutter) / self.texels_per_metre - 1e-6
 
@@ -49,7 +49,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Array:
+class ArraySpec:
     """An array of a store: its path, the names of its dimensions, its dtype, what it holds, and other CF attributes."""
 
     path: str
@@ -70,7 +70,7 @@ class Array:
             chunks=tuple(axes[dim].chunk for dim in self.dims),
             dtype=self.dtype,
             dimension_names=self.dims,
-            fill_value="" if self.dtype == TEXT else 0,
+            fill_value="" if self.dtype == STRING_DTYPE else 0,
             attributes=self.attrs,
             overwrite=True,
         )
@@ -80,7 +80,7 @@ class Array:
         axes = {dim: Axis(size, size) for dim, size in zip(self.dims, values.shape, strict=True)}
         replace(self, path=f"{folder}/{self.path}").create(group, axes)[:] = values
 
-    def fit(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
+    def resize(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
         """Resize the array, which keeps what lies in both sizes; where its chunks would be others it is made anew. It is made
         where the store is older than it."""
         if self.path not in group:

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 
-class Grouped:
+class RowIndex:
     """A column (n,) of integers by value: the rows that comparing the whole column would select, in their order."""
 
     def __init__(self, column: np.ndarray) -> None:
         self._order = np.argsort(column, kind="stable")
         self._values = column[self._order].astype(np.int64)  # as asked for: nothing is converted at each question
 
-    def of(self, value: int) -> np.ndarray:
+    def rows_with(self, value: int) -> np.ndarray:
         """The rows (k,) that hold a value, ascending."""
         first, last = np.searchsorted(self._values, (value, value + 1))
         return self._order[first:last]
 
-    def of_any(self, values: np.ndarray) -> np.ndarray:
+    def rows_with_any(self, values: np.ndarray) -> np.ndarray:
         """The rows (k,) that hold any of some values (v,), ascending; a value counts once."""
         values = np.unique(values)
         first, last = (np.searchsorted(self._values, values, side) for side in ("left", "right"))
@@ -26,7 +26,7 @@ class Grouped:
         return np.sort(self._order[at])
 
 
-def grouped(values: np.ndarray) -> dict[int, np.ndarray]:
+def group_rows(values: np.ndarray) -> dict[int, np.ndarray]:
     """The indices at which each value (n,) of whole numbers stands, ascending."""
     order = np.argsort(values, kind="stable")
     different, first = np.unique(values[order], return_index=True)

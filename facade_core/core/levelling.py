@@ -16,7 +16,7 @@ LARGEST = 64.0
 RELAXATIONS = 24
 
 
-def spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+def fill_unknown(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     """values (h, w, c) with those that are not `known` (h, w) bool taken from the known ones around: (h, w, c) float32.
 
     Means of ever larger squares: a texel takes that of the smallest square of a power of two that holds a known one, so that
@@ -56,7 +56,7 @@ def _means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return result
 
 
-def level(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach: float) -> np.ndarray:
+def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach: float) -> np.ndarray:
     """A chart's colour (h, w, 3) uint8 with the texels `free` levelled to those `fixed`, both (h, w) bool and disjoint.
 
     Along their border the mean colours on both sides are compared, LARGEST at most; a membrane through that difference is

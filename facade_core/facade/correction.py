@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.core.levelling import spread
+from facade_core.core.levelling import fill_unknown
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
 from facade_core.facade.pipeline import Facade
@@ -90,7 +90,7 @@ def _lay_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.nda
         y, x = np.unravel_index(np.where(clear, likeness, np.inf).argmin(), clear.shape)
         piece = image[y : y + h, x : x + w].copy()
     else:
-        piece = np.rint(spread(image, ~mask)).astype(np.uint8)[outer]
+        piece = np.rint(fill_unknown(image, ~mask)).astype(np.uint8)[outer]
     image[outer] = np.where(mask[outer][..., None], piece, image[outer])
 
 

@@ -18,7 +18,7 @@ from facade_core.core.resizing import resized, resized_with_labels
 from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, Models
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.observed import reached, visible_boxes
+from facade_core.facade.layout.observed import dilate_by_window, visible_boxes
 from facade_core.facade.texture.building_walls import Wall, on_wall
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import Style
@@ -211,7 +211,7 @@ def _completed(
         height, width = hidden.shape
         with _timed(seconds, "complete"):
             if observed:
-                seen = visible_boxes(reached(hidden, observed)) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
+                seen = visible_boxes(dilate_by_window(hidden, observed)) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
                 shown = replace(parsing, occluded=hidden | parsing.occluded)
                 completion = complete(
                     observed,
@@ -221,7 +221,7 @@ def _completed(
                     evidence=shown,
                     entrances=[share * width for share in entrances],
                     front=front,
-                    model=None if models.layout is None else layouts.opened(models.layout),
+                    model=None if models.layout is None else layouts.load_cached_model(models.layout),
                 )[0]
                 layout = list(completion.elements)
         with _timed(seconds, "inpaint"):

@@ -50,7 +50,7 @@ def block_surfaces(
 
     Third, the buildings without usable surfaces, which are left out: (id, reason).
 
-    Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres (ground finer where it is
+    Surfaces longer than `max_chart_side` metres, and all ground, are cut on the world grid of `grid` metres (ground finer where it is
     uneven); pieces keep their surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills
     courtyards; it ends straight where a street ends, and FORECOURT_M beyond `within`, where a block has one.
     Raises GeometryError when nothing is left.

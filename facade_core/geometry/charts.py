@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 
 KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
 
@@ -141,11 +141,11 @@ class Mesh:
 
     def triangles_of(self, chart: int) -> np.ndarray:
         """The triangles (k,) of a chart, ascending."""
-        return self._by_chart.of(chart)
+        return self._by_chart.rows_with(chart)
 
     @cached_property
-    def _by_chart(self) -> Grouped:
-        return Grouped(self.chart)
+    def _by_chart(self) -> RowIndex:
+        return RowIndex(self.chart)
 
     def chart_coordinates(self, charts: Charts) -> np.ndarray:
         """Each vertex in its chart's frame: (v, 2) metres, x right and y down."""

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 
 SHORTEST = 1.0  # m; a shorter street has no viewpoint
 
@@ -96,13 +96,13 @@ def predecessors(wave: np.ndarray, reads: np.ndarray, writes: np.ndarray) -> lis
     wave (n,); reads (r, 2) and writes (w, 2): pairs of a street and the number of a chunk, what is written among what is read.
     """
     writes, reads = (np.unique(pairs, axis=0) for pairs in (writes, reads))
-    by_chunk = Grouped(reads[:, 1])
+    by_chunk = RowIndex(reads[:, 1])
     pairs = [np.zeros((0, 2), np.int64)]
     for street, chunk in writes.tolist():
-        others = reads[by_chunk.of(chunk), 0]
+        others = reads[by_chunk.rows_with(chunk), 0]
         pairs.append(np.column_stack([np.full(len(others), street), others]))
     both = np.concatenate(pairs)
     both = np.concatenate([both, both[:, ::-1]])
     both = np.unique(both[wave[both[:, 0]] < wave[both[:, 1]]], axis=0)
-    after = Grouped(both[:, 1])
-    return [both[after.of(street), 0] for street in range(len(wave))]
+    after = RowIndex(both[:, 1])
+    return [both[after.rows_with(street), 0] for street in range(len(wave))]

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 
 # What a wall is to the streets: on one; beside it, in sight but narrow; out of sight.
@@ -77,7 +77,7 @@ def bends(charts: Charts, walls: np.ndarray) -> list[list[int]]:
     """Some walls (k,) in runs that are laid out as one, each from left to right as seen from outside: the facets of what is
     round, and the pieces of one surface; most walls are a run of their own."""
     following: dict[int, int] = {}
-    for own in grouped(charts.building[walls]).values():
+    for own in group_rows(charts.building[walls]).values():
         following |= _following(charts, walls[own])
     first = sorted(set(walls.tolist()) - set(following.values()))
     runs, left = [], set(walls.tolist())

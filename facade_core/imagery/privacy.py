@@ -7,10 +7,10 @@ import numpy as np
 from facade_core.core.types import Privacy
 
 # Side in metres of the squares that a blurred thing is averaged over: some three faces wide, a plate long.
-CELL_M = 0.5
+BLUR_CELL_M = 0.5
 
 
-def shielded(evidence: np.ndarray, hidden: np.ndarray, privacy: Privacy, texels_per_metre: float) -> np.ndarray:
+def apply_privacy(evidence: np.ndarray, hidden: np.ndarray, privacy: Privacy, texels_per_metre: float) -> np.ndarray:
     """The evidence (h, w, 3) uint8 of a facade, with what hides it (h, w) bool as `privacy` says.
 
     A blurred place has the mean colour of all hidden texels in its square, not of its neighbours: nothing of a thing remains
@@ -23,7 +23,7 @@ def shielded(evidence: np.ndarray, hidden: np.ndarray, privacy: Privacy, texels_
         result[hidden] = np.rint(evidence[hidden].mean(axis=0))
         return result
     height, width = hidden.shape
-    cell = max(2, round(CELL_M * texels_per_metre))
+    cell = max(2, round(BLUR_CELL_M * texels_per_metre))
     square = (np.arange(height) // cell)[:, None] * -(-width // cell) + (np.arange(width) // cell)[None]
     there = square[hidden]
     count = np.maximum(1, np.bincount(there))

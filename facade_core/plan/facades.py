@@ -10,7 +10,7 @@ from itertools import groupby
 import numpy as np
 import shapely
 
-from facade_core.core.grouping import Grouped, grouped
+from facade_core.core.grouping import RowIndex, group_rows
 from facade_core.core.name_hash import number_of
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind, Charts
@@ -76,20 +76,20 @@ class Facades:
 
     def laid_out_with(self, facade: int) -> np.ndarray:
         """The facades (k,) that are laid out as one with a facade, it among them, from left to right."""
-        own = self._by_run.of(int(self.run[facade]))
+        own = self._by_run.rows_with(int(self.run[facade]))
         return own[np.argsort(self.along[own], kind="stable")]
 
     def of_building(self, facade: int) -> np.ndarray:
         """The facades (k,) of a facade's building, ascending."""
-        return self._by_building.of(int(self.building[facade]))
+        return self._by_building.rows_with(int(self.building[facade]))
 
     @cached_property
-    def _by_building(self) -> Grouped:
-        return Grouped(self.building)
+    def _by_building(self) -> RowIndex:
+        return RowIndex(self.building)
 
     @cached_property
-    def _by_run(self) -> Grouped:
-        return Grouped(self.run)
+    def _by_run(self) -> RowIndex:
+        return RowIndex(self.run)
 
 
 def find_facades(
@@ -178,7 +178,7 @@ def _levels(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     foot = charts.at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
     over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
-    for own in grouped(charts.building[chart]).values():
+    for own in group_rows(charts.building[chart]).values():
         base, end = (_most(level[own], width[own]) for level in (foot, top))
         if end - base >= FACADE_HEIGHT_M:
             over[own], eaves[own] = foot[own] - base, end - base

@@ -71,7 +71,7 @@ def ingest(
         streets,
         terrain=terrain,
         ground_margin=visibility_range,
-        largest=one_page.largest,
+        largest=one_page.max_chart_side,
         within=ground.outline,
     )
     names = tuple(building.id for building in buildings)

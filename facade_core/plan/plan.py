@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Ground, Pose, Street
 from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.ground.shapes import Squares
@@ -38,11 +38,11 @@ class Sightings:
 
     def of(self, facade: int) -> np.ndarray:
         """The panoramas that show a facade, best first."""
-        return self.panorama[self._of_facade.of(facade)]
+        return self.panorama[self._of_facade.rows_with(facade)]
 
     @cached_property
-    def _of_facade(self) -> Grouped:
-        return Grouped(self.facade)
+    def _of_facade(self) -> RowIndex:
+        return RowIndex(self.facade)
 
 
 @dataclass(frozen=True)
@@ -99,15 +99,15 @@ class Plan:
 
     def is_facade(self, chart: int) -> bool:
         """Whether a chart is a facade."""
-        return len(self._facade_of_chart.of(chart)) > 0
+        return len(self._facade_of_chart.rows_with(chart)) > 0
 
     @cached_property
-    def _facade_of_chart(self) -> Grouped:
-        return Grouped(self.facades.chart)
+    def _facade_of_chart(self) -> RowIndex:
+        return RowIndex(self.facades.chart)
 
     def own_charts(self, building: int) -> list[int]:
         """The charts of a building, its facades aside, that have textures of their own."""
-        return self._own_charts[self._own_by_building.of(building)].tolist()
+        return self._own_charts[self._own_by_building.rows_with(building)].tolist()
 
     @cached_property
     def _own_charts(self) -> np.ndarray:
@@ -117,8 +117,8 @@ class Plan:
         return np.flatnonzero(others)
 
     @cached_property
-    def _own_by_building(self) -> Grouped:
-        return Grouped(self.scene.charts.building[self._own_charts])
+    def _own_by_building(self) -> RowIndex:
+        return RowIndex(self.scene.charts.building[self._own_charts])
 
     def ground_near_cameras(self) -> np.ndarray:
         """The pieces (k,) int64 of the block's own ground, ascending, that a panorama may show: refining moves poses little."""
@@ -164,11 +164,11 @@ class Plan:
 
     def of_street(self, street: int) -> list[Viewpoint]:
         """A street's viewpoints in their order."""
-        return [self.viewpoints[row] for row in self._by_street.of(street).tolist()]
+        return [self.viewpoints[row] for row in self._by_street.rows_with(street).tolist()]
 
     @cached_property
-    def _by_street(self) -> Grouped:
-        return Grouped(self.street_of_viewpoints)
+    def _by_street(self) -> RowIndex:
+        return RowIndex(self.street_of_viewpoints)
 
     @cached_property
     def street_charts(self) -> np.ndarray:
@@ -177,35 +177,35 @@ class Plan:
 
     def charts_of_street(self, street: int) -> np.ndarray:
         """The charts (k,) int64 that the viewpoints of a street show, ascending."""
-        return self.street_charts[self._charts_by_street.of(street), 1]
+        return self.street_charts[self._charts_by_street.rows_with(street), 1]
 
     @cached_property
-    def _charts_by_street(self) -> Grouped:
-        return Grouped(self.street_charts[:, 0])
+    def _charts_by_street(self) -> RowIndex:
+        return RowIndex(self.street_charts[:, 0])
 
     def streets_of_charts(self, charts: np.ndarray) -> np.ndarray:
         """The rows (k, 2) of street_charts that are of some charts (n,)."""
-        return self.street_charts[self._streets_by_chart.of_any(charts)]
+        return self.street_charts[self._streets_by_chart.rows_with_any(charts)]
 
     @cached_property
-    def _streets_by_chart(self) -> Grouped:
-        return Grouped(self.street_charts[:, 1])
+    def _streets_by_chart(self) -> RowIndex:
+        return RowIndex(self.street_charts[:, 1])
 
     def charts_of_viewpoint(self, viewpoint: int) -> np.ndarray:
         """The charts (k,) int32 that a viewpoint shows, ascending."""
-        return self.views[self._charts_by_viewpoint.of(viewpoint), 1]
+        return self.views[self._charts_by_viewpoint.rows_with(viewpoint), 1]
 
     @cached_property
-    def _charts_by_viewpoint(self) -> Grouped:
-        return Grouped(self.views[:, 0])
+    def _charts_by_viewpoint(self) -> RowIndex:
+        return RowIndex(self.views[:, 0])
 
     def views_of_charts(self, charts: np.ndarray) -> np.ndarray:
         """The rows (k, 2) of views that are of some charts (n,)."""
-        return self.views[self._views_by_chart.of_any(charts)]
+        return self.views[self._views_by_chart.rows_with_any(charts)]
 
     @cached_property
-    def _views_by_chart(self) -> Grouped:
-        return Grouped(self.views[:, 1])
+    def _views_by_chart(self) -> RowIndex:
+        return RowIndex(self.views[:, 1])
 
     def texels(self) -> np.ndarray:
         """Texels of every chart, (charts,) int64."""

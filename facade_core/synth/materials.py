@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.street.materials.grain import PLASTER_FINE, PLASTER_ROUGH, SETTS, add_grain
-from facade_core.street.materials.grain_file import shipped
+from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.synth.canvas import Canvas, fractal, linear, noise
 
 # Pixels whose grain is worked out together.
@@ -105,7 +105,7 @@ def photographed(
     """What a material's colour is multiplied by, in linear light, (H, W) float32 about 1: the grain of photographs of it
     (`facade_core.street.materials.grain`), as pixels of 1 / scale metres see it."""
     rows, columns = shape
-    out, grains, seed = np.empty(shape, np.float32), shipped(), int(rng.integers(1 << 31))
+    out, grains, seed = np.empty(shape, np.float32), load_shipped_grains(), int(rng.integers(1 << 31))
     across = (np.arange(columns) + 0.5) / scale
     together = max(1, AT_ONCE // max(columns, 1))
     for first in range(0, rows, together):

@@ -17,7 +17,7 @@ from flows.cli.paths import EXISTING_FILE, OUT
 from flows.cli.say import note, say
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
 
 
 @click.command()
@@ -91,7 +91,7 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     """
     import tempfile
 
-    from catalogs.block import read_block
+    from catalogs.block.reader import read_block
     from tasks.city.account import Account
     from tasks.city.blocks import read_city
     from tasks.city.counting import planned_of
@@ -166,7 +166,7 @@ def _show(summary: dict[str, Any]) -> None:
 def _textured(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
     nothing is due, it needs none."""
-    from catalogs.published.places import local_side
+    from catalogs.published.folders import local_side
     from flows.server.starting import ServerDown, server
     from tasks.city.account import known
 

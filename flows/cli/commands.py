@@ -24,7 +24,7 @@ from flows.cli.training import bench, train
 from flows.cli.usage import in_one_line
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
 
 
 class Commands(click.Group):
@@ -135,7 +135,7 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
       streetloom demo
       streetloom demo --exemplars facades/ --out out/photos
     """
-    from catalogs.published.places import local_side
+    from catalogs.published.folders import local_side
     from flows.lock import locked
     from tasks.examples.demo import is_painted, write_demo
 
@@ -196,7 +196,7 @@ def _run(
 
 def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
-    from catalogs.published.places import local_side
+    from catalogs.published.folders import local_side
     from facade_core.core.errors import FacadeError, WithheldError
     from flows.cli.console import tell
     from flows.server.starting import ServerDown, server

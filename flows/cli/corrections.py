@@ -12,7 +12,7 @@ from flows.cli.say import note, say
 from flows.cli.usage import user
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
 
 
 @click.command("import")

@@ -15,7 +15,7 @@ from flows.cli.paths import EXISTING_OUT
 from flows.cli.say import say
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
     from tasks.doctor.findings import Finding
 
 WORDS = {True: "ok", False: "wrong", None: "note"}
@@ -36,7 +36,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     """
     from itertools import chain
 
-    from catalogs.published.places import local_side
+    from catalogs.published.folders import local_side
     from facade_core.core.errors import InputError
     from flows.lock import is_held
     from tasks.doctor import examine_machine

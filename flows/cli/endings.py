@@ -8,7 +8,7 @@ import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
-from catalogs.imagery.web import Away
+from catalogs.imagery.http_client import Away
 from facade_core.core.errors import FacadeError, MachineError
 
 # Of sysexits.h: an error of our own or of the machine; a cluster, or a service of pictures, that is gone for now.

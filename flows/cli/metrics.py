@@ -10,7 +10,7 @@ from flows.cli.paths import EXISTING_OUT
 from flows.cli.say import say
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
 
 
 @click.command()

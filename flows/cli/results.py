@@ -14,7 +14,7 @@ from flows.cli.usage import WithBox, user
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
 
 # An export of more files than these is named by its folder.
 LISTED = 8
@@ -73,8 +73,8 @@ def query(
       streetloom query out --format parquet > facades.parquet
       streetloom query s3://bucket/runs --where "photo > 0.5"
     """
-    from catalogs.query import query as find
-    from catalogs.query.answers import format_items, parquet_bytes
+    from catalogs.query.execution import query as find
+    from catalogs.query.formats import format_items, parquet_bytes
     from catalogs.query.where import all_of
     from facade_core.core.errors import InputError
 

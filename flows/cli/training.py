@@ -12,7 +12,7 @@ from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, EXISTING_OUT, FOLDER
 from flows.cli.say import say
 
 if TYPE_CHECKING:
-    from catalogs.published.places import Folder
+    from catalogs.published.folders import Folder
 
 
 @click.group()
@@ -178,11 +178,11 @@ def train_translation_network(
     """
     from dataclasses import replace
 
-    from facade_core.street.translator.training import FULL, SMALL
+    from facade_core.street.translator.training import FULL_RECIPE, SMALL_RECIPE
     from flows.cli.console import progress
     from tasks.training.translator import Places, train_translator
 
-    course = SMALL if recipe == "small" else FULL
+    course = SMALL_RECIPE if recipe == "small" else FULL_RECIPE
     if steps is not None:
         course = replace(course, steps=steps)
     with progress(quiet=False):

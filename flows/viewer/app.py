@@ -17,7 +17,7 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from facade_core.core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_held
 from flows.viewer.editing import Editor, edit_routes

@@ -35,7 +35,7 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
             raise InputError(f"the table has no photo {name!r}")
         if name != Path(name).name or not (photos / name).is_file():
             raise InputError(f"there is no photo {name!r} in {photos}")
-        image = read_picture(photos / name, longest=SHOWN).rgb
+        image = read_picture(photos / name, max_side=SHOWN).rgb
         return Response(encode(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     def save(body: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import json
 from typing import Any
 from urllib.parse import urlencode
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.snapshot import Snapshot, current_if_any
 from facade_core.core.errors import InputError, StoreError
 from tasks.viewing import View

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
 from flows.lock import is_held
 from tasks.engine.compute.child_processes import follow

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.city.keys import name_of
-from catalogs.published.places import Folder, at, each, local_side, move, put
+from catalogs.published.folders import Folder, at, each, local_side, move, put
 from catalogs.published.runs import CITY
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import current_if_any

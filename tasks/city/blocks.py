@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import yaml
 
-from catalogs.block.corrected import as_corrected, owners_of
+from catalogs.block.block_file import BlockFile
+from catalogs.block.building_corrections import as_corrected, owners_of
 from catalogs.block.corrections import Corrections, adopt_corrections, read_corrections
 from catalogs.block.extract import write_extract
-from catalogs.block.file import BlockFile
 from catalogs.block.keys import LONGEST_NAME
 from catalogs.block.part import Chosen, Whole
-from catalogs.block.reading import block_of, extract_of, read_block, with_digest
+from catalogs.block.reader import block_of, extract_of, read_block, with_digest
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.cutting import Cut, cut_city, reach_of
 from catalogs.city.keys import check_city
+from catalogs.city.partition import Cut, cut_city, reach_of
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.name_hash import number_of
 from facade_core.plan.exemplar_inputs import outlines_as_walls

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import shapely
 
-from catalogs.block.reading import Block
+from catalogs.block.reader import Block
 from facade_core.geometry.texel_density import FAR_M, NEAR_M, PARTY, coarsest
 from facade_core.geometry.walls import JOINT_M, NARROW_M
 from facade_core.plan.facades import FREE

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published import objects
-from catalogs.published.joined import FOLDER as JOINED
-from catalogs.published.joined import join_runs
-from catalogs.published.places import Folder, each, local_side, put, size_of
+from catalogs.published import object_store
+from catalogs.published.folders import Folder, each, local_side, put, size_of
+from catalogs.published.merged_items import FOLDER as JOINED
+from catalogs.published.merged_items import join_runs
 from catalogs.published.runs import Run
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.catalog import CATALOG, write_catalog
@@ -113,7 +113,7 @@ def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[
             model = out / OVERVIEW if isinstance(out, Path) else Path(name) / OVERVIEW
             join_glbs(model, parts, extras[0]["origin"], extras={"crs": extras[0]["crs"]})
             if not isinstance(out, Path):
-                objects.put((out / OVERVIEW).path, model)
+                object_store.put((out / OVERVIEW).path, model)
 
 
 def _at_hand(file: Folder, folder: Path) -> Path:

@@ -19,7 +19,7 @@ from typing import IO, Any
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.snapshot import current_if_any
 from tasks.city.account import BLOCKS, Ended, tileset_of
 from tasks.engine.compute.child_processes import follow

@@ -22,10 +22,10 @@ from catalogs.block.corrections import (
     home_of,
     read_corrections,
 )
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY, runs_in
 from catalogs.published.snapshot import current
-from catalogs.readers.annotations import Said, pictures_of, read_annotations, said_in
+from catalogs.readers.annotations import Annotation, facades_by_picture_name, read_annotations, parse_corrections
 from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
 from tasks.corrections.walls import unreached
@@ -65,7 +65,7 @@ def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when
     if (out / CITY).is_file():
         return _import_of_city(out, path, by)
     with published(out) as found:
-        said = read_annotations(path, pictures_of(list(found.plan.facades.id)))
+        said = read_annotations(path, facades_by_picture_name(list(found.plan.facades.id)))
         run = found.snapshot.out
         return _kept(run, [_told(run, found, said, str(path), by)])
 
@@ -85,7 +85,7 @@ class Taker:
         with self._lock, current(self.out).being_read() as snapshot:
             if self._found is None or self._found.snapshot.id != snapshot.id:
                 self._found = opened(snapshot)
-            return _kept(self.out, [_told(self.out, self._found, said_in(corrections, named), named, _by(who, why))])
+            return _kept(self.out, [_told(self.out, self._found, parse_corrections(corrections, named), named, _by(who, why))])
 
 
 def block_of(out: Folder) -> Path:
@@ -109,7 +109,7 @@ def _by(who: str, why: str, when: datetime | None = None) -> Correction:
     return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
 
 
-def _told(out: Folder, found: Published, said: Sequence[Said], named: str, by: Correction) -> _New:
+def _told(out: Folder, found: Published, said: Sequence[Annotation], named: str, by: Correction) -> _New:
     block = block_of(out)
     told = Told(found, read_corrections(block))
     new = told.corrections(named, said, by)
@@ -151,7 +151,7 @@ def _import_of_city(out: Folder, path: Path, by: Correction) -> Imported:
             mine, houses = _ids_in(snapshot.items)
         facades += mine
         of |= dict.fromkeys((*mine, *houses), name)
-    said = read_annotations(path, pictures_of(facades))
+    said = read_annotations(path, facades_by_picture_name(facades))
     if any(id not in of for id, _, _ in said):  # a house without a facade is in no catalogue
         for name, folder in runs.items():
             with published(folder) as found:

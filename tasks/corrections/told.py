@@ -11,10 +11,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from catalogs.block.corrected import LEAST_M
+from catalogs.block.building_corrections import LEAST_M
 from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked, is_number
-from catalogs.frames import LONLAT, between
-from catalogs.readers.annotations import Measured, Said
+from catalogs.frames import LONLAT, coordinate_transform
+from catalogs.readers.annotations import MeasuredHeight, Annotation
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 from facade_core.facade.correction import unlike
@@ -39,7 +39,7 @@ class Told:
         self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
         self.notes: list[str] = []
 
-    def corrections(self, named: str, said: Sequence[Said], by: Correction) -> list[Correction]:
+    def corrections(self, named: str, said: Sequence[Annotation], by: Correction) -> list[Correction]:
         """Those of what was said that are another than what stands, `by` whom. Raises InputError, with what they are `named`,
         for what cannot be."""
         said = self._with_eaves(named, said)
@@ -70,18 +70,18 @@ class Told:
                     "take it back too"
                 )
 
-    def _with_eaves(self, named: str, said: Sequence[Said]) -> list[Said]:
+    def _with_eaves(self, named: str, said: Sequence[Annotation]) -> list[Annotation]:
         """What was said, with the eaves that an edit of a measured height means in place of those that stand beside it."""
         meant = {}
         for id, _, one in said:
-            if isinstance(one, Measured) and (eaves := self._eaves(named, id, one)) is not None:
+            if isinstance(one, MeasuredHeight) and (eaves := self._eaves(named, id, one)) is not None:
                 meant[id] = eaves
         others = [
-            one for one in said if not isinstance(one[2], Measured) and not (one[1] == "height" and one[0] in meant)
+            one for one in said if not isinstance(one[2], MeasuredHeight) and not (one[1] == "height" and one[0] in meant)
         ]
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
-    def _eaves(self, named: str, id: str, said: Measured) -> float | None:
+    def _eaves(self, named: str, id: str, said: MeasuredHeight) -> float | None:
         """The roof stays what it is, so the eaves move by as much as the measured height was moved since it was exported. None
         where it was not, and where the eaves were edited too, which it follows from."""
         if id not in self.buildings:
@@ -229,7 +229,7 @@ class Told:
         plan, index = self.found.plan, self.facades[one.id]
         charts, chart = plan.scene.charts, int(plan.facades.chart[index])
         middle = charts.origin[chart, :2] + charts.axis_u[chart, :2] * charts.size[chart, 0] / 2
-        longitude, latitude = between(self.found.crs, LONLAT)(middle[:1], middle[1:])
+        longitude, latitude = coordinate_transform(self.found.crs, LONLAT)(middle[:1], middle[1:])
         return replace(
             one,
             place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)),
@@ -242,7 +242,7 @@ class Told:
         if outline is None:
             return one
         point = outline.representative_point()
-        longitude, latitude = between(self.found.crs, LONLAT)(np.array([point.x]), np.array([point.y]))
+        longitude, latitude = coordinate_transform(self.found.crs, LONLAT)(np.array([point.x]), np.array([point.y]))
         return replace(one, place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)))
 
     @cached_property
@@ -256,7 +256,7 @@ def _near(metres: Any, others: Any) -> bool:
     return is_number(metres) and is_number(others) and math.isclose(metres, others, rel_tol=0.0, abs_tol=METRES)
 
 
-def _once(named: str, said: Sequence[Said]) -> None:
+def _once(named: str, said: Sequence[Annotation]) -> None:
     """Raises InputError where two values are said of one thing: which was meant nobody can tell."""
     found: dict[tuple[str, str], Any] = {}
     for id, what, value in said:

@@ -14,12 +14,12 @@ from typing import Any
 
 import icechunk
 
-from catalogs.block import read_block
-from catalogs.published.files import amiss
-from catalogs.published.places import Folder
+from catalogs.block.reader import read_block
+from catalogs.published.file_list import amiss
+from catalogs.published.folders import Folder
 from catalogs.published.runs import publishes
 from catalogs.published.snapshot import current_if_any
-from facade_core.atlas.integrity import DAMAGE, broken_tags, is_whole, unreadable
+from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, has_all_files, find_unreadable_chunks
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import FacadeError, FormatError, StoreError
@@ -57,7 +57,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         yield Finding("store", False, str(error))
         yield from _published(out, None, again)
         return
-    except (StoreError, *DAMAGE) as error:
+    except (StoreError, *DAMAGE_ERRORS) as error:
         line = str(error).strip().splitlines()[0].strip(" x")
         yield Finding("store", False, f"the newest snapshot cannot be read ({line}); {again} goes back to one that can")
         yield from _published(out, None, again)
@@ -93,10 +93,10 @@ def _store(out: Folder, repository: Any, session: icechunk.Session, group: Store
     if wounds:
         told = ", ".join(f"{len(units)} {stage}" for stage, units in wounds.items())
         yield Finding("store", False, f"records without their data: {told}; {mended}")
-    if tags := broken_tags(repository, store):
+    if tags := find_broken_tags(repository, store):
         yield Finding("store", False, f"{len(tags)} tags of streets cannot be read; {again} removes them")
-    if lost := unreadable(session):
-        if is_whole(repository, store):
+    if lost := find_unreadable_chunks(session):
+        if has_all_files(repository, store):
             suspect(out)
         count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
         yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {mended}")

@@ -98,12 +98,12 @@ def _shipped() -> dict[Path, Callable[[Path], object]]:
     """The files of the models that come with the package, and what loads each."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing import network
-    from facade_core.street.translator import neural
+    from facade_core.street.translator import neural_translator
 
     return {
         network.SHIPPED: network.load,
-        layouts.SHIPPED: layouts.load,
-        neural.SHIPPED: neural.load,
+        layouts.SHIPPED_LAYOUT_MODEL: layouts.load_layout_model,
+        neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_translator,
     }
 
 

@@ -10,7 +10,7 @@ from itertools import groupby
 
 import numpy as np
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.zarr_types import StoreGroup
@@ -21,12 +21,13 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Stage
 from tasks.engine.store.carry_over import forget_units
 from tasks.engine.unit import Piece, Unit
+from tasks.engine.unit_key import changed_parts, parts_of
 from tasks.stages.bundles.stage import bundles, members_of
 from tasks.stages.facades.stage import panoramas_of
 from tasks.stages.ingest.task import Outline
 from tasks.stages.order import KINDS
-from tasks.stages.shared.key_parts import changed_parts, parts_of
-from tasks.stages.streets.keys import SEEDING, street_keys
+from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
+from tasks.stages.streets.keys import street_keys
 
 SEEN, READ, FOLLOW = "what is in sight changed", "what they see is done again", "texels of other streets changed"
 # Why a unit is due, by the kind of input that changed; the first that applies is told.
@@ -228,7 +229,7 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
     seeded again."""
     records = read_journal(group, "streets")
     blends = run.texture.translator == "neural"  # of what viewpoints show; a field's texels stand on none of that
-    journals = {stage: read_journal(group, stage) for stage in (*SEEDING, "viewpoints")}
+    journals = {stage: read_journal(group, stage) for stage in (*BASE_LAYER_STAGES, "viewpoints")}
     due: dict[int, str] = {}
     following: set[int] = set()
     # charts that streets of earlier waves which are due, or follow one that is, show; and those of the wave at hand

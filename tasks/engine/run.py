@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.published.places import Folder, local_side
+from catalogs.published.folders import Folder, local_side
 from catalogs.published.s3 import folder_at
 from facade_core.core.types import SHIPPED_MODELS, Models, Privacy
 
 if TYPE_CHECKING:
-    from catalogs.block import Material, TextureSettings
+    from catalogs.block.reader import Material, TextureSettings
     from catalogs.readers.pictures.aerial import Aerial
     from catalogs.readers.pictures.materials import MaterialPicture
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError, ModelError
 from facade_core.core.types import Models
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 
 if TYPE_CHECKING:
-    from catalogs.block import Block
+    from catalogs.block.reader import Block
 
 
 def run_of(block: Block, out: Folder) -> Run:
@@ -44,7 +44,7 @@ def _usable(models: Models) -> Models:
     named = (
         ("parser", models.parser, load_segmenter),
         ("parser", models.parser, certainty),
-        ("layout", models.layout, layouts.load),
+        ("layout", models.layout, layouts.load_layout_model),
     )
     for name, path, opens in named:
         try:

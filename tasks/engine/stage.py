@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan

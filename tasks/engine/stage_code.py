@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 HOUSE = ("facade_core", "catalogs", "tasks")
 
 # The translator that only runs with `translator: neural` take.
-NEURAL = "facade_core.street.translator.neural"
+NEURAL = "facade_core.street.translator.neural_translator"
 # What finds models in packages that may be installed or not: both the presence and the content of these count.
 DETECT = "facade_core.imagery.detect.models"
 # What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.

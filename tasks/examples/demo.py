@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from facade_core.geometry.walls import STREET
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.facade import PaintedFacade, facade

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from catalogs.block import Block, read_block
 from catalogs.block.geometry import SWAPPED
-from catalogs.buildings.densest import densest_square, square_around
+from catalogs.block.reader import Block, read_block
+from catalogs.buildings.densest import densest_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.features import file_stem
 from catalogs.readers.files import read_buildings
-from catalogs.readers.pictures.folders import image_files
+from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.geometry.walls import STREET
@@ -272,7 +272,7 @@ def _bounds(geometry: Geometry, area: Sequence[float] | Around | float) -> Seque
     if isinstance(area, Around):
         if abs(area.latitude) >= 90.0:
             raise InputError(area.swapped(f"{area.latitude:g} is no latitude"))
-        return square_around(area.longitude, area.latitude, area.size)
+        return square_bounds(area.longitude, area.latitude, area.size)
     return _densest(geometry, area) if isinstance(area, float) else area
 
 
@@ -309,7 +309,7 @@ def _sorted_pictures(
     folder: Path, poses: Path | None, block: Block, facades: set[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...]]:
     """Panoramas with a pose, photos named after a facade, those of no use with the reason, and those that lack either."""
-    paths, broken = image_files(folder, "photo")
+    paths, broken = list_images(folder, "photo")
     stems = facades | set(map(file_stem, facades))
     try:
         found = read_panoramas(folder, poses, block.crs)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.readers.annotations import EXPORTED
+from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from catalogs.visible import escape_invisible_json
 from facade_core.core.types import Element
 from tasks.engine.progress import advance, begin_stage
@@ -83,7 +83,7 @@ def _objects(
     found: Published, buildings: np.ndarray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """The files of the texture pages, which are written, and every feature as (id, what makes its city objects in a pool)."""
-    from facade_core.core.grouping import grouped
+    from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import ground_faces
     from facade_core.export.city_models.cityjson import geometry_of
     from facade_core.export.models.textured_mesh import GROUND_NODE, layout_of, page_jpeg
@@ -99,7 +99,7 @@ def _objects(
         (folder / image).write_bytes(page_jpeg(drawn, page))
         advance("export", 1)
     layouts = facade_layouts(found, buildings) if openings else {}
-    triangles = grouped(source.charts.building[source.mesh.chart])
+    triangles = group_rows(source.charts.building[source.mesh.chart])
     taken = set(found.names.values())
 
     def building(index: int, pool: Any) -> dict[str, Any]:
@@ -142,7 +142,7 @@ def building_objects(
         return [geometry_of(part.faces, part.surfaces, pool, lod, "Solid" if part.solid else "MultiSurface")]
 
     attributes = attributes_of(found, index, made.body)
-    attributes[EXPORTED] = attributes["measuredHeight"]
+    attributes[EXPORTED_HEIGHT_ATTRIBUTE] = attributes["measuredHeight"]
     for surface in made.body.surfaces:
         if "facade" in surface:
             surface["isFacade"] = is_facade(found, surface["facade"])
@@ -212,12 +212,12 @@ def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
 
 def measured_heights(found: Published) -> dict[str, float]:
     """The height of each building by its id, as exports state it."""
-    from facade_core.core.grouping import grouped
+    from facade_core.core.grouping import group_rows
     from facade_core.export.models.textured_mesh import layout_of
 
     source, buildings = found.textured, found.choose(())
     drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
-    triangles = grouped(source.charts.building[source.mesh.chart])
+    triangles = group_rows(source.charts.building[source.mesh.chart])
     bodies = {b: model_of(found, drawn, triangles[b], b, {}, origin_of(found)).body for b in buildings.tolist()}
     return {found.names[b]: round(_rise(body), 3) for b, body in bodies.items()}
 

@@ -24,7 +24,7 @@ OWN = ("name", "roofType", "measuredHeight", "storeysAboveGround")
 
 def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """BLOCK.gml: LoD3 where a building has openings, else LoD2, with textures beside it."""
-    from facade_core.core.grouping import grouped
+    from facade_core.core.grouping import group_rows
     from facade_core.export.city_models.citygml import city_model, ncname
     from facade_core.export.models.textured_mesh import layout_of, page_jpeg
 
@@ -36,7 +36,7 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     for page, image in enumerate(images):
         (folder / image).write_bytes(page_jpeg(drawn, page))
         advance("export", 1)
-    triangles = grouped(source.charts.building[source.mesh.chart])
+    triangles = group_rows(source.charts.building[source.mesh.chart])
     layouts = facade_layouts(found, buildings)
     ids = {index: ncname(found.names[index]) for index in buildings.tolist()}
     mine = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])

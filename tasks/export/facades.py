@@ -78,7 +78,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     import shapely
 
     from catalogs.published.geopackage import write_layers
-    from facade_core.core.grouping import grouped
+    from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.footprints import footprints
     from facade_core.geometry.charts import ChartKind
     from tasks.export.city import is_facade
@@ -91,7 +91,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     top = charts.origin[chart]
     walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
     outlines = footprints(found.textured)
-    of_building = grouped(charts.building[found.textured.mesh.chart])
+    of_building = group_rows(charts.building[found.textured.mesh.chart])
     table = found.buildings
     chosen = {found.names[b] for b in buildings.tolist()}
     name = f"{file_stem(found.block)}.gpkg"

@@ -29,12 +29,12 @@ def write_factored(
 ) -> tuple[list[str], list[str]]:
     """block.glb with a node a building, whose facades are factored; figures.json, what it comes to. shown: the
     buildings, and -1 for the ground."""
-    from facade_core.core.grouping import Grouped
+    from facade_core.core.grouping import RowIndex
     from facade_core.export.factored.glb import factored_glb
     from facade_core.export.factored.parts import joined, parts_of, rest
     from facade_core.export.factored.texture_packing import held, pictures_of
     from facade_core.export.factored.wall_geometry import NEAR
-    from facade_core.export.models.encoders import encoder
+    from facade_core.export.models.encoders import texture_encoder
     from facade_core.export.models.textured_mesh import local_frame
 
     start = time.monotonic()
@@ -45,10 +45,10 @@ def write_factored(
     pictures = pictures_of(whole, made.libraries)
     frame = local_frame(found.plan.scene.mesh)
     others = np.setdiff1d(source.chosen(shown), made.charts)
-    pages, parts = rest(source, Grouped(source.mesh.chart), others, len(pictures.pictures), frame)
+    pages, parts = rest(source, RowIndex(source.mesh.chart), others, len(pictures.pictures), frame)
     for building, pieces in sorted(pieces_of.items()):
         parts[building] = parts_of(pieces, pictures, frame) | parts.get(building, {})
-    used = encoder("jpeg")
+    used = texture_encoder("jpeg")
     encoded = [used.encode(picture) for picture in (*pictures.pictures, *pages)]
     names = {-1: "ground", **found.names}
     order = sorted(parts, key=lambda building: (building < 0, building))
@@ -87,7 +87,7 @@ def write_factored_tiles(
     from facade_core.export.factored.texture_packing import held, pictures_of
     from facade_core.export.factored.tiles import Leaves
     from facade_core.export.factored.wall_geometry import FAR, NEAR
-    from facade_core.export.models.encoders import MIPMAPS, encoder
+    from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.textured_mesh import local_frame, part_of
     from facade_core.export.tiles.cells import COARSE, quadtree
     from facade_core.export.tiles.far_shells import simplified_shells
@@ -101,7 +101,7 @@ def write_factored_tiles(
     made = laid(found, buildings, [FAR, NEAR], len(buildings) + count_tiles(cells, 2))
     far, near = made.details
     every = joined([*far.values(), *near.values()])
-    pictures, used, features = pictures_of(every, made.libraries), encoder("jpeg"), features_of(found)
+    pictures, used, features = pictures_of(every, made.libraries), texture_encoder("jpeg"), features_of(found)
     shells = simplified_shells(source, found.plan.scene.spec.texels_per_metre * COARSE, lambda: advance("export", 1))
     for name in ("tiles", "tilesets", "pictures"):
         (folder / name).mkdir()
@@ -148,7 +148,7 @@ def write_factored_tiles(
     advance("export", sum(map(leaves.bare, cells.leaves())))
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    coarse = tiled.texels * used.texel_bytes * MIPMAPS
+    coarse = tiled.texels * used.bytes_per_texel * MIPMAP_FACTOR
     told = _figures(pictures, joined(near.values()), leaves.texture_bytes) | {
         "texture_mb_of_coarse_tiles": round(coarse / 1e6, 1),
         "texture_mb": round((held(pictures.pictures) + leaves.texture_bytes + coarse) / 1e6, 1),

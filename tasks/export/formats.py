@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from catalogs.published import objects
-from catalogs.published.places import Folder, at, each, local_side, remove
+from catalogs.published import object_store
+from catalogs.published.folders import Folder, at, each, local_side, remove
 from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
@@ -165,11 +165,11 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) 
             written = _export(found, format, here, (), False, options)
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
         each(
-            lambda name: objects.put(at(target, name).path, at(here, name)),
+            lambda name: object_store.put(at(target, name).path, at(here, name)),
             [n for n in names if n != marker_of(format)],
             target,
         )
-        objects.put((target / marker_of(format)).path, here / marker_of(format))
+        object_store.put((target / marker_of(format)).path, here / marker_of(format))
     finally:
         shutil.rmtree(here, ignore_errors=True)
     _forget_exports(target)
@@ -179,7 +179,7 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) 
 
 def _forget_exports(newest: S3Folder) -> None:
     """Remove what lies beside the newest export of a format in a bucket, but for the one before it."""
-    beside = {name: one for name, one in objects.listed(newest.parent.path).items() if "/" in name}
+    beside = {name: one for name, one in object_store.listed(newest.parent.path).items() if "/" in name}
     whole = {
         name.partition("/")[0]: one.written
         for name, one in beside.items()

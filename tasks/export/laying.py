@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.core.errors import FacadeError, InputError
 from tasks.engine.progress import advance, begin_stage
 from tasks.engine.store.status import recorded_source
@@ -37,7 +37,7 @@ class Laid:
 
 def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], more: int) -> Laid:
     """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
-    from facade_core.core.grouping import grouped
+    from facade_core.core.grouping import group_rows
     from facade_core.export.factored.wall_decomposition import Seen
     from facade_core.export.factored.wall_geometry import Pieces, lay
 
@@ -45,7 +45,7 @@ def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], mor
     planes = _planes(found, buildings)
     libraries, of, notes = _libraries(found, list(planes))
     begin_stage("export", len(planes) + more)
-    of_building = grouped(source.charts.building[source.mesh.chart])
+    of_building = group_rows(source.charts.building[source.mesh.chart])
     by_detail: list[dict[int, Pieces]] = [{} for _ in details]
     for index, own in planes.items():
         building = int(found.plan.facades.building[index])
@@ -60,12 +60,12 @@ def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], mor
 
 def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
     """The facades with a finished layout whose walls are plane: their polygons."""
-    from facade_core.core.grouping import grouped
+    from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.openings import outlines
     from facade_core.export.factored.wall_geometry import Plane, flat
 
     source = found.textured
-    of_chart = grouped(source.mesh.chart)
+    of_chart = group_rows(source.mesh.chart)
     planes = {}
     for index in found.rectified(buildings):
         chart = int(found.plan.facades.chart[index])

@@ -107,7 +107,7 @@ def write_3dtiles(
         return write_factored_tiles(found, buildings, with_ground(found, buildings), folder)
     from dataclasses import replace
 
-    from facade_core.export.models.encoders import MIPMAPS, encoder
+    from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
     from facade_core.export.models.gltf_materials import texels_held
     from facade_core.export.models.textured_mesh import local_frame, part_of
     from facade_core.export.tiles.cells import COARSE, quadtree
@@ -115,7 +115,7 @@ def write_3dtiles(
     from facade_core.export.tiles.tileset import count_tiles, scale_of_view, write_tileset
     from tasks.export.features import features_of
 
-    encoded = encoder(textures)
+    encoded = texture_encoder(textures)
     source, notes = shown(found, lit, night, lit_by_default=False)
     chosen = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
     source = replace(source, mesh=part_of(source.mesh, chosen))
@@ -126,7 +126,7 @@ def write_3dtiles(
     time: Time = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
     shells = simplified_shells(source, density * COARSE, lambda: advance("export", 1))
-    most = encoded.view_mb if max_texture_mb is None else max_texture_mb
+    most = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
     scale = scale_of_view(source, shells, cells, encoded, most * 1e6, time)
     if scale < 1:
         notes.append(
@@ -159,7 +159,7 @@ def write_3dtiles(
     told = {
         "draw_calls": tiled.draws,
         "bytes": tiled.bytes,
-        "texture_mb": round(tiled.texels * held * encoded.texel_bytes * MIPMAPS / 1e6, 1),
+        "texture_mb": round(tiled.texels * held * encoded.bytes_per_texel * MIPMAP_FACTOR / 1e6, 1),
         "texels_used": round(tiled.used / max(tiled.texels, 1), 4),
         "scale": round(scale, 4),
     }

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from catalogs.broken import is_system_error
 from catalogs.features import Fault
-from catalogs.readers.pictures.folders import image_files
-from catalogs.readers.pictures.panoramas import in_frame, stated_place
+from catalogs.readers.pictures.folders import list_images
+from catalogs.readers.pictures.panoramas import project_pose, read_exif_pose
 from catalogs.readers.pictures.poses import SourcePose, read_poses
 from facade_core.core.errors import FacadeError, InputError
 from facade_core.core.name_hash import number_of
@@ -47,7 +47,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
         raise InputError(
             f"{path} is there and may have been mended; take its photos (--take), remove it, or name another with --out"
         )
-    paths, unreadable = image_files(folder, "photo")
+    paths, unreadable = list_images(folder, "photo")
     stated = read_poses(poses) if poses else {}
     if not any(_place(path, stated) for path in paths):  # told before the block is read, which takes longer
         raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACES}")
@@ -70,7 +70,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
 def _place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
     """Where a photo was taken, or what is wrong with that; None where nothing says it."""
     try:
-        return stated.get(path.name) or stated.get(path.stem) or stated_place(path)
+        return stated.get(path.name) or stated.get(path.stem) or read_exif_pose(path)
     except InputError as error:
         return str(error)
 
@@ -80,7 +80,7 @@ def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePo
         raise InputError(UNPLACED)
     if isinstance(place, str):
         raise InputError(place)
-    pose = in_frame(place, _FULL, block.crs, {})
+    pose = project_pose(place, _FULL, block.crs, {})
     photo, size = rectified_photo(path)
     taken = taken_by(photo.image, photo.seen, photo.homography, photo.focal, size)
     (level,) = terrain.height(np.array([[pose.x, pose.y]]))

@@ -8,8 +8,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from catalogs.block import read_block
-from catalogs.block.adding import add_imagery, imagery_line
+from catalogs.block.reader import read_block
+from catalogs.block.yaml_edits import add_imagery, imagery_line
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
 from tasks.matching.table import Table

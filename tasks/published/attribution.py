@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from datetime import datetime
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.stac.facts import SourceFact
 from catalogs.stac.snapshot import item_stem
 from facade_core.core.errors import InputError

@@ -15,13 +15,13 @@ import numpy as np
 import shapely
 
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 from facade_core.export.bodies.footprints import footprints
 from facade_core.export.models.textured_mesh import textured_scene
-from facade_core.facade.layout.model import SHIPPED as LAYOUTS
+from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
 from facade_core.parsing.network import SHIPPED as NETWORK
 from facade_core.plan.plan import Plan
-from facade_core.street.translator.neural import SHIPPED as TRANSLATOR
+from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
 from tasks.published.rows import Rows, made_at
 from tasks.published.stored import StoredBlock
@@ -117,11 +117,11 @@ def block_facts(
 
 def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[StreetFacts]:
     """All streets of a block, by their journal records and those of their viewpoints."""
-    viewpoints_of = Grouped(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
+    viewpoints_of = RowIndex(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
     writable = plan.street_texels()[:, 1].tolist()
     found = []
     for index, (street, record) in enumerate(zip(plan.streets, streets, strict=True)):
-        own = viewpoints_of.of(index).tolist()
+        own = viewpoints_of.rows_with(index).tolist()
         made = [seen for viewpoint in own if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
         state = record["status"] if record else "waiting" if own else "unseen"
         texels = (record or {}).get("texels")

@@ -8,10 +8,10 @@ from functools import cache, partial
 from pathlib import Path
 
 from catalogs.features import file_stem
-from catalogs.published.made import Made
+from catalogs.published.reuse import Made
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.atlas.stored_files import picture_path, read_encoded
+from facade_core.atlas.stored_files import picture_path, read_stored_file
 from facade_core.core.resizing import resized
 from facade_core.export.pictures.occlusion_overlay import LONGEST_PREVIEW
 from facade_core.export.pictures.rendering import file_of
@@ -73,7 +73,7 @@ def _done(records: Sequence[Record | None]) -> list[Record]:
 
 
 def _file(block: StoredBlock, record: Record) -> bytes:
-    return read_encoded(block.group, picture_path(record["file"]), record["digest"])
+    return read_stored_file(block.group, picture_path(record["file"]), record["digest"])
 
 
 def _sheets(folder: str, block: StoredBlock, record: Record, made: Made) -> Iterator[Titled]:
@@ -92,7 +92,7 @@ def _before(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterat
         if "before_file" in record:
             file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
             with aside.trying(f"picture of facade {record['unit']} before"):
-                made.put(f"{folder}/{file}", digest, partial(read_encoded, block.group, record["before_file"], digest))
+                made.put(f"{folder}/{file}", digest, partial(read_stored_file, block.group, record["before_file"], digest))
                 yield record["unit"], file
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.runs import runs_in
 from catalogs.published.snapshot import Snapshot, current
 from facade_core.core.errors import FormatError, InputError

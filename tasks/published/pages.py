@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from catalogs.published.made import Made
+from catalogs.published.reuse import Made
 from catalogs.published.snapshot import Snapshot
-from facade_core.atlas.stored_files import page_path, read_encoded
+from facade_core.atlas.stored_files import page_path, read_stored_file
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 
@@ -22,5 +22,5 @@ def write_pages(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside:
             made.put(
                 snapshot.page(number).relative_to(snapshot.folder).as_posix(),
                 digest,
-                partial(read_encoded, block.group, path, digest),
+                partial(read_stored_file, block.group, path, digest),
             )

@@ -7,17 +7,17 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from catalogs.published import objects
-from catalogs.published.files import FILES, note_changed, predecessor_of, tags_of
-from catalogs.published.places import Folder, remove
+from catalogs.published import object_store
+from catalogs.published.file_list import FILES, note_changed, predecessor_of, tags_of
+from catalogs.published.folders import Folder, remove
 from catalogs.published.runs import publishes
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.versions import forget_versions
-from facade_core.atlas.integrity import is_whole
-from facade_core.atlas.store import BRANCH, expire, open_repository, open_root
+from facade_core.atlas.integrity import has_all_files
+from facade_core.atlas.store import BRANCH, expire_snapshots, open_repository, open_root
 from facade_core.core.errors import FacadeError, InputError
-from tasks.engine.store.commits import standing_tags
+from tasks.stages.streets.tags import street_tags
 
 # What a process that was killed leaves in a run's folder; nothing but a run, which the caller holds off, makes any.
 LEFTOVERS = (
@@ -44,7 +44,7 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     if current is None:
         raise InputError(f"{out}: nothing is published; {publishes(out, 'publishes')}")
     repository = open_repository(out / "store")
-    if not is_whole(repository, out / "store"):
+    if not has_all_files(repository, out / "store"):
         raise InputError(f"{out / 'store'}: is damaged; `streetloom run BLOCK.yaml --out {out}` mends it first")
     said = []
     size = _size(out)
@@ -64,11 +64,11 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     for name, paths in forget_versions(published).items():
         note_changed(published / name, paths)
     kept = {tag for name in _newest_first(published, current.id) for tag in tags_of(published / name)}
-    kept |= standing_tags(open_root(repository.readonly_session(BRANCH)))
+    kept |= street_tags(open_root(repository.readonly_session(BRANCH)))
     tags = sorted(set(repository.list_tags()) - kept)
     for tag in tags:
         repository.delete_tag(tag)
-    expire(repository, read_for if isinstance(out, S3Folder) else timedelta())
+    expire_snapshots(repository, read_for if isinstance(out, S3Folder) else timedelta())
     freed = (size - _size(out)) / (1 << 20)
     said.append(
         f"{out}: removed {gone} published snapshots, {len(tags)} tags and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB"
@@ -100,7 +100,7 @@ def _superseded_lately(newer: Folder, read_for: timedelta) -> bool:
     """Whether a snapshot in a bucket came to be what readers are told of so short a time ago."""
     if not isinstance(newer, S3Folder):
         return False
-    listed = objects.listed(newer.path).get(FILES)
+    listed = object_store.listed(newer.path).get(FILES)
     return listed is not None and datetime.now(UTC) - listed.written < read_for
 
 
@@ -126,7 +126,7 @@ def _newest_first(published: Folder, current: str) -> list[str]:
 def _written(folder: Folder) -> float:
     """When a folder was written, seconds since 1970."""
     if isinstance(folder, S3Folder):
-        return max((one.written.timestamp() for one in objects.listed(folder.path).values()), default=0.0)
+        return max((one.written.timestamp() for one in object_store.listed(folder.path).values()), default=0.0)
     return folder.stat().st_mtime
 
 

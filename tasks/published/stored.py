@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.refined_poses import read_posed
+from facade_core.atlas.refined_poses import read_refined_poses
 from facade_core.atlas.store import open_root
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
@@ -36,7 +36,7 @@ class StoredBlock:
     @cached_property
     def posed(self) -> list[Record | None]:
         """Those of panoramas, with what was made of them together."""
-        return read_posed(self.group)
+        return read_refined_poses(self.group)
 
     @cached_property
     def corrected(self) -> frozenset[str]:

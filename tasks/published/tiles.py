@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.made import Made
+from catalogs.published.reuse import Made
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.atlas.stored_files import read_checked, read_encoded, tile_paths
+from facade_core.atlas.stored_files import read_verified_array, read_stored_file, tile_paths
 from facade_core.export.city_models.attribution import Attribution
 from facade_core.export.models.glb import with_copyright
 from facade_core.export.models.glb_merge import join_glbs, part_of_file
@@ -70,7 +70,7 @@ def write_tiles(
 
 
 def _named_glb(block: StoredBlock, path: str, digest: str, attribution: Attribution) -> bytes:
-    return with_copyright(read_encoded(block.group, path, digest), attribution.line)
+    return with_copyright(read_stored_file(block.group, path, digest), attribution.line)
 
 
 def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
@@ -156,4 +156,4 @@ def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) ->
         if path in aside.failed:
             continue
         with aside.trying(path):
-            yield coarse_rasters(texels, one.tile.charts, read_checked(block.group, path, one.record["coarse"]))
+            yield coarse_rasters(texels, one.tile.charts, read_verified_array(block.group, path, one.record["coarse"]))

@@ -11,7 +11,7 @@ from catalogs.learning.datasets import ecp, split
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.translator.training_views import WIDTHS, Pair, sequence
+from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingPair, render_sequence
 from facade_core.synth.street_paint import photographed_ground, with_photos
 from facade_core.synth.street_truth import (
     SyntheticStreet,
@@ -29,14 +29,14 @@ SPACING_M, HEIGHT_M = 5.0, 2.5
 ROADWAY, PAVEMENTS = ("asphalt.jpg", 1.2), (("slabs.jpg", 1.0), ("concrete.jpg", 1.2))
 
 
-def composites(data: Path, *, seed: int) -> list[Pair]:
+def composites(data: Path, *, seed: int) -> list[TrainingPair]:
     """Pairs of views along streets whose houses show facades/ecp and facades/cmp without their held-out folds, and whose ground
     shows pictures of materials/. Raises InputError where one of these is missing."""
     photos = [facade.image for facade in split(list(ecp(data / "facades" / "ecp")))[0]]
     photos += [facade.image for facade in cmp_photos(data)[0]]
     roadway = (picture(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
     pavements = [(picture(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]
-    found: list[Pair] = []
+    found: list[TrainingPair] = []
     begin_stage("composites", STREETS)
     for number in range(STREETS):
         rng = np.random.default_rng([seed, number])
@@ -50,8 +50,8 @@ def composites(data: Path, *, seed: int) -> list[Pair]:
 
 def _pairs(
     street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
-) -> Iterator[Pair]:
-    scene, width = street.scene, max(WIDTHS)
+) -> Iterator[TrainingPair]:
+    scene, width = street.scene, max(PANORAMA_WIDTHS)
     viewpoints = []
     for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
         x, y = street.place(float(along), 0.0)
@@ -61,7 +61,7 @@ def _pairs(
     # side walls and roofs are grey in the truth: nothing is learnt from them
     true = np.append(scene.charts.kind == ChartKind.GROUND, False)
     true[list(street.charts)] = True
-    for viewpoint, bare in zip(viewpoints, sequence(scene, viewpoints), strict=True):
+    for viewpoint, bare in zip(viewpoints, render_sequence(scene, viewpoints), strict=True):
         x, y, z = viewpoint.position.tolist()
         image = panorama(street, Pose(x, y, z, heading), width, seed=viewpoint.id, ground=ground)
-        yield Pair(bare, image, true[scene.look(viewpoint, width)[2]])
+        yield TrainingPair(bare, image, true[scene.look(viewpoint, width)[2]])

@@ -10,7 +10,7 @@ import numpy as np
 from catalogs.block.corrections import read_corrections
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.layouts import LayoutRecord
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.runs import runs_in
 from facade_core.core.errors import InputError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass

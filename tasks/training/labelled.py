@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from catalogs.learning.in_front import Looked
+from catalogs.learning.occluder_boxes import Looked
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.occluder_labels import told_in_front
 from facade_core.parsing.training_views import ANY_CLASS

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.facade.layout import learning
-from facade_core.facade.layout.model import save
+from facade_core.facade.layout.model import save_layout_model
 from tasks.engine.progress import advance, begin_stage
 
 
@@ -29,7 +29,7 @@ def train_layout(
         train = [train[k * len(train) // size] for k in range(min(size, len(train)))]
     train = [*train, *corrected]
     metric = list(read_layouts(data / "layouts" / "ingolstadt_lod3_metres.jsonl"))
-    model = learning.learn(
+    model = learning.learn_layout_model(
         [(record.elements, record.domain) for record in train],
         names=[record.name for record in train],
         metric=[(record.elements, record.domain) for record in metric],
@@ -37,7 +37,7 @@ def train_layout(
         progress=_tell,
     )
     path = out / "layouts.json"
-    save(model, path, seed=seed)
+    save_layout_model(model, path, seed=seed)
     return path
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.core.errors import InputError
-from facade_core.street.materials.grain import NAMES, Example, learn
-from facade_core.street.materials.grain_file import save
+from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
+from facade_core.street.materials.grain_file import save_examples
 from tasks.engine.progress import advance, begin_stage
 
 # Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
@@ -28,17 +28,17 @@ SOURCES: dict[str, tuple[str, float, float | None]] = {
 
 def train_materials(data: Path, out: Path) -> Path:
     """Examples from the pictures in `data`/materials, all CC0; writes materials.npz into `out`."""
-    examples: dict[str, Example] = {}
+    examples: dict[str, GrainExample] = {}
     told = {}
-    begin_stage("examples", len(NAMES))
-    for name in NAMES:
+    begin_stage("examples", len(EXAMPLE_NAMES))
+    for name in EXAMPLE_NAMES:
         file, width, structure = SOURCES[name]
         image, digest = picture(data / "materials" / file)
-        examples[name] = learn(image, width, structure=structure)
+        examples[name] = learn_grain(image, width, structure=structure)
         told[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
         advance("examples", 1)
     path = out / "materials.npz"
-    save(examples, path, sources=told)
+    save_examples(examples, path, sources=told)
     return path
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
-from catalogs.learning.in_front import looked_in_front
+from catalogs.learning.occluder_boxes import looked_in_front
 from facade_core.core.errors import InputError
 from facade_core.core.model_file import add_to_record, read_record
 from facade_core.parsing import confidence, network, network_export, network_training

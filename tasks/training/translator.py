@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from catalogs.block import Block, read_block
-from catalogs.readers.pictures.opening import opened
+from catalogs.block.reader import Block, read_block
+from catalogs.readers.pictures.opening import open_picture
 from facade_core.core.errors import InputError
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator import training
-from facade_core.street.translator.training_steps import Course, Domains
-from facade_core.street.translator.training_views import WIDTHS, Rendering, sequence
+from facade_core.street.translator.training_steps import TrainingRecipe, TrainingDomains
+from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingRendering, render_sequence
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.model_relief import relief
 from facade_core.synth.street_truth import synthetic_street
@@ -73,7 +73,7 @@ def train_translator(
     out: Path,
     *,
     seed: int,
-    course: Course,
+    course: TrainingRecipe,
     places: Places,
     runs: Sequence[Path] = (),
     paired: Path | None = None,
@@ -96,8 +96,8 @@ def train_translator(
     out.mkdir(parents=True, exist_ok=True)
     rendered, rendered_judged = renderings(blocks, seed=seed)
     pairs = composites(paired, seed=seed) if paired else []
-    domains = Domains(rendered, learnt, rendered_judged, judged, pairs)
-    trained = training.train(
+    domains = TrainingDomains(rendered, learnt, rendered_judged, judged, pairs)
+    trained = training.train_generator(
         domains, course, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_sheets(out)
     )
     path = out / "translator.onnx"
@@ -111,7 +111,7 @@ def train_translator(
         "best_step": trained.step,
         "kernel_distances": {str(step): round(value, 4) for step, value in trained.distances.items()},
     }
-    network_export.save(trained.weights, course, path, record)
+    network_export.save_generator(trained.weights, course, path, record)
     return path
 
 
@@ -133,10 +133,10 @@ def panoramas(
 
     found = []
     for name, path in {path.resolve(): (name, path) for name, path in pictures}.values():
-        with opened(path) as picture:
+        with open_picture(path) as picture:
             if picture.width != 2 * picture.height or (places.left_out and path.name.startswith(places.left_out)):
                 continue
-            small = picture.convert("RGB").resize((max(WIDTHS), max(WIDTHS) // 2), Image.Resampling.BOX)
+            small = picture.convert("RGB").resize((max(PANORAMA_WIDTHS), max(PANORAMA_WIDTHS) // 2), Image.Resampling.BOX)
         found.append((name, path, np.asarray(small)))
     judges = [path.name.startswith(places.judged) for _, path, _ in found] if places.judged else _stretch(len(found))
     learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge is False]
@@ -158,10 +158,10 @@ def _stretch(count: int) -> list[bool | None]:
     return [False] * (count - judging - between) + [None] * between + [True] * judging
 
 
-def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[Rendering], list[Rendering]]:
+def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRendering], list[TrainingRendering]]:
     """Renderings to learn from and to judge by, of runs of viewpoints in the streets of blocks and of procedural streets."""
     begin_stage("renderings", RUNS * len(blocks) + PROCEDURAL)
-    runs: list[list[Rendering]] = []
+    runs: list[list[TrainingRendering]] = []
     for number in range(PROCEDURAL):
         runs.append(procedural_run(seed=100 * seed + number, furnished=number % 2 == 0))
         advance("renderings", 1)
@@ -174,7 +174,7 @@ def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[Rendering], l
     return learnt, judged
 
 
-def procedural_run(*, seed: int, furnished: bool) -> list[Rendering]:
+def procedural_run(*, seed: int, furnished: bool) -> list[TrainingRendering]:
     """Renderings along a street of painted facades, shown as relief."""
     import cv2
 
@@ -191,10 +191,10 @@ def procedural_run(*, seed: int, furnished: bool) -> list[Rendering]:
         viewpoints.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
     line = shapely.LineString([street.place(along, 0.0) for along in (0.0, street.length)])
     furniture = street_furniture(line, partial(_level, 0.0), seed=seed) if furnished else None
-    return sequence(street.scene, viewpoints, furniture=furniture, relief=reliefs)
+    return render_sequence(street.scene, viewpoints, furniture=furniture, relief=reliefs)
 
 
-def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Rendering]]:
+def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
     """Runs of renderings between the buildings of a block, every other one furnished; where walls are seen best first."""
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
     plan = plan_of(replace(block, texture=texture, panoramas=()))
@@ -217,7 +217,7 @@ def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Renderin
         furniture = None
         if number % 2:
             furniture = street_furniture(_near(line, viewpoints), partial(_level, height), seed=number)
-        yield sequence(scene, viewpoints, furniture=furniture)
+        yield render_sequence(scene, viewpoints, furniture=furniture)
 
 
 def _level(height: float, points: np.ndarray) -> np.ndarray:

@@ -14,9 +14,9 @@ from facade_core.export.pictures.camera import Camera
 from facade_core.geometry.raycast import MISS
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
-from facade_core.street.materials.field import Materials
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import paint
+from facade_core.street.surfaces import paint_visible_texels
 from tasks.stages.shared.materials import field_of
 from tasks.stages.streets.worker import add_viewpoint, replay
 from tasks.viewing.reading import View
@@ -39,7 +39,7 @@ class _Street:
     street: int
     plan: Plan
     window: TexelBuffer
-    field: Materials | None
+    field: MaterialField | None
     steps: int
     texel: np.ndarray
 
@@ -71,7 +71,7 @@ class Growth:
                 seen = held.plan.viewpoints[step]
                 add_viewpoint(held.plan, view.group, held.window, seen, field=held.field is not None, threads=_THREADS)
             if held.field is not None:
-                paint(held.window, held.plan.scene.placement, held.field)
+                paint_visible_texels(held.window, held.plan.scene.placement, held.field)
             held.steps = steps
             self._street = held
             return _draw(held)

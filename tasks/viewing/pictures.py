@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 
-from facade_core.atlas.stored_files import read_encoded
+from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
 from facade_core.export.pictures.stage_pictures import Shown, stages_of
 from tasks.viewing.reading import View
@@ -30,7 +30,7 @@ def picture_before(view: View, index: int) -> bytes:
     record = view.records[index]
     if record is None or "before_file" not in record:
         raise InputError(f"{view.tables.facades.id[index]}: no picture of how it was before")
-    return read_encoded(view.group, record["before_file"], record["before_digest"])
+    return read_stored_file(view.group, record["before_file"], record["before_digest"])
 
 
 def encode(image: np.ndarray, kind: str = "WEBP", quality: int = 85) -> bytes:

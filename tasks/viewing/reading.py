@@ -11,8 +11,8 @@ from typing import Any, cast
 import icechunk
 import numpy as np
 
+from catalogs.published.folders import Folder
 from catalogs.published.items import BBOX, COLUMNS
-from catalogs.published.places import Folder
 from catalogs.published.report import to_look_at
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import Record

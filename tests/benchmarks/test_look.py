@@ -10,7 +10,7 @@ from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_e
 from benchmarks.look.photos import panorama_places, perspective
 from benchmarks.look.repeats import autocorrelation, highest_peak, material, standing_out
 from benchmarks.look.walls import _in_triangle, _likeness, _roof_shape, _to_boxes
-from facade_core.street.materials.procedural import plaster
+from facade_core.street.materials.procedural import plaster_tone
 
 KEY = {"pairs": {"1": {"A": "out", "B": "against"}, "2": {"A": "against", "B": "out"}}}
 
@@ -58,7 +58,7 @@ def test_lines_and_streaks_are_no_period_and_a_tile_is() -> None:
 def test_plaster_is_not_like_itself_farther_down() -> None:
     y, x = (np.mgrid[:576, :768] + 0.5) / 32 + 100
     tones = np.ones(x.size)
-    plaster(x.ravel(), y.ravel(), np.full(x.size, 9.0), np.full(x.size, 1 / 32), 7, tones)
+    plaster_tone(x.ravel(), y.ravel(), np.full(x.size, 9.0), np.full(x.size, 1 / 32), 7, tones)
     grey = 150 * tones.reshape(144, 4, 192, 4).mean(axis=(1, 3))
     likeness = autocorrelation(grey.astype(np.float32), np.ones(grey.shape, bool))
     assert likeness is not None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.street.readings import Reading, View, blended
-from facade_core.street.propagation.blend import BlendState, add_views, blend
+from facade_core.street.propagation.blend import BlendState, add_views, blend_views
 
 TEXELS = 40
 
@@ -29,7 +29,7 @@ def test_the_pinned_reading_is_that_of_the_street_stage(count: int) -> None:
     views, state = some_views(count, seed=count), BlendState.empty(TEXELS)
     for view in views:
         add_views(state, view.texel, view.distance, view.proper, np.full(len(view.texel), view.id), view.rgb)
-    expected, number = blend(state)
+    expected, number = blend_views(state)
     colour, counted = blended(views[::-1], TEXELS, Reading())
     np.testing.assert_array_equal(counted, number)
     assert np.abs(colour.astype(int) - expected).max() <= 1  # a half may be rounded either way

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.street import seams, workers
 from benchmarks.street.truth import interval, psnr
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from tasks.stages.ingest.planning import plan_of
 
 

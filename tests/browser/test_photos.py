@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from benchmarks.matching import photo_of
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import synthetic_street
 from tasks.matching.table import COLUMNS, TABLE, Candidate, Table, found_row, read_table, write_table

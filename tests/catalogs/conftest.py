@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 
 KEYS = {
     "name": "name: helsinki",

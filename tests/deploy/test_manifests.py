@@ -183,8 +183,8 @@ def test_workers_have_the_memory_that_units_declare(command: list[str]) -> None:
     shared_out = int(said.removesuffix("GB")) * 10**9 * UNITS_SHARE
     exemplar = LONGEST_EXEMPLAR**2 * (memory.FACADE_TEXEL + memory.PICTURE_PIXEL)
     photo = MOST_PIXELS * memory.PICTURE_PIXEL + 4_000_000 * memory.FACADE_TEXEL
-    for unit in (exemplar + memory.LOOKING, photo + memory.LOOKING, memory.page_memory(memory.LARGEST_PAGE**2)):
-        assert memory.LEAST + unit <= shared_out
+    for unit in (exemplar + memory.DETECTION_BYTES, photo + memory.DETECTION_BYTES, memory.page_memory(memory.LARGEST_PAGE**2)):
+        assert memory.LIBRARY_BYTES + unit <= shared_out
     assert memory.street_memory(10_000_000, 10_000_000, network=memory.NETWORK_PIXELS) <= shared_out
     for limit in (
         COMPOSE["services"]["worker"]["deploy"]["resources"]["limits"]["memory"],

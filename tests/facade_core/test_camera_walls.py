@@ -14,11 +14,11 @@ from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.walls import taken_whole
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
-from facade_core.imagery.cameras.occluder_masks import beside_edges
-from facade_core.imagery.cameras.walls import trusted_wall_texels, chart_coverage, fuse_wall_view
+from facade_core.imagery.cameras.occluder_masks import mask_model_edges
+from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view, trusted_wall_texels
 from facade_core.imagery.rectify.fusion import View
-from facade_core.street.materials.field import Materials
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.street_paint import painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 
@@ -69,7 +69,7 @@ def end() -> Seen:
         x, y = street.place(along, across)
         pose = Pose(float(x), float(y), 2.5, 40.0)
         image = panorama(street, pose, 1024, seed=1, sides=painted_sides(street))
-        hidden = beside_edges(street.scene, pose, image.shape[:2])
+        hidden = mask_model_edges(street.scene, pose, image.shape[:2])
         cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), None))
     return Seen(street, chart, cameras)
 
@@ -128,11 +128,11 @@ def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
         return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
 
     street = Street("s", None, shapely.LineString([end.street.place(0, 0), end.street.place(end.street.length, 0)]))
-    materials = Materials(scene, (street,), seed=1)
-    colour, rank = surface(scene, materials, chart, Known(read, {chart}, (), {chart}), network=False)
+    materials = MaterialField(scene, (street,), seed=1)
+    colour, rank = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, (), {chart}), is_neural=False)
     assert (rank[~shown] == Provenance.INPAINTED).all()
     np.testing.assert_array_equal(colour[shown], wall[shown])
-    levelled, before = surface(scene, materials, chart, Known(read, {chart}, ()), network=False)
+    levelled, before = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, ()), is_neural=False)
     assert (before[~shown] < Provenance.INPAINTED).all()
     off, plain = (np.abs(one[~shown].mean(axis=0) - wall[~shown].mean(axis=0)).mean() for one in (colour, levelled))
     assert off < plain

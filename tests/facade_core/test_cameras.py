@@ -11,8 +11,8 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
-from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, trusted_ground_texels, fuse_ground_view
-from facade_core.imagery.cameras.occluder_masks import HIGHEST_DEG, in_the_way
+from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, fuse_ground_view, trusted_ground_texels
+from facade_core.imagery.cameras.occluder_masks import HIGHEST_DEG, mask_ground_occluders
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.imagery.rectify.fusion import View
 from facade_core.synth.street_paint import painted_ground
@@ -144,11 +144,11 @@ def test_a_view_of_the_panorama_is_masked_where_the_parser_sees_things(monkeypat
     monkeypatch.setattr(module, "parse", lambda image: Parsing((image[..., 0] > 150) & (image[..., 1] < 90)))
     image = np.full((360, 720, 3), 110, np.uint8)
     image[200:230, 340:380] = [220, 20, 20]
-    mask = in_the_way(image, Pose(0, 0, 2.5, 0.0))
+    mask = mask_ground_occluders(image, Pose(0, 0, 2.5, 0.0))
     assert mask[202:228, 342:378].all()
     assert not mask[: round((90 - HIGHEST_DEG) * 2)].any()
     assert mask.sum() < 2.2 * 30 * 40
-    half = in_the_way(image[90:, 180:540], Pose(0, 0, 2.5, 0.0, view=(0.25, 0.25, 0.5, 0.75)))
+    half = mask_ground_occluders(image[90:, 180:540], Pose(0, 0, 2.5, 0.0, view=(0.25, 0.25, 0.5, 0.75)))
     assert (half == mask[90:, 180:540]).mean() > 0.995
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from facade_core.imagery.privacy import shielded
+from facade_core.imagery.privacy import apply_privacy
 
 
 def scene():
@@ -14,7 +14,7 @@ def scene():
 
 def test_what_is_blurred_has_one_colour_in_each_half_metre():
     evidence, hidden = scene()
-    found = shielded(evidence, hidden, "blur", 20.0)
+    found = apply_privacy(evidence, hidden, "blur", 20.0)
     assert (found[~hidden] == evidence[~hidden]).all()
     for y in range(0, 40, 10):
         for x in range(0, 60, 10):
@@ -27,9 +27,9 @@ def test_what_is_blurred_has_one_colour_in_each_half_metre():
 
 def test_of_what_is_masked_nothing_is_left_and_what_is_kept_is_as_it_was():
     evidence, hidden = scene()
-    masked = shielded(evidence, hidden, "mask", 20.0)
+    masked = apply_privacy(evidence, hidden, "mask", 20.0)
     assert (masked[~hidden] == evidence[~hidden]).all()
     assert len(np.unique(masked[hidden], axis=0)) == 1
-    assert shielded(evidence, hidden, "keep", 20.0) is evidence
-    assert shielded(evidence, np.zeros_like(hidden), "blur", 20.0) is evidence
+    assert apply_privacy(evidence, hidden, "keep", 20.0) is evidence
+    assert apply_privacy(evidence, np.zeros_like(hidden), "blur", 20.0) is evidence
     assert (evidence == scene()[0]).all(), "the evidence itself is as it was"

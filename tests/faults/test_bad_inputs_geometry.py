@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import shapely
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from facade_core.core.errors import BlockFileError
 from tasks.stages.ingest.planning import plan_of
 from tasks.stages.ingest.task import no_facade

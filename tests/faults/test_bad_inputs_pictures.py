@@ -20,8 +20,8 @@ import rasterio
 from PIL import Image, ImageOps
 
 from catalogs.readers.pictures import opening as pictures
-from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
-from catalogs.readers.pictures.opening import MOST_PIXELS, MOST_WEBP_PIXELS, opened, read_picture
+from catalogs.readers.pictures.folders import list_images, photos_by_facade, check_picture
+from catalogs.readers.pictures.opening import MAX_PIXELS, MAX_WEBP_PIXELS, open_picture, read_picture
 from facade_core.core.errors import ImageError, InputError
 from tasks.stages.facades.evidence import photo_of
 from tasks.stages.shared.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
@@ -286,7 +286,7 @@ def test_every_picture_is_turned_as_its_exif_says(orientation: int, layout: str,
     found = found[..., 0] if layout == "deep" else found
     assert found.shape == wanted.shape
     assert np.abs(found - wanted).max() <= 4
-    small = read_picture(path, longest=64).rgb
+    small = read_picture(path, max_side=64).rgb
     assert small.shape[:2] == (wanted.shape[0] // 2, wanted.shape[1] // 2)
 
 
@@ -295,7 +295,7 @@ def test_every_picture_is_turned_as_its_exif_says(orientation: int, layout: str,
 )
 def test_a_large_picture_is_reduced_by_means(case: str, tmp_path: Path) -> None:
     path = SHOWN[case][0](tmp_path)
-    whole, small = read_picture(path), read_picture(path, most=48 * 64 // 9 + 1)
+    whole, small = read_picture(path), read_picture(path, max_pixels=48 * 64 // 9 + 1)
     assert small.rgb.shape == (16, 21, 3)
     assert small.scale == pytest.approx(1 / 3, rel=0.01)
     clear = ~small.hidden
@@ -325,8 +325,8 @@ def test_photos_and_exemplars_of_a_few_pixels_are_refused_with_the_reason(
         with pytest.raises(ImageError, match=r"w1-f1\.png is .*16 a side are the least"):
             photo_of(path, True, (20, 30))
         with pytest.raises(InputError, match=r"w1-f1\.png is .*16 a side are the least"):
-            image_files(tmp_path, "exemplar")
-        whole_picture(path)  # a material may be one colour
+            list_images(tmp_path, "exemplar")
+        check_picture(path)  # a material may be one colour
 
 
 def test_a_broken_picture_is_a_fault_and_the_others_are_used(tmp_path: Path) -> None:
@@ -339,7 +339,7 @@ def test_a_broken_picture_is_a_fault_and_the_others_are_used(tmp_path: Path) -> 
     (folder / "folder.png").mkdir()
     (folder / "circle.png").symlink_to("circle.png")
     os.mkfifo(folder / "pipe.png")
-    usable, faults = image_files(folder, "exemplar")
+    usable, faults = list_images(folder, "exemplar")
     assert [path.name for path in usable] == ["good.png"]
     assert sorted(fault.id for fault in faults) == sorted(
         ["circle.png", "empty.jpg", "eps.png", "huge.png", "line break.png", "pipe.png"]
@@ -402,8 +402,8 @@ def test_changed_bytes_of_a_picture_are_read_or_refused(seed: str, tmp_path: Pat
     for _ in range(60):
         path.write_bytes(changed(SEEDS[seed], chance))
         for read in (
-            lambda: image_files(tmp_path, "exemplar"),
-            lambda: read_picture(path, longest=32),
+            lambda: list_images(tmp_path, "exemplar"),
+            lambda: read_picture(path, max_side=32),
             lambda: focal_length(path),
         ):
             try:
@@ -454,8 +454,8 @@ def test_no_picture_takes_a_gigabyte(tmp_path: Path) -> None:
 
 
 def test_the_formats_are_named_and_none_starts_a_program() -> None:
-    assert set(pictures.FORMATS) <= {"PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF"}
-    assert MOST_WEBP_PIXELS < MOST_PIXELS <= 2 * (Image.MAX_IMAGE_PIXELS or 0), "Pillow's own limit lies above"
+    assert set(pictures.PILLOW_FORMATS) <= {"PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF"}
+    assert MAX_WEBP_PIXELS < MAX_PIXELS <= 2 * (Image.MAX_IMAGE_PIXELS or 0), "Pillow's own limit lies above"
 
 
 @pytest.mark.realdata
@@ -470,6 +470,6 @@ def test_cases_of_before(data: Path) -> None:
             if not str(error).startswith(path.name):
                 raise
     large = data / "bad_inputs" / "zcombo-144mp-exemplar" / "lib" / "b.png"
-    with opened(large) as image:
+    with open_picture(large) as image:
         assert image.size == (12_000, 12_000)
     assert read_exemplar_picture(large).rgb.shape == (2000, 2000, 3)

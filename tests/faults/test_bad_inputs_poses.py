@@ -12,7 +12,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 from pyproj import CRS
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import InputError
 from tests.faults.test_bad_inputs_pictures import changed

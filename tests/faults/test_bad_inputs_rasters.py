@@ -16,7 +16,7 @@ from pyproj import CRS
 from rasterio import Affine
 from rasterio.transform import from_origin
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from catalogs.readers.pictures.aerial import read_aerial
 from catalogs.readers.pictures.elevation import read_elevation
 from facade_core.core.errors import InputError

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from catalogs.block import read_block
 from catalogs.block.keys import check_keys, known_keys
+from catalogs.block.reader import read_block
 from catalogs.block.yaml_files import LARGEST, read_yaml
 from facade_core.core.errors import BlockFileError, InputError
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.integrity import unreadable
-from facade_core.atlas.journal import forget_record, read_journal, unit_key, write_record
+from facade_core.atlas.integrity import find_unreadable_chunks
+from facade_core.atlas.journal import clear_record, read_journal, unit_key, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
 from tasks.engine.run import Run
@@ -56,7 +56,7 @@ def blend(group: Any) -> None:
 
 def lose_viewpoint(group: Any) -> None:
     blend(group)
-    forget_record(group, "viewpoints", 1)
+    clear_record(group, "viewpoints", 1)
 
 
 def keep_older_viewpoint(group: Any) -> None:
@@ -141,14 +141,14 @@ def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run],
     for path in sorted((store / "chunks").iterdir(), key=lambda path: path.stat().st_size)[-12:]:
         held = path.read_bytes()
         cut(path)
-        if plan & set(unreadable(open_repository(store).readonly_session(BRANCH))):
+        if plan & set(find_unreadable_chunks(open_repository(store).readonly_session(BRANCH))):
             path.write_bytes(held)
-    lost = unreadable(open_repository(store).readonly_session(BRANCH))
+    lost = find_unreadable_chunks(open_repository(store).readonly_session(BRANCH))
     assert lost
     assert nothing_due(run) is None
     (line,) = mend(run)
     assert "lost what they made" in line
-    assert unreadable(open_repository(store).readonly_session(BRANCH)) == {}
+    assert find_unreadable_chunks(open_repository(store).readonly_session(BRANCH)) == {}
     texture(textured[0], out)
     assert digests_of(out) == wanted
 

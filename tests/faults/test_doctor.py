@@ -13,7 +13,7 @@ import zarr
 from click.testing import CliRunner
 
 from catalogs.published.snapshot import current
-from facade_core.atlas.journal import forget_record, write_record
+from facade_core.atlas.journal import clear_record, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from flows.cli.commands import main
 from flows.lock import locked
@@ -42,7 +42,7 @@ def garble_panorama(run: Run) -> None:
 def forget_viewpoint(run: Run) -> None:
     session = open_repository(run.store).writable_session(BRANCH)
     group = zarr.open_group(session.store)
-    forget_record(group, "viewpoints", 1)
+    clear_record(group, "viewpoints", 1)
     street = int(group["viewpoints/street"][1])
     record = json.loads(group["journal/streets"][street].item())
     write_record(group, "streets", street, record | {"chain": "of the viewpoints that were there"})

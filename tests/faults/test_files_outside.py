@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.features import Models
-from catalogs.readers.beside import OUTSIDE
+from catalogs.features import BuildingModels
+from catalogs.readers.beside import OUTSIDE_FOLDER_REASON
 from catalogs.readers.files import read_buildings
 from facade_core.core.errors import InputError
 
@@ -116,9 +116,9 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("write", WRITERS.values(), ids=WRITERS)
 def test_pictures_stay_below_the_folder_of_their_model(write: Callable[[Path, str], Path], folder: Path) -> None:
-    def read(uri: str) -> Models:
+    def read(uri: str) -> BuildingModels:
         found = read_buildings(write(folder, uri))
-        assert isinstance(found, Models)
+        assert isinstance(found, BuildingModels)
         assert [model.id for model in found.items] == ["one"]
         return found
 
@@ -134,7 +134,7 @@ def test_pictures_stay_below_the_folder_of_their_model(write: Callable[[Path, st
     ):
         found = read(uri)
         assert found.textures == (), uri
-        assert [remark.id for remark in found.remarks if remark.reason == OUTSIDE] == [uri]
+        assert [remark.id for remark in found.remarks if remark.reason == OUTSIDE_FOLDER_REASON] == [uri]
     for uri in (
         "absent.png",
         "../absent.png",
@@ -153,7 +153,7 @@ def test_material_files_and_buffers_stay_there_too(folder: Path) -> None:
     path = obj(folder, "in.png")
     path.write_text(path.read_text().replace("mtllib a.mtl", "mtllib ../out.mtl"))
     found = read_buildings(path)
-    assert isinstance(found, Models)
+    assert isinstance(found, BuildingModels)
     assert found.textures == ()
     assert "outside the model's folder" in found.remarks[0].reason
     for buffer in ("../a.bin", "up/a.bin", str(folder.parent / "a.bin"), "absent.bin"):

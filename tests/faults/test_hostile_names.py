@@ -21,7 +21,7 @@ from click.testing import CliRunner
 from lxml import etree
 from rich.console import Console
 
-from catalogs.query import query
+from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
 from catalogs.visible import escape_invisible, escape_invisible_json
 from flows import artifacts

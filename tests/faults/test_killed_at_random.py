@@ -22,7 +22,7 @@ import pandas as pd
 import psutil
 import pytest
 
-from catalogs.query import query
+from catalogs.query.execution import query
 from facade_core.core.errors import FacadeError, StoreError
 from tasks.engine.store.commits import journal
 from tasks.stages.order import STAGES

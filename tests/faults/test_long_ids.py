@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.features import file_stem
-from catalogs.query import query
+from catalogs.query.execution import query
 from tasks.engine.run import Run
 from tasks.export.formats import export
 from tests.faults.conftest import LONG

@@ -12,7 +12,7 @@ import zarr
 
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.store import BRANCH, Repository, commit, new_root, open_repository
+from facade_core.atlas.store import BRANCH, Repository, commit, create_root, open_repository
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from tasks.engine.store.carry_over import forget_units
@@ -26,7 +26,7 @@ def store(tmp_path: Path) -> Path:
     session = open_repository(tmp_path / "store", create=True).writable_session(BRANCH)
     units = {"poses": 0, "exemplars": 1, "textures": 1, "facades": 1, "viewpoints": THREADS * ROUNDS, "streets": 1}
     spec = AtlasSpec(1, 20.0, page=256)
-    create_arrays(new_root(session), spec, units, crs="EPSG:32635", panorama_width=16)
+    create_arrays(create_root(session), spec, units, crs="EPSG:32635", panorama_width=16)
     commit(session, "arrays")
     return tmp_path / "store"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import zarr
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import BlockFileError

@@ -11,9 +11,9 @@ import pytest
 import zarr
 from click.testing import CliRunner
 
-from catalogs.published.files import amiss
+from catalogs.published.file_list import amiss
 from catalogs.published.snapshot import Snapshot, current
-from facade_core.atlas.integrity import is_whole
+from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
 from flows.cli.commands import main
@@ -80,7 +80,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert amiss(published / second, thorough=True) is None
     assert open_repository(run.store).list_tags() == tags
     assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size
-    assert is_whole(open_repository(run.store), run.store)
+    assert has_all_files(open_repository(run.store), run.store)
     assert after_viewpoint(out, "s1", 1).charts()
     assert nothing_due(run) == done
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.block import TextureSettings
+from catalogs.block.reader import TextureSettings
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.types import SHIPPED_MODELS, Pose
 from tasks.engine.forecast import what_is_set_aside

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.published import objects
-from catalogs.published.places import local_side
+from catalogs.published import object_store
+from catalogs.published.folders import local_side
 from catalogs.published.s3 import S3Folder
-from facade_core.atlas.arrays import FORMAT
+from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import InputError, MachineError
 from flows import lease as leases
@@ -63,7 +63,7 @@ def test_a_lock_that_is_over_is_taken_over_and_given_back(out: S3Folder) -> None
         assert held["pid"] == os.getpid()
         assert is_held(out)
     assert not is_held(out)
-    assert objects.get(f"{out.path}/.lock") is None
+    assert object_store.get(f"{out.path}/.lock") is None
 
 
 def test_a_process_that_ended_on_this_machine_is_not_waited_for(
@@ -82,10 +82,10 @@ def test_a_process_that_ended_on_this_machine_is_not_waited_for(
 
 def test_a_bucket_that_keeps_no_conditions_is_refused(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     def overwrite(path: str, data: bytes, tag: str | None) -> str:
-        objects.put(path, data)
+        object_store.put(path, data)
         return '"tag"'
 
-    monkeypatch.setattr(objects, "put_if", overwrite)
+    monkeypatch.setattr(object_store, "put_if", overwrite)
     with pytest.raises(InputError, match="keeps no conditions on writing"), locked(out):
         pass
     assert not is_held(out)
@@ -107,7 +107,7 @@ def test_who_lost_it_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPa
     with locked(out):
         open_repository(store, create=True)
         session = open_repository(store).writable_session(BRANCH)
-        open_root(session).attrs.update(format=FORMAT, by="the first")
+        open_root(session).attrs.update(format=STORE_FORMAT, by="the first")
         commit(session, "while it is held")
         session = open_repository(store).writable_session(BRANCH)
         open_root(session).attrs["by"] = "a late one"
@@ -130,7 +130,7 @@ def leases_still(out: S3Folder) -> None:
     """What a commit asks."""
     from facade_core.atlas import store
 
-    store._guards[out / "store"]()
+    store._commit_guards[out / "store"]()
 
 
 def test_who_could_not_renew_it_in_time_commits_nothing(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,9 +17,9 @@ import zarr
 from joblib import hash as digest_of
 from PIL import Image
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal
-from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
 from facade_core.plan.plan_tables import read_plan
@@ -173,7 +173,7 @@ def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     placement = plan.scene.placement
     found = {}
     for chart, number in enumerate(plan.ids.tolist()):
-        one = Rasters.of(placement, [chart])
+        one = TexelLayout.of(placement, [chart])
         colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, one) for name in ("colour", "provenance"))
         found[f"{number:016x}"] = (colour, provenance)
     return found

@@ -22,12 +22,12 @@ from click.testing import CliRunner
 
 import catalogs
 from catalogs.block.corrections import corrections_file, read_corrections
-from catalogs.published import objects
-from catalogs.published.files import amiss
-from catalogs.published.places import local_side
+from catalogs.published import object_store
+from catalogs.published.file_list import amiss
+from catalogs.published.folders import local_side
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import current
-from catalogs.query import query
+from catalogs.query.execution import query
 from facade_core.atlas.snapshot import open_atlas
 from facade_core.core.errors import FacadeError, InputError
 from flows.cli.commands import main
@@ -214,11 +214,11 @@ def test_older_snapshots_stay_for_an_hour_and_then_go(runs: Runs) -> None:
     """On a copy: another snapshot is published before the one that `current` names."""
     copy, first = S3Folder(f"{runs.out.parent.path}/copy"), current(runs.out).id
     for name in runs.out.sizes():
-        objects.copy(f"{runs.out.path}/{name}", f"{copy.path}/{name}")
+        object_store.copy(f"{runs.out.path}/{name}", f"{copy.path}/{name}")
     older = "0LDER0LDER0LDER0LDER"
     for name in (copy / "published" / first).sizes():
-        objects.copy(f"{copy.path}/published/{first}/{name}", f"{copy.path}/published/{older}/{name}")
-    objects.put(f"{copy.path}/published/half/items.parquet", b"of a run that was killed as it published")
+        object_store.copy(f"{copy.path}/published/{first}/{name}", f"{copy.path}/published/{older}/{name}")
+    object_store.put(f"{copy.path}/published/half/items.parquet", b"of a run that was killed as it published")
     said = prune(copy, 1)
     assert "removed 0 published snapshots" in said[0]
     assert "1 leftovers" in said[0]
@@ -232,7 +232,7 @@ def test_older_snapshots_stay_for_an_hour_and_then_go(runs: Runs) -> None:
 
 
 def test_the_secret_is_nowhere(runs: Runs) -> None:
-    held = {name: objects.get(f"nights/{name}") for name in objects.listed("nights")}
+    held = {name: object_store.get(f"nights/{name}") for name in object_store.listed("nights")}
     assert len(held) > 100
     leaks = [name for name, found in held.items() if found and SECRET.encode() in found[0]]
     local = [path for path in local_side(runs.out).rglob("*") if path.is_file()]

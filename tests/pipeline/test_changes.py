@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 
 from catalogs.published.snapshot import current
-from catalogs.query import query
+from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from facade_core.atlas.stored_files import read_encoded
+from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
 from facade_core.synth.facade import facade as paint
 from tasks.engine.store.commits import journal
@@ -93,7 +93,7 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     assert set(lower) == {"0"}
     assert "before_file" not in records[told.id["c"]]
     session, changed = open_repository(out / "store").writable_session(BRANCH), records[told.id["a"]]
-    data = read_encoded(open_root(session), changed["before_file"], changed["before_digest"])
+    data = read_stored_file(open_root(session), changed["before_file"], changed["before_digest"])
     assert b64encode(data).decode() not in json.dumps(changed), "a record says only where it is"
     view = Reader(out).view()
     assert picture_before(view, view.number(told.id["a"])) == data

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from catalogs.published.joined import joined_in
-from catalogs.query import query
+from catalogs.published.merged_items import joined_in
+from catalogs.query.execution import query
 from flows.asked import ends_at
 from flows.city import city as flow
 from tests.pipeline.runs import PATIENCE_S, ROOT, environment, working_in

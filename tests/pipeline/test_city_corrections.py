@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 import yaml
 
-from catalogs.block import read_block
 from catalogs.block.corrections import Correction, corrections_file, read_corrections
-from catalogs.query import query
+from catalogs.block.reader import read_block
+from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from tasks.city.account import known
 from tasks.city.blocks import read_city

@@ -18,11 +18,11 @@ import yaml
 from click.testing import CliRunner
 
 import facade_core.export.pictures.views
-from catalogs.published import objects
-from catalogs.published.joined import joined_in
-from catalogs.published.places import Folder, local_side
+from catalogs.published import object_store
+from catalogs.published.folders import Folder, local_side
+from catalogs.published.merged_items import joined_in
 from catalogs.published.s3 import S3Folder, folder_at
-from catalogs.query import query
+from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from flows import city as flows_of_cities
 from flows.asked import Asked
@@ -121,7 +121,7 @@ def test_a_block_that_another_run_holds_stops_no_other(
     held, name = S3Folder(f"{out.parent.path}/held"), sorted(query(out)["run"].unique())[0]
     until = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
     lock = json.dumps({"host": "elsewhere", "pid": 7, "run": "0" * 32, "until": until})
-    objects.put(f"{held.path}/{name}/.lock", lock.encode())
+    object_store.put(f"{held.path}/{name}/.lock", lock.encode())
     summary = textured(file, held)
     [failure] = summary["failures"]
     assert (failure["unit"], failure["code"]) == (f"block {name.removeprefix('blocks/')}", 2), failure
@@ -210,7 +210,7 @@ def typed(file: Path, out: S3Folder, *more: str) -> subprocess.Popen:
 def test_the_credentials_are_nowhere(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
     """In no object, record, log, database of Prefect's or file that workers left, and nothing that was said."""
     file = cities[0]
-    held = {name: objects.get(f"city/{name}") for name in objects.listed("city")}
+    held = {name: object_store.get(f"city/{name}") for name in object_store.listed("city")}
     assert len(held) > 100
     here = [path for path in file.parent.rglob("*") if path.is_file()]
     assert {".jsonl", ".db", ".txt"} <= {path.suffix for path in here}, "what was said is among them"

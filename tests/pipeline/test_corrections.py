@@ -11,11 +11,11 @@ import geopandas
 import numpy as np
 import pytest
 
-from catalogs.block import read_block
 from catalogs.block.corrections import corrections_file, read_corrections
-from catalogs.query import query
+from catalogs.block.reader import read_block
+from catalogs.query.execution import query
 from facade_core.core.errors import InputError
-from facade_core.facade.layout.model import SHIPPED
+from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
 from tasks.corrections import Taker, import_corrections
 from tasks.engine.store.commits import journal
 from tasks.engine.store.status import record_source, recorded_source
@@ -220,7 +220,7 @@ def test_corrected_facades_are_learnt_from_by_the_store(folder: Path, monkeypatc
 
 def test_a_models_file_of_the_block_is_what_facades_of_pictures_are_done_by(folder: Path) -> None:
     before = started(folder / "out")
-    shutil.copy(SHIPPED, folder / "in" / "mine.json")
+    shutil.copy(SHIPPED_LAYOUT_MODEL, folder / "in" / "mine.json")
     keys = {"buildings": HOUSES, "streets": STREET, "models": {"layout": "mine.json"}}
     write_block(folder / "in", **keys)
     again = made(folder)

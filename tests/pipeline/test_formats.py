@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.block import Block, read_block
-from facade_core.atlas.arrays import FORMAT
+from catalogs.block.reader import Block, read_block
+from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import commit, open_repository, open_root
 from facade_core.core.errors import FormatError
@@ -37,7 +37,7 @@ def test_a_store_of_before_goes_on(before: tuple[Run, Block]) -> None:
     outline = ingest_block.fn(run, block)
     assert outline.anew is None
     group = open_root(open_repository(run.store).readonly_session("main"))
-    assert group.attrs["format"] == FORMAT
+    assert group.attrs["format"] == STORE_FORMAT
     for stage in ("exemplars", "facades", "viewpoints", "streets", "surfaces"):
         records, were = read_journal(group, stage), read_journal(held, stage)
         # the house has a parapet since: its surfaces are finished anew
@@ -52,10 +52,10 @@ def test_a_store_of_before_goes_on(before: tuple[Run, Block]) -> None:
 def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> None:
     run, block = before
     session = open_repository(run.store).writable_session("main")
-    open_root(session).attrs["format"] = FORMAT + 1
+    open_root(session).attrs["format"] = STORE_FORMAT + 1
     commit(session, "as a later version")
     said = (
-        f"is of format {FORMAT + 1}, and .* reads {FORMAT}; `streetloom run BLOCK.yaml --out {run.out}` makes it anew"
+        f"is of format {STORE_FORMAT + 1}, and .* reads {STORE_FORMAT}; `streetloom run BLOCK.yaml --out {run.out}` makes it anew"
     )
     with pytest.raises(FormatError, match=said):
         Reader(Path(run.out)).view()
@@ -64,5 +64,5 @@ def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> Non
     assert mend(run) == []
     assert ingest_block.fn(run, block).anew == "another version of Streetloom made the store"
     group = open_root(open_repository(run.store).readonly_session("main"))
-    assert group.attrs["format"] == FORMAT
+    assert group.attrs["format"] == STORE_FORMAT
     assert not any(read_journal(group, "facades"))

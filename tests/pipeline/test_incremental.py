@@ -13,7 +13,7 @@ import pytest
 import zarr
 from PIL import Image, ImageOps
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from tasks.engine.compute.connect import Serial

@@ -12,14 +12,14 @@ import pytest
 import zarr
 
 import catalogs
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.snapshot import open_atlas
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
-from facade_core.imagery.privacy import CELL_M
+from facade_core.imagery.privacy import BLUR_CELL_M
 from facade_core.parsing.segmenter import parse
 from tasks.engine.run_key import run_of
 from tasks.stages.publish.task import publish_block
@@ -46,7 +46,7 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     assert np.abs(facade.evidence.values[seen].astype(int) - facade.texture.values[seen]).mean() < 1
 
     assert row["privacy"] == "blur"
-    cell = round(CELL_M / abs(float(facade.x[1] - facade.x[0])))
+    cell = round(BLUR_CELL_M / abs(float(facade.x[1] - facade.x[0])))
     squares, colours = np.argwhere(~seen) // cell, facade.evidence.values[~seen]
     each = np.unique(squares, axis=0)
     assert len(np.unique(np.hstack([squares, colours]), axis=0)) == len(each), "one colour in each half metre"

@@ -15,18 +15,18 @@ import pytest
 import trimesh
 from PIL import Image
 
-from catalogs.block import read_block
-from catalogs.published.files import amiss
+from catalogs.block.reader import read_block
+from catalogs.published.file_list import amiss
 from catalogs.published.snapshot import Snapshot, current
-from catalogs.query import query
-from facade_core.atlas.journal import forget_record, read_journal
+from catalogs.query.execution import query
+from facade_core.atlas.journal import clear_record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import (
     HIERARCHIES,
-    forget_encoded,
+    delete_stored_files,
     page_path,
     picture_path,
-    read_encoded,
+    read_stored_file,
     tile_paths,
 )
 from facade_core.export.models.glb import header_of, with_copyright
@@ -218,7 +218,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     session = open_repository(made.run.store).writable_session(BRANCH)
     group = open_root(session)
     for unit in range(4):
-        forget_record(group, "pictures", unit)
+        clear_record(group, "pictures", unit)
     group[page_path(0)][:] = 7
     session.commit("garbled")
     block = read_block(folder / "in" / "block.yaml")
@@ -251,14 +251,14 @@ def test_publishing_copies_pictures_and_draws_none(
     group = open_root(session)
     for path in ("atlas/seed", "atlas/colour", "facade_maps/labels", "facade_maps/evidence"):
         group[path][:] = 0
-    forget_encoded(group, HIERARCHIES, set())
+    delete_stored_files(group, HIERARCHIES, set())
     session.commit("nothing to draw from")
     made = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
     publish_block.fn(made, folder / "in" / "block.yaml")
     images = _images(current(folder / "out"))
     for record in read_journal(group, "pictures"):
         assert record is not None
-        data = read_encoded(group, picture_path(record["file"]), record["digest"])
+        data = read_stored_file(group, picture_path(record["file"]), record["digest"])
         for name, _, offset, length in record.get("pictures", ()):
             assert images.pop(f"{record['unit']}-{name}.webp") == data[offset : offset + length]
         if "pictures" not in record:

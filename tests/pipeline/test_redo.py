@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.query import query
+from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
 from tasks.engine.compute.connect import Serial

@@ -12,8 +12,8 @@ import zarr
 from PIL import Image
 
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.rasters import Rasters, read_rasters
-from facade_core.atlas.refined_poses import read_posed
+from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.refined_poses import read_refined_poses
 from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
@@ -71,7 +71,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     texture(block_file, out, stop_before="1")
     session = open_repository(out / "store").readonly_session("main")
     group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
-    poses = {record["unit"]: record for record in read_posed(group) if record}
+    poses = {record["unit"]: record for record in read_refined_poses(group) if record}
     assert [record["unit"] for record in read_journal(group, "bundles") if record] == ["a-1.jpg"]
     for name in ("a-1.jpg", "a-2.jpg"):
         told = poses[name]
@@ -86,7 +86,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     (ground,) = taken
     assert {name for name, *_ in ground["cameras"]} == {"a-1.jpg", "a-2.jpg"}
     chart = int(np.flatnonzero(plan.ids == int(ground["unit"].removeprefix("ground-"), 16))[0])
-    one = Rasters.of(plan.scene.placement, [chart])
+    one = TexelLayout.of(plan.scene.placement, [chart])
     seed, evidence = (read_rasters(group[f"atlas/{name}"], plan.scene.placement, one) for name in SEEDED)
     shown = evidence == Provenance.PHOTO
     assert shown.mean() > 0.2

@@ -18,9 +18,9 @@ import trimesh
 import xarray as xr
 import zarr
 
-from catalogs.query import query
-from facade_core.atlas.journal import VOLATILE, atlas_digest
-from facade_core.atlas.rasters import Rasters, read_rasters
+from catalogs.query.execution import query
+from facade_core.atlas.journal import VOLATILE_FIELDS, atlas_digest
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
@@ -53,7 +53,7 @@ def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> N
     out, summary = undisturbed
     session = open_repository(out / "store").readonly_session("main")
     group, placement = zarr.open_group(session.store, mode="r"), read_plan(session).scene.placement
-    charts = Rasters.of(placement, range(len(placement.page)))
+    charts = TexelLayout.of(placement, range(len(placement.page)))
     colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, charts) for name in ("colour", "provenance"))
     assert set(np.unique(provenance)) == {
         Provenance.MATERIAL,
@@ -171,7 +171,7 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
     assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
     for stage in STAGES:  # of a record, too, only the fields listed as volatile may differ
         one, two = (
-            [{k: v for k, v in (r or {}).items() if k not in VOLATILE} for r in journal(out / "store", stage)]
+            [{k: v for k, v in (r or {}).items() if k not in VOLATILE_FIELDS} for r in journal(out / "store", stage)]
             for out in (undisturbed[0], tmp_path / "out")
         )
         assert one == two

@@ -14,7 +14,7 @@ from PIL import Image
 from pyproj import Transformer
 
 from benchmarks.matching import SIZE, WIDE_DEG, photo_of
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street

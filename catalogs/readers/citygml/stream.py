@@ -16,15 +16,15 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
-_ID = ("{http://www.opengis.net/gml}id", "{http://www.opengis.net/gml/3.2}id")
-_MEMBERS = ("Building", "cityObjectMember", "featureMember", "appearanceMember", "surfaceDataMember")
+_ID_ATTRIBUTES = ("{http://www.opengis.net/gml}id", "{http://www.opengis.net/gml/3.2}id")
+_MEMBER_NAMES = ("Building", "cityObjectMember", "featureMember", "appearanceMember", "surfaceDataMember")
 # What is held in memory at a time, in bytes and in tags: a building, or one picture's coordinates.
-_MOST_BYTES, _MOST_TAGS = 256 * 2**20, 4_000_000
+_MAX_MEMBER_BYTES, _MAX_MEMBER_TAGS = 256 * 2**20, 4_000_000
 # A file may unpack to this, or to so many times its size: texts of numbers pack to a tenth.
-_UNPACKED, _PACKED = 32 * 2**20, 40
+_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO = 32 * 2**20, 40
 
 
-def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
+def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
     """Elements of these local names as they end; buildings and members are cleared when the next is asked for.
 
     path: a file, gzipped or not. Prefixes without a namespace are common in attributes that do not matter here, hence the
@@ -33,12 +33,12 @@ def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
     from lxml import etree
 
     try:
-        with _opened(path) as file:
-            stream = _Bounded(file, path)
+        with _open_maybe_gzipped(path) as file:
+            stream = _BoundedFile(file, path)
             events = etree.iterparse(
                 stream,
                 events=("end",),
-                tag=[f"{{*}}{name}" for name in {*names, *_MEMBERS}],
+                tag=[f"{{*}}{name}" for name in {*names, *_MEMBER_NAMES}],
                 resolve_entities=False,
                 no_network=True,
                 huge_tree=True,
@@ -47,7 +47,7 @@ def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
             for _, element in events:
                 if local_name(element) in names:
                     yield element
-                if local_name(element) in _MEMBERS:
+                if local_name(element) in _MEMBER_NAMES:
                     stream.begin()
                     element.clear()
                     parent = element.getparent()
@@ -61,13 +61,13 @@ def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
         raise InputError(f"{path} is no well-formed XML (line {flaw.line}: {flaw.message.strip()}); export it again")
 
 
-class _Bounded:
+class _BoundedFile:
     """A file, gzipped or not, that refuses to be read where it is meant to fill the memory."""
 
     def __init__(self, file: IO[bytes], path: Path) -> None:
         self._file, self._path = file, path
         self._total = self._bytes = self._tags = 0
-        self._most = max(_UNPACKED, _PACKED * path.stat().st_size)
+        self._most = max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
 
     def begin(self) -> None:
         """What was read so far is not held any more."""
@@ -79,10 +79,10 @@ class _Bounded:
         self._bytes += len(part)
         self._tags += part.count(b"<")
         if self._total > self._most:
-            raise InputError(f"{self._path} unpacks to over {_PACKED} times its size; export it again")
-        if self._bytes > _MOST_BYTES or self._tags > _MOST_TAGS:
+            raise InputError(f"{self._path} unpacks to over {_MAX_UNPACK_RATIO} times its size; export it again")
+        if self._bytes > _MAX_MEMBER_BYTES or self._tags > _MAX_MEMBER_TAGS:
             raise InputError(
-                f"{self._path} holds a member of over {_MOST_BYTES // 2**20} MB or {_MOST_TAGS} tags; cut the file up"
+                f"{self._path} holds a member of over {_MAX_MEMBER_BYTES // 2**20} MB or {_MAX_MEMBER_TAGS} tags; cut the file up"
             )
         return part
 
@@ -91,12 +91,12 @@ def local_name(element: Element) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
-def id_of(element: Element) -> str:
+def gml_id(element: Element) -> str:
     """The gml:id of an element, empty where it has none."""
-    return next((id for key in _ID if (id := element.get(key))), "")
+    return next((id for key in _ID_ATTRIBUTES if (id := element.get(key))), "")
 
 
-def numbers_of(text: str | None) -> list[float]:
+def parse_numbers(text: str | None) -> list[float]:
     """Numbers of a list; NaN where one of them is none."""
     try:
         return [float(number) for number in (text or "").replace(",", " ").split()]
@@ -104,7 +104,7 @@ def numbers_of(text: str | None) -> list[float]:
         return [float("nan")]
 
 
-def _opened(path: Path) -> IO[bytes]:
+def _open_maybe_gzipped(path: Path) -> IO[bytes]:
     with path.open("rb") as file:
         zipped = file.read(2) == b"\x1f\x8b"
     return cast("IO[bytes]", gzip.open(path)) if zipped else path.open("rb")

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.readers.citygml.stream import id_of, local_name, numbers_of
-from catalogs.readers.faces import SEMANTIC_OF
+from catalogs.readers.citygml.stream import gml_id, local_name, parse_numbers
+from catalogs.readers.faces import SURFACE_SEMANTICS
 from facade_core.core.errors import GeometryError
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
-_BOUNDARIES = frozenset(("boundedBy", "boundary", "opening", "fillingSurface"))
-_UNITS = {
+_BOUNDARY_TAGS = frozenset(("boundedBy", "boundary", "opening", "fillingSurface"))
+_UNIT_KINDS = {
     "consistsOfBuildingPart": "part",
     "buildingPart": "part",
     "outerBuildingInstallation": "installation",
     "buildingInstallation": "installation",
 }
-_POLYGONS = frozenset(("Polygon", "PolygonPatch", "Triangle", "Rectangle"))
-_BOUNDS = ("{*}exterior", "{*}outerBoundaryIs", "{*}interior", "{*}innerBoundaryIs")
-_LOD = re.compile(r"lod([0-4])(?:Solid|MultiSurface|Geometry|FootPrint|RoofEdge)")
+_POLYGON_TAGS = frozenset(("Polygon", "PolygonPatch", "Triangle", "Rectangle"))
+_RING_TAGS = ("{*}exterior", "{*}outerBoundaryIs", "{*}interior", "{*}innerBoundaryIs")
+_LOD_TAG = re.compile(r"lod([0-4])(?:Solid|MultiSurface|Geometry|FootPrint|RoofEdge)")
 _HREF = "{http://www.w3.org/1999/xlink}href"
-_SPACES = {
+_NAMESPACES = {
     "g": "http://www.opengis.net/gml",
     "h": "http://www.opengis.net/gml/3.2",
     "x": "http://www.w3.org/1999/xlink",
@@ -35,7 +35,7 @@ _SPACES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class CityGmlSurface:
     """A polygon; turned: it faces the other way; semantic: one of SEMANTICS, "inside" for those not to be read, or None."""
 
     polygon: Element
@@ -44,11 +44,11 @@ class Surface:
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class BuildingUnit:
     """The building, a part or an outer installation of it, with its surfaces by LoD."""
 
     kind: str
-    surfaces: dict[int, list[Surface]] = field(default_factory=dict)
+    surfaces: dict[int, list[CityGmlSurface]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,25 +61,25 @@ class _Geometry:
     semantic: str | None
 
 
-def units_of(building: Element) -> tuple[list[Unit], bool]:
+def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool]:
     """The building, its parts and outer installations, each polygon in one of them; whether a reference leads out of it."""
-    references = building.xpath(".//@x:href", namespaces=_SPACES)
-    ids = {id_of(e): e for e in building.xpath(".//*[@g:id or @h:id]", namespaces=_SPACES)} if references else {}
-    kinds, geometries = _geometries(building, ids)
-    units = [Unit(kind) for kind in kinds]
+    references = building.xpath(".//@x:href", namespaces=_NAMESPACES)
+    ids = {gml_id(e): e for e in building.xpath(".//*[@g:id or @h:id]", namespaces=_NAMESPACES)} if references else {}
+    kinds, geometries = _collect_geometries(building, ids)
+    units = [BuildingUnit(kind) for kind in kinds]
     semantics: dict[Element, str | None] = {}
     taken = set()
     # thematic surfaces before the solids that refer to their polygons
     for geometry in sorted(geometries, key=lambda found: found.semantic is None):
-        for polygon, turned in _polygons(geometry.member, ids):
+        for polygon, turned in _iterate_polygons(geometry.member, ids):
             if (geometry.lod, polygon) not in taken:
                 taken.add((geometry.lod, polygon))
                 semantic = semantics.setdefault(polygon, geometry.semantic)
-                units[geometry.unit].surfaces.setdefault(geometry.lod, []).append(Surface(polygon, turned, semantic))
+                units[geometry.unit].surfaces.setdefault(geometry.lod, []).append(CityGmlSurface(polygon, turned, semantic))
     return units, any(name.startswith("#") and name[1:] not in ids for name in references)
 
 
-def _geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str], list[_Geometry]]:
+def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str], list[_Geometry]]:
     """The kind of each unit, the building's own first, and every geometry outside of the building's rooms."""
     kinds, geometries, visited = ["building"], [], set()
     features: list[tuple[Element, int, str | None]] = [(building, 0, None)]
@@ -90,38 +90,38 @@ def _geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str
         visited.add(feature)
         for member in feature.iterchildren("{*}*"):
             name = local_name(member)
-            if match := _LOD.fullmatch(name):
+            if match := _LOD_TAG.fullmatch(name):
                 geometries.append(_Geometry(member, unit, int(match[1]), semantic))
-            elif name in _BOUNDARIES:
-                features += [(s, unit, SEMANTIC_OF.get(local_name(s), "unknown")) for s in _targets(member, ids)]
-            elif name in _UNITS:
-                for part in _targets(member, ids):
-                    kinds.append(_UNITS[name])
+            elif name in _BOUNDARY_TAGS:
+                features += [(s, unit, SURFACE_SEMANTICS.get(local_name(s), "unknown")) for s in _resolve_targets(member, ids)]
+            elif name in _UNIT_KINDS:
+                for part in _resolve_targets(member, ids):
+                    kinds.append(_UNIT_KINDS[name])
                     features.append((part, len(kinds) - 1, None))
     return kinds, geometries
 
 
-def _targets(member: Element, ids: Mapping[str, Element]) -> list[Element]:
+def _resolve_targets(member: Element, ids: Mapping[str, Element]) -> list[Element]:
     """What a property holds, or what of its building it refers to."""
     target = ids.get(member.get(_HREF, "").removeprefix("#"))
     return [*member.iterchildren("{*}*")] if target is None else [target]
 
 
-def _polygons(member: Element, ids: Mapping[str, Element]) -> Iterator[tuple[Element, bool]]:
+def _iterate_polygons(member: Element, ids: Mapping[str, Element]) -> Iterator[tuple[Element, bool]]:
     """Each polygon of a geometry once, and whether it is turned over; a solid's cavities are left out."""
     stack, visited = [(member, False)], set()
     while stack:
         element, turned = stack.pop()
         name = local_name(element)
-        if name in _POLYGONS and element not in visited:
+        if name in _POLYGON_TAGS and element not in visited:
             yield element, turned
         elif name != "interior" and element not in visited:
             turned ^= name == "OrientableSurface" and element.get("orientation") == "-"
-            stack += [(target, turned) for target in reversed(_targets(element, ids))]
+            stack += [(target, turned) for target in reversed(_resolve_targets(element, ids))]
         visited.add(element)
 
 
-def chosen_surfaces(units: Sequence[Unit], asked: int | None) -> tuple[list[Surface], int]:
+def select_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None) -> tuple[list[CityGmlSurface], int]:
     """The surfaces to read and their LoD: parts without it at their nearest, installations at none above it.
 
     asked: 0 to 4, None for the highest. Raises GeometryError where there is none above LoD 0.
@@ -131,11 +131,11 @@ def chosen_surfaces(units: Sequence[Unit], asked: int | None) -> tuple[list[Surf
         raise GeometryError("it has no geometry; add a LoD 1 to 3 model or delete it")
     if lods == {0}:
         raise GeometryError("it has a footprint only (LoD 0); export it at LoD 1 or above")
-    chosen = _nearest(lods, 4 if asked is None else asked)
+    chosen = _nearest_lod(lods, 4 if requested_lod is None else requested_lod)
     whole = chosen in units[0].surfaces
     found = []
     for unit in units:
-        lod = _nearest(unit.surfaces, chosen)
+        lod = _nearest_lod(unit.surfaces, chosen)
         # a part's hull must not be added to a building that is there as a whole, nor the whole's hull to its parts
         coarser = (unit.kind == "part" and not whole) or (unit.kind == "installation" and lod < chosen)
         if lod == chosen or (lod and coarser):
@@ -143,34 +143,34 @@ def chosen_surfaces(units: Sequence[Unit], asked: int | None) -> tuple[list[Surf
     return found, chosen
 
 
-def _nearest(lods: Collection[int], asked: int) -> int:
+def _nearest_lod(lods: Collection[int], requested: int) -> int:
     """The LoD asked for, else the nearest lower, else the nearest higher; 0 where there is none."""
-    lower = [lod for lod in lods if 0 < lod <= asked]
+    lower = [lod for lod in lods if 0 < lod <= requested]
     return max(lower) if lower else min((lod for lod in lods if lod > 0), default=0)
 
 
-def rings_of(polygon: Element) -> dict[str, np.ndarray]:
+def polygon_rings(polygon: Element) -> dict[str, np.ndarray]:
     """Rings by id, the outer one first, (n, 3) as stated but for the closing point; none where it has no outer ring.
 
     Raises GeometryError where coordinates are not three finite numbers each.
     """
     rings: dict[str, np.ndarray] = {}
-    for number, boundary in enumerate(polygon.iterchildren(*_BOUNDS)):
-        positions = [numbers_of(e.text) for e in boundary.iter("{*}posList", "{*}pos", "{*}coordinates")]
+    for number, boundary in enumerate(polygon.iterchildren(*_RING_TAGS)):
+        positions = [parse_numbers(e.text) for e in boundary.iter("{*}posList", "{*}pos", "{*}coordinates")]
         values = np.array([value for position in positions for value in position])
         if not np.isfinite(values).all():
             raise GeometryError("its coordinates are not all finite numbers; repair or delete it")
-        if len(values) % 3 or _dimension(boundary) == 2:
+        if len(values) % 3 or _coordinate_dimension(boundary) == 2:
             raise GeometryError("its coordinates are not all x, y and z; export it with heights")
         ring = values.reshape(-1, 3)
         ring = ring[:-1] if len(ring) > 1 and (ring[0] == ring[-1]).all() else ring
         if len(ring) >= 3:
-            rings[next((id_of(e) for e in boundary), "") or f" {number}"] = ring
+            rings[next((gml_id(e) for e in boundary), "") or f" {number}"] = ring
         elif number == 0:
             break
     return rings
 
 
-def _dimension(boundary: Element) -> int:
+def _coordinate_dimension(boundary: Element) -> int:
     stated = boundary.xpath("(.//@srsDimension | ancestor::*/@srsDimension)[last()]")
     return int(stated[0]) if stated and stated[0].isdigit() else 3

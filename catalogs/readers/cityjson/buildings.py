@@ -14,23 +14,23 @@ import numpy as np
 import shapely
 
 from catalogs.broken import fault_reason
-from catalogs.features import Fault, Model, Models, Remark, numbered
-from catalogs.readers.axes import Axes, axes_of
-from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
-from catalogs.readers.cityjson.parts import Lod, families, lod_name, lod_of, pieces_of
-from catalogs.readers.cityjson.surfaces import Appearance, faces_of, instance_points
-from catalogs.readers.cityjson.values import list_of, mapping_of, number_of, points_of, transformed
-from catalogs.readers.faces import Face, shell_of
-from catalogs.readers.json_text import is_sequence, load_json, parse_json
+from catalogs.features import BuildingModel, BuildingModels, Fault, Remark, make_unique_id
+from catalogs.readers.axes import Axes, resolve_axes
+from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
+from catalogs.readers.cityjson.parts import Lod, group_building_objects, format_lod, parse_lod, select_geometries
+from catalogs.readers.cityjson.surfaces import CityJsonAppearance, extract_faces, place_template
+from catalogs.readers.cityjson.values import as_list, as_mapping, parse_number, parse_points, apply_transform
+from catalogs.readers.faces import Face, triangulate_faces
+from catalogs.readers.json_text import is_json_lines, load_json, parse_json
 from facade_core.core.errors import GeometryError, InputError
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
-_FLAT = 0.01  # m
-_TALLEST, _HIGHEST, _MOST_LEVELS = 1500.0, 9000.0, 200.0  # m, m; beyond them is a code for unknown, such as 9999
+_MIN_MODEL_HEIGHT_M = 0.01  # m
+_MAX_HEIGHT_M, _MAX_GROUND_HEIGHT_M, _MAX_LEVELS = 1500.0, 9000.0, 200.0  # m, m; beyond them is a code for unknown, such as 9999
 
 
 @dataclass(slots=True)
-class _Reading:
+class _ReaderState:
     """What the head of a file says, and what is found in it. pictures: path as written -> index in shells so far."""
 
     path: Path
@@ -39,20 +39,20 @@ class _Reading:
     axes: Axes | None = None
     pictures: dict[str, int] = field(default_factory=dict)
     ids: Counter[str] = field(default_factory=Counter)
-    models: list[Model] = field(default_factory=list)
+    models: list[BuildingModel] = field(default_factory=list)
     remarks: list[Remark] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
 
 
-def read_cityjson(path: Path, lod: str | None = None) -> Models:
+def read_cityjson(path: Path, lod: str | None = None) -> BuildingModels:
     """Every building of a CityJSON file or CityJSONSeq, in the order of the file, its parts and installations included.
 
     lod: "2.2", or "2" for the highest of 2.x, picks a level of detail, else the nearest lower one that a building has, else the
     nearest higher; None takes each building's highest. A sequence is read line by line.
     Raises InputError where the file is no CityJSON of a version that is read.
     """
-    if not is_sequence(path):
-        return models_of(load_json(path), path, lod)
+    if not is_json_lines(path):
+        return parse_cityjson(load_json(path), path, lod)
     reading = None
     try:
         with path.open("rb") as lines:
@@ -60,26 +60,26 @@ def read_cityjson(path: Path, lod: str | None = None) -> Models:
                 if not line.strip():
                     continue
                 if reading is None:
-                    reading = _begun(parse_json(line, f"{path}, line {number}"), path, lod, sequence=True)
-                    _read(reading.head, reading)
+                    reading = _check_head(parse_json(line, f"{path}, line {number}"), path, lod, sequence=True)
+                    _read_document(reading.head, reading)
                 else:
                     _read_line(line, number, reading)
     except OSError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
     if reading is None:
         raise InputError(f"{path} is empty; get the file again")
-    return _finished(reading)
+    return _collect_models(reading)
 
 
-def models_of(document: Any, path: Path, lod: str | None = None) -> Models:
+def parse_cityjson(document: Any, path: Path, lod: str | None = None) -> BuildingModels:
     """As read_cityjson, for a document that is read already; path: its file, which textures are looked for beside."""
-    reading = _begun(document, path, lod)
-    _read(reading.head, reading)
-    return _finished(reading)
+    reading = _check_head(document, path, lod)
+    _read_document(reading.head, reading)
+    return _collect_models(reading)
 
 
-def _begun(head: Any, path: Path, lod: str | None, *, sequence: bool = False) -> _Reading:
-    asked = None if lod is None else lod_of(lod)
+def _check_head(head: Any, path: Path, lod: str | None, *, sequence: bool = False) -> _ReaderState:
+    asked = None if lod is None else parse_lod(lod)
     if asked is not None and not (asked and asked[0] > 0):
         raise InputError(f"{path}: LoD {lod!r} is not a level of models; give one such as 1, 2 or 2.2")
     kind = head.get("type") if isinstance(head, dict) else None
@@ -97,13 +97,13 @@ def _begun(head: Any, path: Path, lod: str | None, *, sequence: bool = False) ->
     transform = head.get("transform")
     if transform is None and sequence:
         raise InputError(f"{path} has no transform in its first line, which every feature needs; export it anew")
-    numbers = points_of([mapping_of(transform).get(key) for key in ("scale", "translate")])
+    numbers = parse_points([as_mapping(transform).get(key) for key in ("scale", "translate")])
     if transform is not None and not np.isfinite(numbers).all():
         raise InputError(f"{path}: its transform is not a scale and a translate of three numbers each; export it anew")
-    return _Reading(path, asked, head)
+    return _ReaderState(path, asked, head)
 
 
-def _read_line(line: bytes, number: int, reading: _Reading) -> None:
+def _read_line(line: bytes, number: int, reading: _ReaderState) -> None:
     """One feature of a sequence; a broken one is set aside."""
     try:
         document = parse_json(line, f"{reading.path.name}, line {number}")
@@ -117,39 +117,39 @@ def _read_line(line: bytes, number: int, reading: _Reading) -> None:
         reason = f"{reading.path.name}, line {number} is no CityJSONFeature with CityObjects; export it anew"
         reading.faults.append(Fault(f"line {number}", "building", reason))
         return
-    _read(document, reading)
+    _read_document(document, reading)
 
 
-def _read(document: Mapping[str, Any], reading: _Reading) -> None:
+def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
     """The buildings of a file, or of one feature of a sequence."""
-    corners = transformed(points_of(document.get("vertices")), reading.head.get("transform"))
-    reading.axes = axes = reading.axes or _axes(corners, reading)
+    corners = apply_transform(parse_points(document.get("vertices")), reading.head.get("transform"))
+    reading.axes = axes = reading.axes or _document_axes(corners, reading)
     points = axes.applied(corners) if axes else corners
-    store = mapping_of(reading.head.get("geometry-templates"))
-    templates = list_of(store.get("templates"))
-    template_points = points_of(store.get("vertices-templates"))
-    appearance = _appearance(document, reading)
+    store = as_mapping(reading.head.get("geometry-templates"))
+    templates = as_list(store.get("templates"))
+    template_points = parse_points(store.get("vertices-templates"))
+    appearance = _read_appearance(document, reading)
 
     def placed(geometry: Mapping[str, Any]) -> list[Face]:
         if geometry["type"] != "GeometryInstance":
-            return faces_of(geometry, points, appearance)
-        moved = instance_points(geometry, template_points, corners)
-        return faces_of(templates[geometry["template"]], axes.applied(moved) if axes else moved, appearance)
+            return extract_faces(geometry, points, appearance)
+        moved = place_template(geometry, template_points, corners)
+        return extract_faces(templates[geometry["template"]], axes.applied(moved) if axes else moved, appearance)
 
     objects: dict[str, Mapping[str, Any]] = {}
-    for id, thing in mapping_of(document.get("CityObjects")).items():
+    for id, thing in as_mapping(document.get("CityObjects")).items():
         if isinstance(thing, dict):
             objects[id] = thing
         else:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: it is no CityObject; export it anew"))
-    for root, ids in families(objects):
-        id = numbered(root, reading.ids, reading.remarks, reading.path)
+    for root, ids in group_building_objects(objects):
+        id = make_unique_id(root, reading.ids, reading.remarks, reading.path)
         try:
-            pieces, other = pieces_of(ids, objects, templates, reading.asked)
-            faces = [face for geometries in pieces for face in _once([placed(g) for g in _best_first(geometries)])]
-            model = _model(id, faces, [objects[i] for i in ids], axes or Axes())
+            pieces, other = select_geometries(ids, objects, templates, reading.asked)
+            faces = [face for geometries in pieces for face in _merge_geometries([placed(g) for g in _sort_richest_first(geometries)])]
+            model = _build_model(id, faces, [objects[i] for i in ids], axes or Axes())
         except GeometryError as reason:
-            place = _place([objects[i] for i in ids], points)
+            place = _bounding_box([objects[i] for i in ids], points)
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
             continue
         except Exception as error:  # whatever it holds, the others are read
@@ -157,88 +157,88 @@ def _read(document: Mapping[str, Any], reading: _Reading) -> None:
             continue
         reading.models.append(model)
         if other is not None and reading.asked is not None:
-            asked = lod_name(reading.asked)
+            asked = format_lod(reading.asked)
             outline = shapely.box(*model.shell.vertices[:, :2].min(axis=0), *model.shell.vertices[:, :2].max(axis=0))
-            reading.remarks.append(Remark(id, f"buildings without LoD {asked} read at LoD {lod_name(other)}", outline))
+            reading.remarks.append(Remark(id, f"buildings without LoD {asked} read at LoD {format_lod(other)}", outline))
 
 
-def _model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, Any]], axes: Axes) -> Model:
-    shell = shell_of(faces, axes.scale)
+def _build_model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, Any]], axes: Axes) -> BuildingModel:
+    shell = triangulate_faces(faces, axes.scale)
     if shell is None:
         raise GeometryError("its surfaces enclose no area; repair or remove it")
-    if np.ptp(shell.vertices[:, 2]) < _FLAT:
+    if np.ptp(shell.vertices[:, 2]) < _MIN_MODEL_HEIGHT_M:
         raise GeometryError("all of it lies at one height; give a model with walls, or footprints with heights")
-    attributes = [mapping_of(thing.get("attributes")) for thing in things]
+    attributes = [as_mapping(thing.get("attributes")) for thing in things]
 
     def stated(key: str, low: float, high: float, unit: float = 1.0) -> list[float]:
         """The building's own number, else those of its parts."""
-        numbers = [number_of(attribute.get(key)) * unit for attribute in attributes]
+        numbers = [parse_number(attribute.get(key)) * unit for attribute in attributes]
         fit = [number for number in numbers if low < number < high]
         return numbers[:1] if numbers[0] in fit else fit
 
-    heights = stated("measuredHeight", 0.0, _TALLEST, axes.vertical)
-    bases = stated("TerrainHeight", -_HIGHEST, _HIGHEST, axes.vertical)
+    heights = stated("measuredHeight", 0.0, _MAX_HEIGHT_M, axes.vertical)
+    bases = stated("TerrainHeight", -_MAX_GROUND_HEIGHT_M, _MAX_GROUND_HEIGHT_M, axes.vertical)
     names = [attributes[0].get(key) for key in ("name", "gml_name", "gml:name")]
-    return Model(
+    return BuildingModel(
         id,
         shell,
         height=max(heights, default=None),
-        levels=max(stated("storeysAboveGround", 0.0, _MOST_LEVELS), default=None),
+        levels=max(stated("storeysAboveGround", 0.0, _MAX_LEVELS), default=None),
         name=next((name.strip() for name in names if isinstance(name, str) and name.strip()), None),
         base=min(bases, default=None),
     )
 
 
-def _best_first(geometries: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _sort_richest_first(geometries: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Geometries of one object in one LoD, those with textures and semantics first."""
     return sorted(geometries, key=lambda g: (not g.get("texture"), not g.get("semantics")))
 
 
-def _once(geometries: Sequence[list[Face]]) -> list[Face]:
+def _merge_geometries(geometries: Sequence[list[Face]]) -> list[Face]:
     """The faces of all geometries, without those that an earlier one has: a solid may repeat what its surfaces show."""
     faces = list(geometries[0])
     known: set[bytes] = set()
     for before, after in pairwise(geometries):
-        known |= {_key(face) for face in before}
-        faces += [face for face in after if _key(face) not in known]
+        known |= {_face_key(face) for face in before}
+        faces += [face for face in after if _face_key(face) not in known]
     return faces
 
 
-def _key(face: Face) -> bytes:
+def _face_key(face: Face) -> bytes:
     return np.unique(face.rings[0], axis=0).tobytes() if face.rings else b""
 
 
-def _axes(corners: np.ndarray, reading: _Reading) -> Axes | None:
+def _document_axes(corners: np.ndarray, reading: _ReaderState) -> Axes | None:
     """How to read the coordinates; None while there is no point that would tell."""
     finite = corners[np.isfinite(corners).all(axis=1)]
     if len(finite) == 0:
         return None
     first, second = np.median(finite[:, :2], axis=0).tolist()
-    name = _frame_name(reading)
-    axes, remark = axes_of(name, (first, second), reading.path)
+    name = _reference_system(reading)
+    axes, remark = resolve_axes(name, (first, second), reading.path)
     if remark:
         reading.remarks.append(Remark(f"{name} of {reading.path.name}", remark, None))
     return axes
 
 
-def _frame_name(reading: _Reading) -> str | None:
-    name = mapping_of(reading.head.get("metadata")).get("referenceSystem")
+def _reference_system(reading: _ReaderState) -> str | None:
+    name = as_mapping(reading.head.get("metadata")).get("referenceSystem")
     return str(name) if isinstance(name, str | int) else None
 
 
-def _appearance(document: Mapping[str, Any], reading: _Reading) -> Appearance:
+def _read_appearance(document: Mapping[str, Any], reading: _ReaderState) -> CityJsonAppearance:
     """Pictures of a document, or of the head where it has none of its own."""
-    stated = mapping_of(document.get("appearance") or reading.head.get("appearance"))
-    images = [mapping_of(texture).get("image") for texture in list_of(stated.get("textures"))]
+    stated = as_mapping(document.get("appearance") or reading.head.get("appearance"))
+    images = [as_mapping(texture).get("image") for texture in as_list(stated.get("textures"))]
     numbers = [
         reading.pictures.setdefault(image, len(reading.pictures)) if isinstance(image, str) and image else -1
         for image in images
     ]
     theme = stated.get("default-theme-texture")
-    return Appearance(points_of(stated.get("vertices-texture"), 2), numbers, theme if isinstance(theme, str) else None)
+    return CityJsonAppearance(parse_points(stated.get("vertices-texture"), 2), numbers, theme if isinstance(theme, str) else None)
 
 
-def _finished(reading: _Reading) -> Models:
+def _collect_models(reading: _ReaderState) -> BuildingModels:
     """All that was read, with the pictures that are used and exist."""
     shown = [np.unique(model.shell.texture) for model in reading.models]
     used = {int(number) for numbers in shown for number in numbers if number >= 0}
@@ -247,25 +247,25 @@ def _finished(reading: _Reading) -> Models:
     missing, refused = 0, []
     for image, number in reading.pictures.items():
         if number in used:
-            path = beside(reading.path, *spellings(image))
-            if path is None and outside(reading.path, *spellings(image)):
+            path = find_referenced_file(reading.path, *filename_variants(image))
+            if path is None and is_outside_folder(reading.path, *filename_variants(image)):
                 refused.append(image)
             missing += path is None
             numbers[number] = -1 if path is None else found.setdefault(path, len(found))
     if missing:
         reason = f"files with textures that are missing ({missing} of {len(used)}): their surfaces are read without"
         reading.remarks.append(Remark(reading.path.name, reason, None))
-    reading.remarks += [Remark(image, OUTSIDE, None) for image in refused]
+    reading.remarks += [Remark(image, OUTSIDE_FOLDER_REASON, None) for image in refused]
     models = []
     for model in reading.models:
         texture = numbers[model.shell.texture]
         uv = np.where(texture[:, None, None] >= 0, model.shell.uv, np.float32(0))
         models.append(replace(model, shell=replace(model.shell, texture=texture, uv=uv)))
-    axes = reading.axes or axes_of(_frame_name(reading), None, reading.path)[0]
-    return Models(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
+    axes = reading.axes or resolve_axes(_reference_system(reading), None, reading.path)[0]
+    return BuildingModels(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
 
 
-def _place(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:
+def _bounding_box(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:
     """The box around the corners that can be read of a building that is set aside."""
     stack: list[Any] = [thing.get("geometry") for thing in things]
     index = set()

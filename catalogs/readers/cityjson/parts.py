@@ -7,35 +7,35 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
-from catalogs.readers.cityjson.surfaces import DEPTHS
-from catalogs.readers.cityjson.values import list_of
+from catalogs.readers.cityjson.surfaces import NESTING_DEPTHS
+from catalogs.readers.cityjson.values import as_list
 from facade_core.core.errors import GeometryError
 
-BUILDINGS = ("Building", "BuildingPart")
-_LOD = re.compile(r"(\d)(?:\.(\d+))?")
+BUILDING_TYPES = ("Building", "BuildingPart")
+_LOD_TEXT = re.compile(r"(\d)(?:\.(\d+))?")
 
 Lod = tuple[int, ...]  # (2,) or (2, 2); () where none is stated
-Objects = Mapping[str, Mapping[str, Any]]
+CityObjects = Mapping[str, Mapping[str, Any]]
 
 
-def lod_of(text: Any) -> Lod:
+def parse_lod(text: Any) -> Lod:
     """(2,) of 2 and "2", (2, 2) of 2.2 and "2.2"; () of anything else."""
-    found = _LOD.fullmatch(str(text).strip())
+    found = _LOD_TEXT.fullmatch(str(text).strip())
     return tuple(int(digits) for digits in found.groups() if digits is not None) if found else ()
 
 
-def lod_name(lod: Lod) -> str:
+def format_lod(lod: Lod) -> str:
     return ".".join(map(str, lod)) or "unknown"
 
 
-def families(objects: Objects) -> Iterator[tuple[str, list[str]]]:
+def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str]]]:
     """(id, ids of what belongs to it, itself first) of each building; a part without a building in the file is one itself."""
     kin = {id for id, thing in objects.items() if str(thing.get("type")).startswith("Building")}
     parents: dict[str, str] = {}
     for id in objects:
         if id in kin:
-            links = [(child, id) for child in _ids(objects[id], "children")]
-            links += [(id, parent) for parent in _ids(objects[id], "parents")[:1]]
+            links = [(child, id) for child in _object_ids(objects[id], "children")]
+            links += [(id, parent) for parent in _object_ids(objects[id], "parents")[:1]]
             for child, parent in links:
                 if child in kin and parent in kin:
                     parents.setdefault(child, parent)
@@ -50,12 +50,12 @@ def families(objects: Objects) -> Iterator[tuple[str, list[str]]]:
             root = id
         members[root].append(id)
     for root, ids in members.items():
-        if objects[root].get("type") in BUILDINGS:
+        if objects[root].get("type") in BUILDING_TYPES:
             yield root, [root, *(id for id in ids if id != root)]
 
 
-def pieces_of(
-    ids: Sequence[str], objects: Objects, templates: Sequence[Any], asked: Lod | None
+def select_geometries(
+    ids: Sequence[str], objects: CityObjects, templates: Sequence[Any], requested_lod: Lod | None
 ) -> tuple[list[list[Mapping[str, Any]]], Lod | None]:
     """The geometries that make up a building, per object, and the LoD of one that is not of the asked LoD, if any.
 
@@ -63,8 +63,8 @@ def pieces_of(
     highest. Raises GeometryError where there are no surfaces.
     """
     root = ids[0]
-    levels = {id: _levels(objects[id], templates) for id in ids}
-    filled = {kind: [id for id in ids if levels[id] and objects[id]["type"] in kind] for kind in _KINDS}
+    levels = {id: _geometries_by_lod(objects[id], templates) for id in ids}
+    filled = {kind: [id for id in ids if levels[id] and objects[id]["type"] in kind] for kind in _TYPE_GROUPS}
     body, elements, extras = filled.values()
     if not body:  # a building may be made of its walls and slabs
         body, extras = (elements, extras) if elements else (extras, [])
@@ -76,32 +76,32 @@ def pieces_of(
         raise GeometryError(
             "it has only a footprint (LoD 0); give a model of LoD 1 or higher, or footprints with heights"
         )
-    chosen = _nearest(solid, max(solid) if asked is None else asked)
+    chosen = _nearest_lod(solid, max(solid) if requested_lod is None else requested_lod)
     whole = chosen in levels[root]
     pieces, used = [], []
     for id in body:
         own = {lod for lod in levels[id] if lod[:1] != (0,)}
         if not own or (chosen not in own and (whole or id == root)):
             continue  # what it shows is in the others already
-        lod = chosen if chosen in own else _nearest(own, chosen)
+        lod = chosen if chosen in own else _nearest_lod(own, chosen)
         pieces.append(levels[id][lod])
         used.append(lod)
     for id in extras:
-        fit = [lod for lod in levels[id] if asked is None or lod[:1] <= chosen[:1]]
+        fit = [lod for lod in levels[id] if requested_lod is None or lod[:1] <= chosen[:1]]
         pieces += [levels[id][max(fit)]] if fit else []
-    return pieces, next((lod for lod in used if asked is not None and lod[: len(asked)] != asked), None)
+    return pieces, next((lod for lod in used if requested_lod is not None and lod[: len(requested_lod)] != requested_lod), None)
 
 
-_KINDS = (BUILDINGS, ("BuildingConstructiveElement",), ("BuildingInstallation",))
+_TYPE_GROUPS = (BUILDING_TYPES, ("BuildingConstructiveElement",), ("BuildingInstallation",))
 
 
-def _nearest(lods: Collection[Lod], asked: Lod) -> Lod:
-    same = [lod for lod in lods if lod[: len(asked)] == asked]
-    lower = [lod for lod in lods if lod < asked]
+def _nearest_lod(lods: Collection[Lod], requested: Lod) -> Lod:
+    same = [lod for lod in lods if lod[: len(requested)] == requested]
+    lower = [lod for lod in lods if lod < requested]
     return max(same or lower or [min(lods)])
 
 
-def _levels(thing: Mapping[str, Any], templates: Sequence[Any]) -> dict[Lod, list[Mapping[str, Any]]]:
+def _geometries_by_lod(thing: Mapping[str, Any], templates: Sequence[Any]) -> dict[Lod, list[Mapping[str, Any]]]:
     """Geometries with surfaces by their LoD."""
     geometries = thing.get("geometry") or []
     if not isinstance(geometries, list) or not all(isinstance(geometry, dict) for geometry in geometries):
@@ -114,10 +114,10 @@ def _levels(thing: Mapping[str, Any], templates: Sequence[Any]) -> dict[Lod, lis
             if type(number) is not int or not 0 <= number < len(templates) or not isinstance(templates[number], dict):
                 raise GeometryError(f"it is an instance of template {number}, which is missing; export it anew")
             shape = templates[number]
-        if str(shape.get("type")) in DEPTHS and shape.get("boundaries"):
-            levels[lod_of(shape.get("lod"))].append(geometry)
+        if str(shape.get("type")) in NESTING_DEPTHS and shape.get("boundaries"):
+            levels[parse_lod(shape.get("lod"))].append(geometry)
     return dict(levels)
 
 
-def _ids(thing: Mapping[str, Any], key: str) -> list[str]:
-    return [id for id in list_of(thing.get(key)) if isinstance(id, str)]
+def _object_ids(thing: Mapping[str, Any], key: str) -> list[str]:
+    return [id for id in as_list(thing.get(key)) if isinstance(id, str)]

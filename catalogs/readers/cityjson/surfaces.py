@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.readers.cityjson.values import list_of, mapping_of, points_of, within_reach
-from catalogs.readers.faces import FARTHEST, SEMANTIC_OF, Face
+from catalogs.readers.cityjson.values import as_list, as_mapping, parse_points, mask_far_points
+from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, Face
 from facade_core.core.errors import GeometryError
 
 # How many levels of nesting lie between a geometry and its surfaces.
-DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
+NESTING_DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Appearance:
+class CityJsonAppearance:
     """Pictures of a file: uv (m, 2) float64; pictures: index of each of its textures among those found, -1 where missing."""
 
     uv: np.ndarray
@@ -26,23 +26,23 @@ class Appearance:
     theme: str | None
 
 
-def faces_of(geometry: Mapping[str, Any], points: np.ndarray, appearance: Appearance) -> list[Face]:
+def extract_faces(geometry: Mapping[str, Any], points: np.ndarray, appearance: CityJsonAppearance) -> list[Face]:
     """The faces of a geometry's outer shells; points (n, 3) are what its boundaries count.
 
     Raises GeometryError where a boundary is no ring of vertices, or a vertex is missing or not finite.
     """
-    depth = DEPTHS[geometry["type"]]
-    semantics = mapping_of(geometry.get("semantics"))
-    classes = _classes(semantics.get("surfaces"))
+    depth = NESTING_DEPTHS[geometry["type"]]
+    semantics = as_mapping(geometry.get("semantics"))
+    classes = _surface_semantics(semantics.get("surfaces"))
     parts = list(
         zip(
-            _outer(geometry["boundaries"], depth),
-            _aligned(geometry["boundaries"], semantics.get("values"), depth),
-            _aligned(geometry["boundaries"], _texture_values(geometry, appearance.theme), depth),
+            _outer_surfaces(geometry["boundaries"], depth),
+            _align_values(geometry["boundaries"], semantics.get("values"), depth),
+            _align_values(geometry["boundaries"], _texture_values(geometry, appearance.theme), depth),
             strict=True,
         )
     )
-    corners = _corners([ring for surface, _, _ in parts for ring in surface], points)
+    corners = _ring_vertices([ring for surface, _, _ in parts for ring in surface], points)
     faces, first = [], 0
     for surface, kind, pictured in parts:
         rings = []
@@ -51,28 +51,28 @@ def faces_of(geometry: Mapping[str, Any], points: np.ndarray, appearance: Appear
             first += len(ring)
         semantic = classes[kind] if _is_index(kind, len(classes)) else "unknown"
         if semantic != "inside":
-            texture, uv = _texture(surface, pictured, appearance)
+            texture, uv = _surface_texture(surface, pictured, appearance)
             faces.append(Face(rings, semantic, texture, uv))
     return faces
 
 
-def instance_points(geometry: Mapping[str, Any], template: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def place_template(geometry: Mapping[str, Any], template: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """The vertices of a template (n, 3) where an instance of it stands; corners (m, 3) are the vertices of the file.
 
     Raises GeometryError where the instance has no place.
     """
     try:
-        matrix = points_of([geometry.get("transformationMatrix")], 16).reshape(4, 4)
+        matrix = parse_points([geometry.get("transformationMatrix")], 16).reshape(4, 4)
         (anchor,) = geometry["boundaries"]
         if np.isnan(matrix).any() or type(anchor) is not int or not 0 <= anchor < len(corners):
             raise ValueError(anchor)
     except (TypeError, ValueError, KeyError) as error:
         raise GeometryError("an instance in it has no place or no matrix of 16 numbers; export it anew") from error
     with np.errstate(over="ignore", invalid="ignore"):
-        return within_reach(template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor])
+        return mask_far_points(template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor])
 
 
-def _outer(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
+def _outer_surfaces(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
     """Surfaces of the outer shells: a solid's further shells are voids."""
     if not isinstance(boundaries, list):
         raise GeometryError("its boundaries are no lists; export it anew")
@@ -83,22 +83,22 @@ def _outer(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
             yield surface
     else:
         for part in boundaries[:1] if depth == 1 else boundaries:
-            yield from _outer(part, depth - 1)
+            yield from _outer_surfaces(part, depth - 1)
 
 
-def _aligned(boundaries: Any, values: Any, depth: int) -> Iterator[Any]:
+def _align_values(boundaries: Any, values: Any, depth: int) -> Iterator[Any]:
     """The value of each surface of `_outer`, in its order; None where there is none."""
-    values = list_of(values)
+    values = as_list(values)
     inner = boundaries[:1] if depth == 1 else boundaries
     for index, part in enumerate(inner):
         value = values[index] if index < len(values) else None
         if depth == 0:
             yield value
         else:
-            yield from _aligned(part, value, depth - 1)
+            yield from _align_values(part, value, depth - 1)
 
 
-def _corners(rings: Sequence[list[int]], points: np.ndarray) -> np.ndarray:
+def _ring_vertices(rings: Sequence[list[int]], points: np.ndarray) -> np.ndarray:
     """The vertices of all rings, one after another."""
     try:
         index = np.array(list(chain.from_iterable(rings)))
@@ -118,19 +118,19 @@ def _corners(rings: Sequence[list[int]], points: np.ndarray) -> np.ndarray:
     return corners
 
 
-def _classes(surfaces: Any) -> list[str]:
-    kinds = [mapping_of(surface).get("type") for surface in list_of(surfaces)]
-    return [SEMANTIC_OF.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
+def _surface_semantics(surfaces: Any) -> list[str]:
+    kinds = [as_mapping(surface).get("type") for surface in as_list(surfaces)]
+    return [SURFACE_SEMANTICS.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
 
 
 def _texture_values(geometry: Mapping[str, Any], theme: str | None) -> Any:
-    themes = mapping_of(geometry.get("texture"))
+    themes = as_mapping(geometry.get("texture"))
     if not themes:
         return None
-    return mapping_of(themes[theme] if theme is not None and theme in themes else themes[min(themes)]).get("values")
+    return as_mapping(themes[theme] if theme is not None and theme in themes else themes[min(themes)]).get("values")
 
 
-def _texture(surface: list[list[int]], pictured: Any, appearance: Appearance) -> tuple[int, list[np.ndarray] | None]:
+def _surface_texture(surface: list[list[int]], pictured: Any, appearance: CityJsonAppearance) -> tuple[int, list[np.ndarray] | None]:
     """The picture on a surface and its coordinates per ring; -1 and None where they are missing or do not fit."""
     if not isinstance(pictured, list) or len(pictured) < len(surface) or not surface:
         return -1, None
@@ -144,7 +144,7 @@ def _texture(surface: list[list[int]], pictured: Any, appearance: Appearance) ->
         if not all(_is_index(value, len(appearance.uv)) for value in values[1:]):
             return -1, None
         uv.append(appearance.uv[values[1:]].reshape(-1, 2))
-    return (picture, uv) if all((np.abs(ring) < FARTHEST).all() for ring in uv) else (-1, None)
+    return (picture, uv) if all((np.abs(ring) < MAX_COORDINATE).all() for ring in uv) else (-1, None)
 
 
 def _is_index(value: Any, length: int) -> bool:

@@ -7,40 +7,40 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.readers.faces import FARTHEST
+from catalogs.readers.faces import MAX_COORDINATE
 
 
-def transformed(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
+def apply_transform(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
     """Points (n, 3) scaled and translated as a file says, as they are where it says nothing; NaN where absurdly far."""
     if transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             points = points * np.array(transform["scale"], np.float64) + np.array(transform["translate"], np.float64)
-    return within_reach(points)
+    return mask_far_points(points)
 
 
-def within_reach(points: np.ndarray) -> np.ndarray:
+def mask_far_points(points: np.ndarray) -> np.ndarray:
     """Points with NaN for coordinates that are infinite or so large that no frame has them."""
-    return np.where(np.abs(points) < FARTHEST, points, np.nan)
+    return np.where(np.abs(points) < MAX_COORDINATE, points, np.nan)
 
 
-def points_of(rows: Any, size: int = 3) -> np.ndarray:
+def parse_points(rows: Any, size: int = 3) -> np.ndarray:
     """Rows of numbers (n, size) float64; a row that is none becomes NaN."""
-    rows = list_of(rows)
+    rows = as_list(rows)
     try:
         points = np.array(rows, np.float64)
     except (TypeError, ValueError, OverflowError):
         points = np.empty(0)
     if points.shape != (len(rows), size):
-        points = np.array([_point(row, size) for row in rows], np.float64).reshape(-1, size)
+        points = np.array([_parse_point(row, size) for row in rows], np.float64).reshape(-1, size)
     return points
 
 
-def _point(row: Any, size: int = 3) -> list[float]:
-    numbers = [number_of(value) for value in row] if isinstance(row, list) else []
+def _parse_point(row: Any, size: int = 3) -> list[float]:
+    numbers = [parse_number(value) for value in row] if isinstance(row, list) else []
     return numbers if len(numbers) == size else [np.nan] * size
 
 
-def number_of(value: Any) -> float:
+def parse_number(value: Any) -> float:
     """A number, also one written as text; NaN of anything else."""
     try:
         return float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else np.nan
@@ -48,11 +48,11 @@ def number_of(value: Any) -> float:
         return np.nan
 
 
-def mapping_of(value: Any) -> Mapping[str, Any]:
+def as_mapping(value: Any) -> Mapping[str, Any]:
     """The object that a value is; an empty one of anything else."""
     return value if isinstance(value, dict) else {}
 
 
-def list_of(value: Any) -> list[Any]:
+def as_list(value: Any) -> list[Any]:
     """The list that a value is; an empty one of anything else."""
     return value if isinstance(value, list) else []

@@ -12,29 +12,29 @@ import numpy as np
 
 from catalogs.broken import is_system_error
 from catalogs.features import Remark
-from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
-from catalogs.readers.limits import MOST_TRIANGLES
-from catalogs.readers.meshes.surfaces import Surface, is_inside, is_surface_name, semantic_of
+from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
+from catalogs.readers.limits import MAX_TRIANGLES
+from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, surface_semantic
 from facade_core.core.errors import InputError
 
-_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-_COMPRESSED = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
-MOST_NODES = 50_000
-_MADE_UP = 1000  # numbers of an accessor without a bufferView
-_NAMELESS = frozenset(("", "world", "scene", "root", "rootnode"))
+_Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+_COMPRESSION_EXTENSIONS = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
+MAX_NODES = 50_000
+_MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without a bufferView
+_PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
-def read_gltf(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark]]:
+def read_gltf(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
     """Surfaces by building and kind, the pictures they show, and what was noticed.
 
     y up, as glTF has it, becomes z up: (x, -z, y); `origin` [x, y, z] in the scene's extras is added. Pictures inside
     the file are dropped: textures are files. Raises InputError where the file is no glTF with triangles.
     """
     try:
-        header, rest = _parts(path)
-        if packed := sorted(_COMPRESSED.intersection(header.get("extensionsUsed", []))):
+        header, rest = _split_header(path)
+        if packed := sorted(_COMPRESSION_EXTENSIONS.intersection(header.get("extensionsUsed", []))):
             raise InputError(f"{path} is compressed ({', '.join(packed)}); export it without compression")
-        return _read(path, header, rest)
+        return _read_scene(path, header, rest)
     except InputError:
         raise
     except Exception as error:  # whatever a broken header makes of trimesh
@@ -44,15 +44,15 @@ def read_gltf(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark]
         raise InputError(f"{path} cannot be read as glTF 2 ({reason}); export it again") from error
 
 
-def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface], tuple[Path, ...], list[Remark]]:
+def _read_scene(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
     import trimesh
 
     _check_counts(path, header)
-    numbered, primitives = _numbered(header)
+    numbered, primitives = _split_primitives(header)
     scene: Any = trimesh.load(
-        io.BytesIO(_glb(numbered, rest) if path.suffix.lower() == ".glb" else json.dumps(numbered).encode()),
+        io.BytesIO(_pack_glb(numbered, rest) if path.suffix.lower() == ".glb" else json.dumps(numbered).encode()),
         file_type=path.suffix.lower()[1:],
-        resolver=_buffers(path, header),
+        resolver=_read_buffers(path, header),
         force="scene",
         process=False,
     )
@@ -60,7 +60,7 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise InputError(f"{path}: the scene's extras state the origin {origin.tolist()}; give three numbers")
     parents = {child: index for index, node in enumerate(header["nodes"]) for child in node.get("children", [])}
-    surfaces: list[Surface] = []
+    surfaces: list[MeshSurface] = []
     pictures: list[Path] = []
     embedded, refused = set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
@@ -69,14 +69,14 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
         if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
             continue
         owner, mesh_index, primitive = primitives[int(node)]
-        names = _names(header, owner, mesh_index, parents)
-        material = _item(header, "materials", primitive.get("material"))
-        if any(is_inside(name.partition("|")[2] or name) for name in names[:1]):
+        names = _primitive_names(header, owner, mesh_index, parents)
+        material = _header_item(header, "materials", primitive.get("material"))
+        if any(is_interior_class(name.partition("|")[2] or name) for name in names[:1]):
             continue
-        building = _building(names)
-        uri = _picture(header, material)
-        picture = beside(path, *spellings(uri)) if uri else None
-        if uri and picture is None and outside(path, *spellings(uri)):
+        building = _building_name(names)
+        uri = _base_colour_uri(header, material)
+        picture = find_referenced_file(path, *filename_variants(uri)) if uri else None
+        if uri and picture is None and is_outside_folder(path, *filename_variants(uri)):
             refused.add(uri)
         elif uri is not None and picture is None:
             embedded.add(building or path.stem)
@@ -84,11 +84,11 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
             pictures.append(picture)
         uv = mesh.vertex_attributes.get("_UV")
         textured = picture is not None and uv is not None
-        vertices = (mesh.vertices @ transform[:3, :3].T + transform[:3, 3]) @ _Z_UP.T + origin
+        vertices = (mesh.vertices @ transform[:3, :3].T + transform[:3, 3]) @ _Z_UP_FROM_Y_UP.T + origin
         surfaces.append(
-            Surface(
+            MeshSurface(
                 building=building,
-                semantic=semantic_of(*(_kind(name) for name in names), material.get("name")),
+                semantic=surface_semantic(*(_surface_kind(name) for name in names), material.get("name")),
                 corners=vertices[mesh.faces],
                 texture=pictures.index(picture) if picture is not None and textured else -1,
                 uv=(np.asarray(uv) * (1.0, -1.0) + (0.0, 1.0))[mesh.faces] if textured else None,
@@ -98,13 +98,13 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
         "models whose pictures are inside the glTF file or absent: read without; save the pictures as files beside it"
     )
     remarks = [Remark(name, reason, None) for name in sorted(embedded)]
-    return surfaces, tuple(pictures), [*remarks, *(Remark(uri, OUTSIDE, None) for uri in sorted(refused))]
+    return surfaces, tuple(pictures), [*remarks, *(Remark(uri, OUTSIDE_FOLDER_REASON, None) for uri in sorted(refused))]
 
 
 def _check_counts(path: Path, header: dict[str, Any]) -> None:
     """InputError where nodes draw more than a file of buildings holds, or numbers are made up of nothing."""
     accessors, meshes, nodes = header.get("accessors", []), header.get("meshes", []), header.get("nodes", [])
-    if any("bufferView" not in accessor and accessor.get("count", 0) > _MADE_UP for accessor in accessors):
+    if any("bufferView" not in accessor and accessor.get("count", 0) > _MAX_UNBACKED_COUNT for accessor in accessors):
         raise InputError(f"{path} has accessors of zeros without a bufferView; export it again")
     corners = [
         sum(
@@ -114,13 +114,13 @@ def _check_counts(path: Path, header: dict[str, Any]) -> None:
         for mesh in meshes
     ]
     drawn = sum(corners[node["mesh"]] for node in nodes if "mesh" in node)
-    if drawn > 3 * MOST_TRIANGLES or len(nodes) > MOST_NODES:
+    if drawn > 3 * MAX_TRIANGLES or len(nodes) > MAX_NODES:
         raise InputError(
-            f"{path} draws {drawn // 3} triangles in {len(nodes)} nodes, more than {MOST_TRIANGLES} or {MOST_NODES}; cut it up"
+            f"{path} draws {drawn // 3} triangles in {len(nodes)} nodes, more than {MAX_TRIANGLES} or {MAX_NODES}; cut it up"
         )
 
 
-def _parts(path: Path) -> tuple[dict[str, Any], bytes]:
+def _split_header(path: Path) -> tuple[dict[str, Any], bytes]:
     """The JSON of a file and, of a .glb, the chunks behind it."""
     data = path.read_bytes()
     if path.suffix.lower() != ".glb":
@@ -131,13 +131,13 @@ def _parts(path: Path) -> tuple[dict[str, Any], bytes]:
     return json.loads(data[20 : 20 + length]), data[20 + length :]
 
 
-def _glb(header: dict[str, Any], rest: bytes) -> bytes:
+def _pack_glb(header: dict[str, Any], rest: bytes) -> bytes:
     text = json.dumps(header).encode()
     text += b" " * (-len(text) % 4)
     return struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON") + text + rest
 
 
-def _numbered(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int, tuple[int, int, dict[str, Any]]]]:
+def _split_primitives(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int, tuple[int, int, dict[str, Any]]]]:
     """A header with one node per drawn primitive, each named by its number, and of which (node, mesh, primitive) each is.
 
     trimesh renames what is nameless or named twice, at random where a mesh has several primitives, and decodes every
@@ -168,7 +168,7 @@ def _numbered(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int, tuple[i
     return kept | {"nodes": nodes, "meshes": meshes}, drawn
 
 
-def _names(header: dict[str, Any], owner: int, mesh: int, parents: dict[int, int]) -> list[str]:
+def _primitive_names(header: dict[str, Any], owner: int, mesh: int, parents: dict[int, int]) -> list[str]:
     """What a primitive is called, nearest first: its node, the nodes above, its mesh; a nameless node by its mesh."""
     above: list[dict[str, Any]] = []
     node = parents.get(owner)
@@ -177,12 +177,12 @@ def _names(header: dict[str, Any], owner: int, mesh: int, parents: dict[int, int
         node = parents.get(node)
     drawn = [header["nodes"][owner], header["meshes"][mesh]]
     own = str(drawn[0].get("name", "")).strip().lower()
-    order = [drawn[1], *above] if own in _NAMELESS else [drawn[0], *above, drawn[1]]
+    order = [drawn[1], *above] if own in _PLACEHOLDER_NAMES else [drawn[0], *above, drawn[1]]
     stated = [str(item.get("name", "")).strip() for item in order]
-    return [name for name in stated if name.lower() not in _NAMELESS]
+    return [name for name in stated if name.lower() not in _PLACEHOLDER_NAMES]
 
 
-def _building(names: list[str]) -> str | None:
+def _building_name(names: list[str]) -> str | None:
     """The first name that is not that of a kind of surface; what stands before a | in it."""
     for name in names:
         building = name.partition("|")[0].strip()
@@ -191,34 +191,34 @@ def _building(names: list[str]) -> str | None:
     return None
 
 
-def _kind(name: str) -> str | None:
+def _surface_kind(name: str) -> str | None:
     """The part of a name that says what kind of surface it is."""
     return name.partition("|")[2] or (name if is_surface_name(name) else None)
 
 
-def _item(header: dict[str, Any], kind: str, index: int | None) -> dict[str, Any]:
+def _header_item(header: dict[str, Any], kind: str, index: int | None) -> dict[str, Any]:
     items = header.get(kind, [])
     return items[index] if index is not None and 0 <= index < len(items) else {}
 
 
-def _picture(header: dict[str, Any], material: dict[str, Any]) -> str | None:
+def _base_colour_uri(header: dict[str, Any], material: dict[str, Any]) -> str | None:
     """The file's URI of the picture that a material states, empty where it is inside the model; None where it states none."""
     index = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}).get("index")
     if index is None:
         return None
-    uri = str(_item(header, "images", _item(header, "textures", index).get("source")).get("uri", ""))
+    uri = str(_header_item(header, "images", _header_item(header, "textures", index).get("source")).get("uri", ""))
     return "" if uri.startswith("data:") else uri
 
 
-def _buffers(path: Path, header: dict[str, Any]) -> dict[str, bytes]:
+def _read_buffers(path: Path, header: dict[str, Any]) -> dict[str, bytes]:
     """The contents of the files that hold the geometry of a .gltf, by their URIs. Raises InputError where one is not there."""
     found = {}
     for buffer in header.get("buffers", []):
         uri = buffer.get("uri")
         if isinstance(uri, str) and not uri.startswith("data:"):
-            file = beside(path, *spellings(uri))
+            file = find_referenced_file(path, *filename_variants(uri))
             if file is None:
-                where = "lies outside its folder" if outside(path, *spellings(uri)) else "is not there"
+                where = "lies outside its folder" if is_outside_folder(path, *filename_variants(uri)) else "is not there"
                 raise InputError(f"{path}: its buffer {uri} {where}; copy it beside the model")
             found[uri] = file.read_bytes()
     return found

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from catalogs.broken import is_system_error
-from catalogs.features import Fault, Models, Remark
-from catalogs.readers.limits import MOST_TRIANGLES
+from catalogs.features import BuildingModels, Fault, Remark
+from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf
-from catalogs.readers.meshes.npz import check_arrays
+from catalogs.readers.meshes.npz import check_npz_arrays
 from catalogs.readers.meshes.obj import read_obj
-from catalogs.readers.meshes.surfaces import Surface, models_of
+from catalogs.readers.meshes.surfaces import MeshSurface, group_into_models
 from facade_core.core.errors import InputError
 
 
-def read_meshes(path: Path, lod: str | None = None) -> Models:
+def read_meshes(path: Path, lod: str | None = None) -> BuildingModels:
     """Every building of a mesh file (.obj, .glb, .gltf, .ply, .stl, .npz), in the file's coordinates in metres, z up.
 
     One model per named group, object or node: its name up to a | is the building's id, the name behind it, or that of the
@@ -41,20 +41,20 @@ def read_meshes(path: Path, lod: str | None = None) -> Models:
     elif kind in (".glb", ".gltf"):
         surfaces, textures, remarks = read_gltf(path)
     else:
-        surfaces = _read_mesh(path)
+        surfaces = _read_plain_mesh(path)
     if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
-    models, broken = models_of(surfaces, path.stem)
+    models, broken = group_into_models(surfaces, path.stem)
     used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
     if len(used) < len(textures):
         number = np.full(len(textures) + 1, -1, np.int32)  # the last is for -1
         number[used] = np.arange(len(used))
         models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
         textures = tuple(textures[index] for index in used)
-    return Models(crs, models, textures, tuple(remarks), (*faults, *broken))
+    return BuildingModels(crs, models, textures, tuple(remarks), (*faults, *broken))
 
 
-def _read_mesh(path: Path) -> list[Surface]:
+def _read_plain_mesh(path: Path) -> list[MeshSurface]:
     """PLY and STL: one mesh without names or pictures."""
     import trimesh
 
@@ -68,14 +68,14 @@ def _read_mesh(path: Path) -> list[Surface]:
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path} cannot be read as a mesh ({reason}); export it again") from error
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
-    return [Surface(None, "unknown", np.asarray(mesh.vertices, np.float64)[mesh.faces]) for mesh in meshes]
+    return [MeshSurface(None, "unknown", np.asarray(mesh.vertices, np.float64)[mesh.faces]) for mesh in meshes]
 
 
-def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
+def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
     """triangles (n, 3, 3) and feature (n,), the number of each one's building; optional origin (3,) and epsg ()."""
     wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
     names = ("triangles", "feature", "origin", "epsg")
-    check_arrays(path, names)
+    check_npz_arrays(path, names)
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in names if name in file}
@@ -86,8 +86,8 @@ def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
     except (OSError, EOFError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as arrays of triangles ({reason}); give {wanted}") from error
-    if triangles.size > 9 * MOST_TRIANGLES:
-        raise InputError(f"{path} holds over {MOST_TRIANGLES} triangles; cut out the block that is meant")
+    if triangles.size > 9 * MAX_TRIANGLES:
+        raise InputError(f"{path} holds over {MAX_TRIANGLES} triangles; cut out the block that is meant")
     fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"
     if not (fits and feature.shape == triangles.shape[:1] and feature.dtype.kind in "iu" and origin.shape == (3,)):
         raise InputError(
@@ -97,5 +97,5 @@ def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
     ends = np.flatnonzero(np.diff(feature[order])) + 1
     parts = np.split(order, ends) if len(order) else []
     return [
-        Surface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin) for part in parts
+        MeshSurface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin) for part in parts
     ], crs

@@ -10,12 +10,12 @@ from pathlib import Path
 from catalogs.broken import short_message
 from facade_core.core.errors import InputError
 
-UNPACKED = 512 * 2**20  # bytes
+MAX_UNPACKED_BYTES = 512 * 2**20  # bytes
 # A small archive may unpack to the first, a larger one to so many times its size: coordinates pack to a fifth.
-_SMALL, _PACKED = 32 * 2**20, 50
+_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO = 32 * 2**20, 50
 
 
-def check_arrays(path: Path, names: Sequence[str]) -> None:
+def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
     """InputError unless the named arrays of an .npz are as large as their headers say, and no larger than UNPACKED together.
 
     Nothing is unpacked but the headers.
@@ -31,11 +31,11 @@ def check_arrays(path: Path, names: Sequence[str]) -> None:
                 if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise InputError(f"{path} is packed by another method than np.savez_compressed; save it with that")
                 total += info.file_size
-                if info.file_size > max(_SMALL, _PACKED * info.compress_size):
-                    raise InputError(f"{path}: {info.filename} unpacks to over {_PACKED} times its size; save it again")
-                if total > UNPACKED:
+                if info.file_size > max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * info.compress_size):
+                    raise InputError(f"{path}: {info.filename} unpacks to over {_MAX_UNPACK_RATIO} times its size; save it again")
+                if total > MAX_UNPACKED_BYTES:
                     raise InputError(
-                        f"{path} unpacks to over {UNPACKED // 2**20} MB; cut out the block that is meant, or use float32"
+                        f"{path} unpacks to over {MAX_UNPACKED_BYTES // 2**20} MB; cut out the block that is meant, or use float32"
                     )
                 with archive.open(info) as member:
                     shape, _, kind = read.get(npy.read_magic(member), npy.read_array_header_1_0)(member)

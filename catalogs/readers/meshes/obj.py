@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Fault, Remark
-from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
-from catalogs.readers.faces import MOST_CORNERS, Face, shell_of
-from catalogs.readers.meshes.surfaces import Surface, is_inside, is_surface_name, semantic_of
+from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
+from catalogs.readers.faces import MAX_CORNERS, Face, triangulate_faces
+from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, surface_semantic
 from facade_core.core.errors import InputError
 
-_NAMELESS = ("", "default", "(null)", "off")
-_FARTHEST_INDEX = 2**62
+_PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
+_MAX_INDEX = 2**62
 
-Label = tuple[str | None, str | None, str | None]  # object, group, material
-Kind = tuple[str | None, str, int]  # building, semantic, texture
+FaceLabel = tuple[str | None, str | None, str | None]  # object, group, material
+SurfaceKey = tuple[str | None, str, int]  # building, semantic, texture
 
 
 @dataclass(slots=True)
-class _Text:
+class _ObjContent:
     """What the lines of a file say.
 
     sizes, label: of each face; vertex, coordinate: of each corner of each face, numbers of lines counted from 0, -1 without.
@@ -35,59 +35,59 @@ class _Text:
     label: array[int] = field(default_factory=lambda: array("i"))
     vertex: array[int] = field(default_factory=lambda: array("q"))
     coordinate: array[int] = field(default_factory=lambda: array("q"))
-    labels: dict[Label, int] = field(default_factory=dict)
-    declared: set[Label] = field(default_factory=set)
+    labels: dict[FaceLabel, int] = field(default_factory=dict)
+    declared: set[FaceLabel] = field(default_factory=set)
     libraries: list[str] = field(default_factory=list)
 
 
-def read_obj(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark], list[Fault]]:
+def read_obj(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
     """Surfaces by building and kind, the pictures they show, and what was noticed.
 
     x east, y north, z up, as 3D city models are exported. Raises InputError where there is no face.
     """
-    text = _parsed(path)
+    text = _parse_obj(path)
     if not text.labels:
         raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
-    pictures, remarks = _pictures(path, text.libraries)
+    pictures, remarks = _read_material_libraries(path, text.libraries)
     textures = tuple(dict.fromkeys(pictures.values()))
 
     objects = {label[0] for label in text.labels} - {None}
     piped = any("|" in (label[1] or "") for label in text.labels)
     by_object = len(objects) > 1 and not piped
-    kinds: list[Kind | None] = []
+    kinds: list[SurfaceKey | None] = []
     for label in text.labels:
         _, group, material = label
         kind = (group or "").partition("|")[2]
-        semantic = semantic_of(kind, group if by_object or is_surface_name(group or "") else None, material)
+        semantic = surface_semantic(kind, group if by_object or is_surface_name(group or "") else None, material)
         picture = pictures.get(material or "")
         texture = -1 if picture is None else textures.index(picture)
-        kinds.append(None if is_inside(kind) else (_building(label, by_object), semantic, texture))
-    named = {_building(label, by_object) for label in text.labels}
-    empty = sorted({_building(label, by_object) for label in text.declared} - named - {None}, key=str)
+        kinds.append(None if is_interior_class(kind) else (_building_name(label, by_object), semantic, texture))
+    named = {_building_name(label, by_object) for label in text.labels}
+    empty = sorted({_building_name(label, by_object) for label in text.declared} - named - {None}, key=str)
     faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
-    return list(_surfaces(text, kinds)), textures, remarks, faults
+    return list(_build_surfaces(text, kinds)), textures, remarks, faults
 
 
-def _building(label: Label, by_object: bool) -> str | None:
+def _building_name(label: FaceLabel, by_object: bool) -> str | None:
     """The name of the building under a label; a group's name up to a | where groups name the buildings."""
     object_name, group, _ = label
     names = (object_name,) if by_object else (group, object_name)
     for name in names:
         name = (name or "").partition("|")[0].strip()
-        if name.lower() not in _NAMELESS and not is_surface_name(name):
+        if name.lower() not in _PLACEHOLDER_NAMES and not is_surface_name(name):
             return name
     return None
 
 
-def _parsed(path: Path) -> _Text:
-    text = _Text()
-    label: Label = (None, None, None)
+def _parse_obj(path: Path) -> _ObjContent:
+    text = _ObjContent()
+    label: FaceLabel = (None, None, None)
     number = -1
-    for line in _lines(path):
+    for line in _logical_lines(path):
         words = line.split()
         key = words[0] if words else ""
         if key == "v":
-            text.vertices.extend(_numbers(words[1:4], 3))
+            text.vertices.extend(_parse_floats(words[1:4], 3))
         elif key == "f":
             if len(words) < 4:
                 continue
@@ -97,10 +97,10 @@ def _parsed(path: Path) -> _Text:
             text.label.append(number)
             for word in words[1:]:
                 vertex, _, rest = word.partition("/")
-                text.vertex.append(_index(vertex, len(text.vertices) // 3))
-                text.coordinate.append(_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
+                text.vertex.append(_parse_index(vertex, len(text.vertices) // 3))
+                text.coordinate.append(_parse_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
         elif key == "vt":
-            text.coordinates.extend(_numbers([*words[1:3], "0"][:2], 2))
+            text.coordinates.extend(_parse_floats([*words[1:3], "0"][:2], 2))
         elif key in ("g", "o", "usemtl"):
             name = line.strip()[len(key) :].strip()
             if key == "o":
@@ -115,7 +115,7 @@ def _parsed(path: Path) -> _Text:
     return text
 
 
-def _lines(path: Path) -> Iterator[str]:
+def _logical_lines(path: Path) -> Iterator[str]:
     """The lines of a file; those that end in a backslash are continued."""
     start = ""
     with path.open(encoding="utf-8", errors="replace") as file:
@@ -127,7 +127,7 @@ def _lines(path: Path) -> Iterator[str]:
                 start = ""
 
 
-def _numbers(words: list[str], count: int) -> tuple[float, ...]:
+def _parse_floats(words: list[str], count: int) -> tuple[float, ...]:
     """The numbers of a vertex; where one is not readable all are NaN, so that only its faces are lost."""
     try:
         numbers = tuple(map(float, words))
@@ -136,18 +136,18 @@ def _numbers(words: list[str], count: int) -> tuple[float, ...]:
     return numbers if len(numbers) == count else (float("nan"),) * count
 
 
-def _index(word: str, count: int) -> int:
+def _parse_index(word: str, count: int) -> int:
     """Counted from 0; -1 where it is no index. Those below zero count back from the latest."""
     try:
         index = int(word)
     except ValueError:
         return -1
-    if abs(index) > _FARTHEST_INDEX:
+    if abs(index) > _MAX_INDEX:
         return -1
     return index - 1 if index > 0 else max(count + index, -1) if index < 0 else -1
 
 
-def _surfaces(text: _Text, kinds: list[Kind | None]) -> Iterator[Surface]:
+def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterator[MeshSurface]:
     """The faces of each label as triangles; labels without a kind are left out."""
     # a last row that is no number stands for every vertex that is not there
     vertices = np.concatenate([np.frombuffer(text.vertices), [np.nan] * 3]).reshape(-1, 3)
@@ -158,7 +158,7 @@ def _surfaces(text: _Text, kinds: list[Kind | None]) -> Iterator[Surface]:
     vertex = np.where(vertex < len(vertices) - 1, vertex, -1)
     coordinate = np.frombuffer(text.coordinate, np.int64)
     coordinate = np.where(coordinate < len(coordinates) - 1, coordinate, -1)
-    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts) & (sizes <= MOST_CORNERS)
+    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts) & (sizes <= MAX_CORNERS)
 
     label = np.frombuffer(text.label, np.int32)
     order = np.argsort(label, kind="stable")
@@ -170,32 +170,32 @@ def _surfaces(text: _Text, kinds: list[Kind | None]) -> Iterator[Surface]:
         whole = faces[sound[faces]]
         triangles = starts[whole[sizes[whole] == 3], None] + np.arange(3)
         uv = None if texture < 0 else np.nan_to_num(coordinates[coordinate[triangles]])
-        yield Surface(building, semantic, vertices[vertex[triangles]], texture, uv)
+        yield MeshSurface(building, semantic, vertices[vertex[triangles]], texture, uv)
         rings = [slice(starts[face], starts[face] + sizes[face]) for face in whole[sizes[whole] > 3]]
         polygons = [
             Face([vertices[vertex[r]]], semantic, texture, [np.nan_to_num(coordinates[coordinate[r]])]) for r in rings
         ]
-        if polygons and (shell := shell_of(polygons)) is not None:
-            yield Surface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)
+        if polygons and (shell := triangulate_faces(polygons)) is not None:
+            yield MeshSurface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)
         if len(whole) < len(faces):  # one broken triangle each tells whose model is broken
             broken = vertices[vertex[starts[faces[~sound[faces]], None] + np.arange(3)]]
             broken[np.isfinite(broken).all(axis=(1, 2)), 0] = np.nan
-            yield Surface(building, semantic, broken)
+            yield MeshSurface(building, semantic, broken)
 
 
-def _pictures(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[Remark]]:
+def _read_material_libraries(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[Remark]]:
     """The picture of each material (map_Kd) that lies on disk."""
     pictures: dict[str, Path] = {}
     remarks = []
     for library in libraries:
-        for name in [library] if beside(path, *spellings(library)) else library.split():
-            file = beside(path, *spellings(name))
+        for name in [library] if find_referenced_file(path, *filename_variants(library)) else library.split():
+            file = find_referenced_file(path, *filename_variants(name))
             if file is None:
-                where = "outside the model's folder: not read" if outside(path, *spellings(name)) else "but absent"
+                where = "outside the model's folder: not read" if is_outside_folder(path, *filename_variants(name)) else "but absent"
                 remarks.append(Remark(Path(name).name, f"material files named by the model {where}", None))
                 continue
             material = ""
-            for line in _lines(file):
+            for line in _logical_lines(file):
                 key, _, value = line.strip().partition(" ")
                 if key.lower() == "newmtl":
                     material = value.strip()
@@ -204,10 +204,10 @@ def _pictures(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[R
                     stated = value.strip().replace("\\", "/")
                     names = [stated, *stated.split()[-1:]]
                     found = [name for whole in names for name in (whole, Path(whole).name)]
-                    if picture := beside(path, *found, folder=file.parent):
+                    if picture := find_referenced_file(path, *found, folder=file.parent):
                         pictures[material] = picture
-                    elif outside(path, *names, folder=file.parent):
-                        remarks.append(Remark(stated, OUTSIDE, None))
+                    elif is_outside_folder(path, *names, folder=file.parent):
+                        remarks.append(Remark(stated, OUTSIDE_FOLDER_REASON, None))
                     else:
                         remarks.append(Remark(stated, "pictures named by materials but absent", None))
     return pictures, remarks

@@ -10,24 +10,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from catalogs.features import Fault, Model
-from catalogs.readers.faces import FARTHEST, MOST_CORNERS
+from catalogs.features import BuildingModel, Fault
+from catalogs.readers.faces import MAX_COORDINATE, MAX_CORNERS
 from facade_core.core.types import SEMANTICS, Shell
 
 # A word in a surface's name and what it says; the first that occurs counts, so that a roof window is a window.
-_WORDS = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}
-_WORDS |= {"wall": "wall", "facade": "wall", "ground": "ground"}
-_WORDS |= {"fenster": "window", "raam": "window", "dach": "roof", "dak": "roof", "wand": "wall", "gevel": "wall"}
-_SURFACE = re.compile(rf"(outer)?({'|'.join(_WORDS)})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
-_INSIDE = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
+_SEMANTICS_BY_WORD = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}
+_SEMANTICS_BY_WORD |= {"wall": "wall", "facade": "wall", "ground": "ground"}
+_SEMANTICS_BY_WORD |= {"fenster": "window", "raam": "window", "dach": "roof", "dak": "roof", "wand": "wall", "gevel": "wall"}
+_SURFACE_NAME = re.compile(rf"(outer)?({'|'.join(_SEMANTICS_BY_WORD)})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
+_INTERIOR_CLASS = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
 
-_WELD = 1e-3  # m; vertices nearer than this are one
-_NEAR = 0.1  # m; a window may stand this far in front of its wall
-_SHARE = 0.3  # of a component that lies over another one: it is part of the same building
+_WELD_M = 1e-3  # m; vertices nearer than this are one
+_MAX_PLAN_OFFSET_M = 0.1  # m; a window may stand this far in front of its wall
+_MIN_OVERLAP_SHARE = 0.3  # of a component that lies over another one: it is part of the same building
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surface:
+class MeshSurface:
     """Triangles of one kind.
 
     Args:
@@ -45,10 +45,10 @@ class Surface:
     uv: np.ndarray | None = None
 
 
-def semantic_of(*names: str | None) -> str:
+def surface_semantic(*names: str | None) -> str:
     """One of SEMANTICS, from the first name that holds a word for it."""
     for name in names:
-        for word, semantic in _WORDS.items():
+        for word, semantic in _SEMANTICS_BY_WORD.items():
             if word in (name or "").lower():
                 return semantic
     return "unknown"
@@ -56,57 +56,57 @@ def semantic_of(*names: str | None) -> str:
 
 def is_surface_name(name: str) -> bool:
     """Whether a name says what a surface is ("RoofSurface", "walls.001") rather than which building it belongs to."""
-    return _SURFACE.fullmatch(name) is not None
+    return _SURFACE_NAME.fullmatch(name) is not None
 
 
-def is_inside(name: str) -> bool:
+def is_interior_class(name: str) -> bool:
     """Whether a CityGML surface class is not part of the outer shell: it closes an opening or is inside the building."""
-    return _INSIDE.fullmatch(name) is not None
+    return _INTERIOR_CLASS.fullmatch(name) is not None
 
 
 @np.errstate(invalid="ignore")  # vertices that are no numbers are told as faults
-def models_of(surfaces: Sequence[Surface], stem: str) -> tuple[tuple[Model, ...], tuple[Fault, ...]]:
+def group_into_models(surfaces: Sequence[MeshSurface], stem: str) -> tuple[tuple[BuildingModel, ...], tuple[Fault, ...]]:
     """One model per name where there are several, unless each names but a surface; else one per connected component.
 
     Components whose plans lie over one another are one building; they are numbered from west to east. A model with a vertex
     that is not a finite number is a fault.
     """
-    surfaces = [_sane(surface) for surface in surfaces if len(surface.corners)]
-    by_name: dict[str, list[Surface]] = defaultdict(list)
+    surfaces = [_mask_far_vertices(surface) for surface in surfaces if len(surface.corners)]
+    by_name: dict[str, list[MeshSurface]] = defaultdict(list)
     for surface in surfaces:
         by_name[surface.building or stem].append(surface)
-    groups: Iterable[tuple[str, list[Surface]]] = by_name.items()
+    groups: Iterable[tuple[str, list[MeshSurface]]] = by_name.items()
     if len(by_name) == 1:
-        groups = _components(surfaces, next(iter(by_name)))
-    elif _names_are_of_surfaces(surfaces):
-        groups = _components(_merged(surfaces), stem)
+        groups = _split_components(surfaces, next(iter(by_name)))
+    elif _are_surface_names(surfaces):
+        groups = _split_components(_merge_by_kind(surfaces), stem)
     models, faults = [], []
     for name, parts in groups:
-        shell = _shell(parts)
+        shell = _build_shell(parts)
         if shell is None:
             reason = f"model {name} has no triangle with an area; give it faces, or take its name out of the file"
             faults.append(Fault(name, "building", reason))
         elif not np.isfinite(shell.vertices).all():
             reason = (
                 f"model {name} has a vertex that is missing, no finite number or absurdly far away, or a face of over "
-                f"{MOST_CORNERS} corners; mend it and export the model again"
+                f"{MAX_CORNERS} corners; mend it and export the model again"
             )
             known = shell.vertices[np.isfinite(shell.vertices).all(axis=1)]
             place = shapely.box(*known[:, :2].min(axis=0), *known[:, :2].max(axis=0)) if len(known) else None
             faults.append(Fault(name, "building", reason, place))
         else:
-            models.append(Model(name, shell))
+            models.append(BuildingModel(name, shell))
     return tuple(models), tuple(faults)
 
 
-def _sane(surface: Surface) -> Surface:
+def _mask_far_vertices(surface: MeshSurface) -> MeshSurface:
     """A surface with NaN for coordinates so large that no frame has them; such texture coordinates are zero."""
-    corners = np.where(np.abs(surface.corners) < FARTHEST, surface.corners, np.nan)
-    uv = None if surface.uv is None else np.where(np.abs(surface.uv) < FARTHEST, surface.uv, 0.0)
+    corners = np.where(np.abs(surface.corners) < MAX_COORDINATE, surface.corners, np.nan)
+    uv = None if surface.uv is None else np.where(np.abs(surface.uv) < MAX_COORDINATE, surface.uv, 0.0)
     return replace(surface, corners=corners, uv=uv)
 
 
-def _names_are_of_surfaces(surfaces: Sequence[Surface]) -> bool:
+def _are_surface_names(surfaces: Sequence[MeshSurface]) -> bool:
     """Whether names count single surfaces: most are flat, and they hang together in far fewer parts than there are names."""
     corners = np.concatenate([surface.corners for surface in surfaces])
     number: dict[str | None, int] = {}
@@ -121,22 +121,22 @@ def _names_are_of_surfaces(surfaces: Sequence[Surface]) -> bool:
     flat = np.bincount(name, ~level, len(number)) == 0
     if len(flat) < 6 or 2 * flat.sum() <= len(flat):  # a box has six
         return False
-    return 2 * (int(_connected(corners).max()) + 1) <= len(flat)
+    return 2 * (int(_connected_components(corners).max()) + 1) <= len(flat)
 
 
-def _merged(surfaces: Sequence[Surface]) -> list[Surface]:
+def _merge_by_kind(surfaces: Sequence[MeshSurface]) -> list[MeshSurface]:
     """Surfaces of one kind and picture as one."""
-    kinds: dict[tuple[str, int], list[Surface]] = defaultdict(list)
+    kinds: dict[tuple[str, int], list[MeshSurface]] = defaultdict(list)
     for surface in surfaces:
         kinds[surface.semantic, surface.texture].append(surface)
     merged = []
     for (semantic, texture), same in kinds.items():
         uv = None if texture < 0 else np.concatenate([s.uv for s in same if s.uv is not None])
-        merged.append(Surface(None, semantic, np.concatenate([s.corners for s in same]), texture, uv))
+        merged.append(MeshSurface(None, semantic, np.concatenate([s.corners for s in same]), texture, uv))
     return merged
 
 
-def _shell(surfaces: Sequence[Surface]) -> Shell | None:
+def _build_shell(surfaces: Sequence[MeshSurface]) -> Shell | None:
     """Equal vertices shared, triangles without an area dropped; None where nothing is left."""
     corners = np.concatenate([surface.corners for surface in surfaces])
     if len(corners) == 0:
@@ -158,13 +158,13 @@ def _shell(surfaces: Sequence[Surface]) -> Shell | None:
     )
 
 
-def _components(surfaces: Sequence[Surface], name: str) -> Iterator[tuple[str, list[Surface]]]:
+def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tuple[str, list[MeshSurface]]]:
     """(name, surfaces) of each building that hangs together, named name-0, name-1, ... where there are several."""
     corners = np.concatenate([surface.corners for surface in surfaces])
     if len(corners) == 0:
         yield name, list(surfaces)
         return
-    building = _joined(corners, _connected(corners))
+    building = _merge_overlapping(corners, _connected_components(corners))
     finite = np.where(np.isfinite(corners), corners, np.inf)
     west = np.full((building.max() + 1, 2), np.inf)
     np.minimum.at(west, building, finite[..., :2].min(axis=1))
@@ -172,27 +172,27 @@ def _components(surfaces: Sequence[Surface], name: str) -> Iterator[tuple[str, l
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
 
-    found: list[list[Surface]] = [[] for _ in order]
+    found: list[list[MeshSurface]] = [[] for _ in order]
     ends = np.cumsum([len(surface.corners) for surface in surfaces])[:-1]
     for surface, places in zip(surfaces, np.split(rank[building], ends), strict=True):
         in_order = np.argsort(places, kind="stable")
         for chosen in np.split(in_order, np.flatnonzero(np.diff(places[in_order])) + 1):
             if len(chosen):
                 uv = None if surface.uv is None else surface.uv[chosen]
-                part = Surface(name, surface.semantic, surface.corners[chosen], surface.texture, uv)
+                part = MeshSurface(name, surface.semantic, surface.corners[chosen], surface.texture, uv)
                 found[places[chosen[0]]].append(part)
     for index, parts in enumerate(found):
         yield name if len(found) == 1 else f"{name}-{index}", parts
 
 
-def _connected(corners: np.ndarray) -> np.ndarray:
+def _connected_components(corners: np.ndarray) -> np.ndarray:
     """(t,) number of the component of each triangle; triangles hang together where they share a vertex."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     points = corners.reshape(-1, 3)
     finite = np.isfinite(points).all(axis=1)
-    grid = np.round(np.where(finite[:, None], points, 0.0) / _WELD).astype(np.int64)
+    grid = np.round(np.where(finite[:, None], points, 0.0) / _WELD_M).astype(np.int64)
     vertex = np.zeros(len(points), np.int64)
     for axis in range(3):  # three sorts of numbers are much faster than one of rows
         place = np.unique(grid[:, axis], return_inverse=True)[1]
@@ -206,7 +206,7 @@ def _connected(corners: np.ndarray) -> np.ndarray:
     return np.unique(label[triangles[:, 0]], return_inverse=True)[1]
 
 
-def _joined(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
+def _merge_overlapping(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
     """(t,) components renumbered: each one that lies over others in plan goes to the one that it lies over most."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -226,7 +226,7 @@ def _joined(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
     tree = shapely.STRtree(shapely.polygons(plan[flat]))
     asked = np.flatnonzero(level)
     middles = shapely.points(plan[asked].mean(axis=1))
-    point, hit = tree.query(middles, predicate="dwithin", distance=_NEAR)
+    point, hit = tree.query(middles, predicate="dwithin", distance=_MAX_PLAN_OFFSET_M)
     point, other = asked[point], component[flat[hit]]
     pairs = np.unique(np.stack([point, other])[:, component[point] != other], axis=1)
     share = coo_array((weight[pairs[0]], (component[pairs[0]], pairs[1])), shape=(count, count)).tocsr()
@@ -236,6 +236,6 @@ def _joined(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
     # each component once, to the neighbour that holds most of it: a party wall joins one house, not two
     best = np.lexsort((two, -total[two], -part, one))
     first = best[np.r_[True, np.diff(one[best]) != 0]] if len(best) else best
-    link = first[part[first] >= _SHARE]
+    link = first[part[first] >= _MIN_OVERLAP_SHARE]
     graph = coo_array((np.ones(len(link), np.bool_), (one[link], two[link])), shape=(count, count))
     return connected_components(graph, directed=False)[1][component]

@@ -14,21 +14,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.file_digest import file_digest
-from catalogs.frames import to_lonlat
-from catalogs.readers.pictures.rasters import PICTURES, check_place, driver_of, frame_of
-from catalogs.readers.pictures.rasters import raster as opened_raster
+from catalogs.frames import bounds_to_lonlat
+from catalogs.readers.pictures.rasters import RASTER_DRIVERS, check_georeference, detect_driver, read_raster_crs
+from catalogs.readers.pictures.rasters import open_raster as opened_raster
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
 # Beside them, where their pixels lie.
-WORLD_FILES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
+WORLD_FILE_SUFFIXES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
 REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
 # Pixels that are read at once at most; a larger part is read coarser.
-MOST_PIXELS = 4_000_000
+MAX_PIXELS_DECODED = 4_000_000
 # Pixels of which such a part is made: 150 m at 1 cm.
-MOST_READ = 225_000_000
+MAX_PIXELS_READ = 225_000_000
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Aerial:
 
     def covers(self, points: np.ndarray) -> np.ndarray:
         """Whether places (n, 2) of the block's frame lie on the picture, transparent or not: (n,) bool."""
-        with _opened(self.path) as raster:
-            return _inside(raster, *_pixels(raster, _transformer(self.frame, self.crs), points))
+        with _open_orthophoto(self.path) as raster:
+            return _is_inside(raster, *_to_pixels(raster, _transformer(self.frame, self.crs), points))
 
     def sample(self, points: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
         """Colour (n, 3) uint8 at places (n, 2) of the block's frame that lie `spacing` metres apart, and whether it is known.
@@ -53,21 +53,21 @@ class Aerial:
         picture and where it is transparent. Only the part around the places is read. Raises InputError where that is broken.
         """
         colour, known = np.zeros((len(points), 3), np.uint8), np.zeros(len(points), bool)
-        with _opened(self.path) as raster:
-            x, y = _pixels(raster, _transformer(self.frame, self.crs), points)
-            near = _inside(raster, x, y)
+        with _open_orthophoto(self.path) as raster:
+            x, y = _to_pixels(raster, _transformer(self.frame, self.crs), points)
+            near = _is_inside(raster, x, y)
             if not near.any():
                 return colour, known
             x, y = x[near], y[near]
-            rgb, alpha, (left, top, across, down) = _part(raster, x, y, self._coarser(raster, points, spacing))
-        colour[near], known[near] = _bilinear(rgb, alpha, (x - left) / across - 0.5, (y - top) / down - 0.5)
+            rgb, alpha, (left, top, across, down) = _read_around(raster, x, y, self._coarser(raster, points, spacing))
+        colour[near], known[near] = _sample_bilinear(rgb, alpha, (x - left) / across - 0.5, (y - top) / down - 0.5)
         return colour, known
 
     def _coarser(self, raster: Any, points: np.ndarray, spacing: float) -> int:
         """How many pixels a side go into one at a spacing in metres."""
         middle = points.mean(axis=0)
         ends = middle + np.array([[0.0, 0.0], [spacing, 0.0], [0.0, spacing]])
-        x, y = _pixels(raster, _transformer(self.frame, self.crs), ends)
+        x, y = _to_pixels(raster, _transformer(self.frame, self.crs), ends)
         steps = np.hypot(x[1:] - x[0], y[1:] - y[0])
         return max(1, int(steps.min())) if np.isfinite(steps).all() else 1
 
@@ -78,40 +78,40 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
     crs is the picture's frame, for a file that states none or a wrong one. Raises InputError, one line with the remedy, where
     it cannot be read, is not placed on the ground, is of another depth than 8 bits, or shows none of the places.
     """
-    with _opened(path) as raster:
-        check_place(raster, path, REMEDY)
-        raster_crs = frame_of(raster, path, crs)
+    with _open_orthophoto(path) as raster:
+        check_georeference(raster, path, REMEDY)
+        raster_crs = read_raster_crs(raster, path, crs)
         if raster_crs is None:
             raise InputError(f"{path} states no frame; write imagery.aerial.crs: EPSG:...")
         if set(raster.dtypes) != {"uint8"}:
             raise InputError(
                 f"{path} has pixels of {raster.dtypes[0]}; convert it to 8 bits with gdal_translate -ot Byte -scale"
             )
-        x, y = _pixels(raster, _transformer(frame.to_wkt(), raster_crs.to_wkt()), places)
-        inside = _inside(raster, x, y)
+        x, y = _to_pixels(raster, _transformer(frame.to_wkt(), raster_crs.to_wkt()), places)
+        inside = _is_inside(raster, x, y)
         if not inside.any():
-            raise InputError(_beside(raster, path, raster_crs, frame, places))
+            raise InputError(_coverage_message(raster, path, raster_crs, frame, places))
         rows, columns = raster.block_shapes[0]
         blocks = np.unique(np.column_stack([y[inside] // rows, x[inside] // columns]).astype(np.int64), axis=0)
         for row, column in blocks.tolist():  # what is broken is told now, not when a roof comes to it
-            _read(raster, (column * columns, row * rows, columns, rows), (1, 1))
-        content = _content(raster)
+            _read_box(raster, (column * columns, row * rows, columns, rows), (1, 1))
+        content = _content_digest(raster)
     return Aerial(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)
 
 
-def _content(raster: Any) -> str:
+def _content_digest(raster: Any) -> str:
     """Of the bytes of all files that hold pixels or say what they mean (overviews, masks), and of the transform, wherever that
     is written: decoding every pixel of a city would take minutes."""
     digest = hashlib.sha256(repr(tuple(raster.transform)[:6]).encode())
     for path in map(Path, raster.files):
-        if path.suffix.lower() not in WORLD_FILES:
+        if path.suffix.lower() not in WORLD_FILE_SUFFIXES:
             digest.update(f"{path.name.removeprefix(Path(raster.name).name)} {file_digest(path)}".encode())
     return digest.hexdigest()
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    driver = driver_of(path, PICTURES)
+def _open_orthophoto(path: Path) -> Iterator[Any]:
+    driver = detect_driver(path, RASTER_DRIVERS)
     if driver is None:
         raise InputError(f"{path} is no orthophoto; {REMEDY}")
     with opened_raster(path, driver, "an orthophoto", REMEDY) as raster:
@@ -120,44 +120,44 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _transformer(frame: str, crs: str) -> Transformer:
     """From one frame to another, for this thread: a transformer may not be shared."""
-    return _made(frame, crs, threading.get_ident())
+    return _cached_transformer(frame, crs, threading.get_ident())
 
 
 @lru_cache(maxsize=16)
-def _made(frame: str, crs: str, thread: int) -> Transformer:
+def _cached_transformer(frame: str, crs: str, thread: int) -> Transformer:
     from pyproj import CRS, Transformer
 
     return Transformer.from_crs(CRS.from_wkt(frame), CRS.from_wkt(crs), always_xy=True)
 
 
-def _pixels(raster: Any, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _to_pixels(raster: Any, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places (n, 2) of the frame in pixels of the raster, (n,) each: 0 is the left or upper edge; inf where there is none."""
     x, y = transformer.transform(points[:, 0], points[:, 1])
     back = ~raster.transform
     return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
 
 
-def _inside(raster: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _is_inside(raster: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
 
 
-def _part(
-    raster: Any, x: np.ndarray, y: np.ndarray, coarser: int
+def _read_around(
+    raster: Any, x: np.ndarray, y: np.ndarray, downsampling: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float, float]]:
     """The pixels around places in pixels (n,): colour, alpha, and their left and upper edge and size in the raster's pixels."""
-    left, top = max(int(x.min()) - coarser, 0), max(int(y.min()) - coarser, 0)
-    right, bottom = min(int(x.max()) + coarser + 1, raster.width), min(int(y.max()) + coarser + 1, raster.height)
-    if (right - left) * (bottom - top) > MOST_READ:
+    left, top = max(int(x.min()) - downsampling, 0), max(int(y.min()) - downsampling, 0)
+    right, bottom = min(int(x.max()) + downsampling + 1, raster.width), min(int(y.max()) + downsampling + 1, raster.height)
+    if (right - left) * (bottom - top) > MAX_PIXELS_READ:
         raise InputError(
             f"{raster.name} has {right - left} x {bottom - top} pixels where one surface lies; resample it to 1 cm, or coarser"
         )
-    coarser = max(coarser, int(np.ceil(np.sqrt((right - left) * (bottom - top) / MOST_PIXELS))))
-    size = (max(1, (bottom - top) // coarser), max(1, (right - left) // coarser))
-    rgb, alpha = _read(raster, (left, top, right - left, bottom - top), size if coarser > 1 else None)
+    downsampling = max(downsampling, int(np.ceil(np.sqrt((right - left) * (bottom - top) / MAX_PIXELS_DECODED))))
+    size = (max(1, (bottom - top) // downsampling), max(1, (right - left) // downsampling))
+    rgb, alpha = _read_box(raster, (left, top, right - left, bottom - top), size if downsampling > 1 else None)
     return rgb, alpha, (left, top, (right - left) / rgb.shape[1], (bottom - top) / rgb.shape[0])
 
 
-def _read(raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | None) -> tuple[np.ndarray, np.ndarray]:
+def _read_box(raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | None) -> tuple[np.ndarray, np.ndarray]:
     """Colour (h, w, 3) and alpha (h, w) uint8 of a box (left, top, width, height), of means down to `size` (h, w) if given."""
     from rasterio.enums import ColorInterp, Resampling
     from rasterio.windows import Window
@@ -179,7 +179,7 @@ def _read(raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | N
     return np.ascontiguousarray(np.moveaxis(np.broadcast_to(values, (3, *shape)), 0, -1)), alpha
 
 
-def _bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sample_bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Colour (n, 3) uint8 at places x, y (n,) in pixels from the first one's middle, of the opaque ones around; and whether the
     nearest one is opaque."""
     height, width = alpha.shape
@@ -196,7 +196,7 @@ def _bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) 
     return np.round(total / np.maximum(weight, 1e-9)[:, None]).astype(np.uint8), known
 
 
-def _beside(raster: Any, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
+def _coverage_message(raster: Any, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
     """Why a raster that shows nothing of the block is refused."""
     spans = []
     for crs, (west, south, east, north) in (
@@ -206,7 +206,7 @@ def _beside(raster: Any, path: Path, raster_crs: CRS, frame: CRS, places: np.nda
         ),
         (frame, (*places.min(axis=0), *places.max(axis=0))),
     ):
-        box = to_lonlat(crs.to_wkt(), (float(west), float(south), float(east), float(north)))
+        box = bounds_to_lonlat(crs.to_wkt(), (float(west), float(south), float(east), float(north)))
         spans.append("[" + ", ".join(f"{value:.4f}" for value in box) + "]")
     return (
         f"{path} shows none of the buildings: it spans {spans[0]} degrees and they {spans[1]}; check imagery.aerial.crs"

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 
-def day_taken(image: Image) -> str | None:
+def exif_capture_date(image: Image) -> str | None:
     """As "2024-05-17"; None where its EXIF does not tell."""
     from PIL import ExifTags
 

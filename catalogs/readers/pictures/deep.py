@@ -14,29 +14,29 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 # Depths that cameras and scanners have: the first that holds all values of a picture is taken for its own.
-DEPTHS = (8, 10, 12, 14, 16)
+BIT_DEPTHS = (8, 10, 12, 14, 16)
 # Where no value reaches this, of 255, a picture is next to black, or its values count something else.
-DARKEST = 16
+MIN_PEAK_VALUE = 16
 REMEDY = "save it as PNG or JPEG of 8 bits"
 # Values read at once, over all bands.
-_AT_ONCE = 4_000_000
+_MAX_VALUES_PER_READ = 4_000_000
 # Of TIFF.
-_BITS, _SAMPLE_FORMAT, _UNSIGNED = 258, 339, 1
+_BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG, _UNSIGNED_FORMAT = 258, 339, 1
 
 
-def is_deep(image: Image) -> bool:
+def is_high_depth(image: Image) -> bool:
     """Whether a picture whose header was read has values that Pillow would clip, or cut to their upper 8 bits."""
     if image.mode.startswith(("I", "F")):
         return True
     tags: Any = getattr(image, "tag_v2", {})
-    bits, kinds = (np.atleast_1d(tags.get(tag, 1)).tolist() for tag in (_BITS, _SAMPLE_FORMAT))
-    if max(bits) > 8 or any(kind != _UNSIGNED for kind in kinds):
+    bits, kinds = (np.atleast_1d(tags.get(tag, 1)).tolist() for tag in (_BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG))
+    if max(bits) > 8 or any(kind != _UNSIGNED_FORMAT for kind in kinds):
         return True
     tiles: Any = getattr(image, "tile", ())
     return image.format == "PNG" and any(";16" in str(tile.args) for tile in tiles)
 
 
-def read_deep(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
     """RGB (h, w, 3) uint8 as stored, of means of `factor` x `factor` pixels, and what is hidden or no number (h, w) bool.
 
     Whole numbers are scaled by the least of DEPTHS that holds them all, fractions are from 0 to 1 or from 0 to 255. Raises
@@ -50,32 +50,32 @@ def read_deep(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
     with path.open("rb") as file:
         driver = "PNG" if file.read(4) == b"\x89PNG" else "GTiff"
     with rasterio.Env(**options), rasterio.open(path.absolute(), driver=driver, sharing=False) as raster:
-        bands, transparent, inverted = _bands(path, raster)
+        bands, transparent, inverted = _colour_bands(path, raster)
         if raster.dtypes[0].startswith("complex"):
             raise ImageError(f"{path.name} has complex values; {REMEDY}")
-        step = factor * max(1, _AT_ONCE // (raster.width * raster.count * factor))
+        step = factor * max(1, _MAX_VALUES_PER_READ // (raster.width * raster.count * factor))
         windows = [
             Window(0, row, raster.width, min(step, raster.height - row)) for row in range(0, raster.height, step)
         ]
         low, high, opaque = math.inf, -math.inf, 0.0
         for window in windows:
-            values = _read(raster, bands, window)
+            values = _read_values(raster, bands, window)
             known = values[:, np.isfinite(values).all(axis=0)]
             if known.size:
                 low, high = min(low, float(known.min())), max(high, float(known.max()))
             if transparent:
                 opaque = max(opaque, float(raster.read(transparent, window=window).max()))
-        most = _white(path, raster.dtypes[0], low, high)
+        most = _white_value(path, raster.dtypes[0], low, high)
         shape = (math.ceil(raster.height / factor), math.ceil(raster.width / factor))
         rgb, hidden = np.empty((*shape, 3), np.uint8), np.empty(shape, bool)
         for window in windows:
-            values = _read(raster, bands, window)
+            values = _read_values(raster, bands, window)
             known = np.isfinite(values).all(axis=0)
             if transparent:
                 known &= raster.read(transparent, window=window) * 2.0 > opaque
             values = np.clip(np.where(known, values, 0.0) / np.float32(most), 0.0, 1.0)
             values = np.moveaxis(1.0 - values if inverted else values, 0, -1)
-            part, seen = _means(values * known[..., None], known.astype(np.float32), factor)
+            part, seen = _block_means(values * known[..., None], known.astype(np.float32), factor)
             rows = slice(window.row_off // factor, window.row_off // factor + len(seen))
             colour = np.rint(255 * part / np.maximum(seen, 1e-9)[..., None])
             rgb[rows], hidden[rows] = colour.astype(np.uint8), seen < 0.5
@@ -84,7 +84,7 @@ def read_deep(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
     return rgb, hidden
 
 
-def _bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]:
+def _colour_bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]:
     """Which bands are red, green and blue (or grey), which says what is seen, and whether the lowest value is white."""
     from rasterio.enums import ColorInterp, PhotometricInterp
 
@@ -96,7 +96,7 @@ def _bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]:
     return list(range(1, colours + 1)), alpha, inverted
 
 
-def _read(raster: Any, bands: list[int], window: Any) -> np.ndarray:
+def _read_values(raster: Any, bands: list[int], window: Any) -> np.ndarray:
     """Values (bands, rows, columns), NaN where the file marks them as unknown."""
     values = raster.read(bands, window=window)
     unknown = None if raster.nodata is None else values == raster.nodata
@@ -106,7 +106,7 @@ def _read(raster: Any, bands: list[int], window: Any) -> np.ndarray:
     return np.asarray(values)
 
 
-def _white(path: Path, kind: str, low: float, high: float) -> float:
+def _white_value(path: Path, kind: str, low: float, high: float) -> float:
     """The value that is white."""
     if high < low:
         raise ImageError(f"{path.name} has no pixel that is a number; replace or remove it")
@@ -116,17 +116,17 @@ def _white(path: Path, kind: str, low: float, high: float) -> float:
     if kind.startswith("float"):
         white = 1.0 if high <= 1.05 else 255.0
         wanted = "0 to 1 or 0 to 255"
-        fits = low >= -0.05 * white and white / 255 * DARKEST <= high <= 1.05 * white
+        fits = low >= -0.05 * white and white / 255 * MIN_PEAK_VALUE <= high <= 1.05 * white
     else:
-        white = next((2.0**bits - 1 for bits in DEPTHS if high < 2**bits), math.inf)
+        white = next((2.0**bits - 1 for bits in BIT_DEPTHS if high < 2**bits), math.inf)
         wanted = "0 to 255 or 0 to 65535"
-        fits = low >= 0 and DARKEST <= high < math.inf and white < math.inf
+        fits = low >= 0 and MIN_PEAK_VALUE <= high < math.inf and white < math.inf
     if not fits:
         raise ImageError(f"{span}, which are neither {wanted.replace(' or ', ' nor ')}; {REMEDY}")
     return white
 
 
-def _means(values: np.ndarray, known: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def _block_means(values: np.ndarray, known: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
     """Means of values (h, w, 3) and of what is known (h, w) over squares of `factor` pixels, fewer at the border."""
     if factor == 1:
         return values, known

@@ -7,23 +7,23 @@ from pathlib import Path
 
 from catalogs.broken import single_line
 from catalogs.features import Fault
-from catalogs.readers.pictures.opening import LEAST_SIDE, REMEDY, opened
+from catalogs.readers.pictures.opening import MIN_SIDE_PX, REMEDY, open_picture
 from facade_core.core.errors import InputError
 
-SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
-LABELS = ".labels.png"
+IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
+LABEL_MAP_SUFFIX = ".labels.png"
 _START_OF_SCAN = 0xDA
 _END_OF_IMAGE = b"\xff\xd9"
 
 
-def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
+def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
     """The pictures of a folder by name, and a fault of `kind` by file name for each that cannot be used: cannot be opened, is
     cut off, too large or too small.
 
     Raises InputError where no picture is left.
     """
-    found = _pictures(folder)
-    damage = {path: _unnamed(path) or _absent(path) or _damage(path, LEAST_SIDE) for path in found}
+    found = _list_pictures(folder)
+    damage = {path: _name_problem(path) or _missing_file_problem(path) or _find_damage(path, MIN_SIDE_PX) for path in found}
     usable = tuple(path for path, problem in damage.items() if problem is None)
     if not usable:
         raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
@@ -32,9 +32,9 @@ def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     )
 
 
-def whole_picture(path: Path) -> None:
+def check_picture(path: Path) -> None:
     """Raise InputError where a picture cannot be opened or is cut off."""
-    if problem := _damage(path, 1):
+    if problem := _find_damage(path, 1):
         raise InputError(f"{path.parent}: {problem}")
 
 
@@ -46,78 +46,78 @@ def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
     """
     photos: dict[str, Path] = {}
     faults = []
-    for path in _pictures(folder):
-        if problem := _unnamed(path):
+    for path in _list_pictures(folder):
+        if problem := _name_problem(path):
             raise InputError(f"{folder}: {problem}")
         if path.stem in photos:
             raise InputError(f"{photos[path.stem]} and {path.name} both name facade {path.stem}; remove one")
-        if problem := _absent(path):
+        if problem := _missing_file_problem(path):
             faults.append(Fault(path.name, "photo", problem))
         else:
             photos[path.stem] = path
     return photos, tuple(faults)
 
 
-def _pictures(folder: Path) -> list[Path]:
+def _list_pictures(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give the folder that holds the pictures")
     found = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: p.name)
     if not found:
         inside = sorted(p for p in folder.iterdir() if p.is_dir() and any(_is_image(q) for q in p.iterdir()))
-        remedy = f"did you mean {inside[0]}?" if inside else f"put {', '.join(SUFFIXES[:4])} files there"
+        remedy = f"did you mean {inside[0]}?" if inside else f"put {', '.join(IMAGE_SUFFIXES[:4])} files there"
         raise InputError(f"{folder} holds no pictures; {remedy}")
     return found
 
 
-def _unnamed(path: Path) -> str | None:
+def _name_problem(path: Path) -> str | None:
     """Why a picture cannot be named in a report or a catalogue; None where it can."""
     name = single_line(path.name)
     return None if name == path.name else f"{name}: its name holds what is no letter, such as a line break; rename it"
 
 
-def _absent(path: Path) -> str | None:
+def _missing_file_problem(path: Path) -> str | None:
     """Why a name leads to no file, such as a link into a folder that is not mounted; None where it does."""
     if path.is_file():
         return None
     return f"{path.name} leads to no file; mend what it links to, or remove it"
 
 
-def labels_beside(picture: Path) -> Path | None:
+def label_map_path(picture: Path) -> Path | None:
     """The label map of a picture, NAME.labels.png beside it; None where there is none."""
-    labels = picture.with_name(f"{picture.stem}{LABELS}")
+    labels = picture.with_name(f"{picture.stem}{LABEL_MAP_SUFFIX}")
     return labels if labels.is_file() else None
 
 
-def with_labels(picture: Path) -> list[Path]:
+def picture_and_label_map(picture: Path) -> list[Path]:
     """A picture, and its label map where there is one."""
-    labels = labels_beside(picture)
+    labels = label_map_path(picture)
     return [picture] if labels is None else [picture, labels]
 
 
 def _is_image(path: Path) -> bool:
-    whole = path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and not path.is_dir()
-    return whole and not path.name.endswith(LABELS)
+    whole = path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".") and not path.is_dir()
+    return whole and not path.name.endswith(LABEL_MAP_SUFFIX)
 
 
-def _damage(path: Path, least: int) -> str | None:
+def _find_damage(path: Path, min_side: int) -> str | None:
     """What keeps a picture from being used, told without decoding it: that would take longer than the rest of reading."""
     try:
-        with opened(path) as image:
+        with open_picture(path) as image:
             layout, (width, height) = image.format, image.size
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            whole = {"JPEG": _whole_jpeg, "MPO": _whole_jpeg, "PNG": _whole_png}.get(str(layout), bool)(content)
+            whole = {"JPEG": _is_complete_jpeg, "MPO": _is_complete_jpeg, "PNG": _is_complete_png}.get(str(layout), bool)(content)
     except InputError as error:
         return str(error)
-    if min(width, height) < least:
-        return f"{path.name} is {width} x {height} pixels, and {least} a side are the least; give a larger picture"
+    if min(width, height) < min_side:
+        return f"{path.name} is {width} x {height} pixels, and {min_side} a side are the least; give a larger picture"
     return None if whole else f"{path.name} is cut off; {REMEDY}"
 
 
-def _whole_png(content: mmap.mmap) -> bool:
+def _is_complete_png(content: mmap.mmap) -> bool:
     return content.find(b"IEND", max(0, len(content) - 4096)) >= 0
 
 
-def _whole_jpeg(content: mmap.mmap) -> bool:
+def _is_complete_jpeg(content: mmap.mmap) -> bool:
     """Whether an end marker follows the first scan; the segments before it may hold a thumbnail with one of its own."""
     position = 2
     while position + 4 <= len(content) and content[position] == 0xFF:

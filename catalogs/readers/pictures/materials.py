@@ -7,17 +7,17 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from catalogs.readers.pictures.folders import image_files
-from catalogs.readers.pictures.opening import opened
+from catalogs.readers.pictures.folders import list_images
+from catalogs.readers.pictures.opening import open_picture
 from facade_core.core.errors import InputError
 from facade_core.core.types import MATERIALS
 
 # NAME.jpg, or NAME-1.5m.jpg of a picture that is so wide.
-_NAMED = re.compile(r"(.+?)(?:-(\d+(?:\.\d+)?)m)?")
+_FILE_NAME = re.compile(r"(.+?)(?:-(\d+(?:\.\d+)?)m)?")
 # Where the name does not say how wide a picture is, metres; and the widths that can be.
-USUAL_M, WIDTHS_M = 1.0, (0.1, 20.0)
+DEFAULT_WIDTH_M, WIDTH_RANGE_M = 1.0, (0.1, 20.0)
 # How far a picture may be from as wide as high, or a whole number of times as wide.
-ASKEW = 0.03
+MAX_ASPECT_ERROR = 0.03
 
 
 class MaterialPicture(NamedTuple):
@@ -28,37 +28,37 @@ class MaterialPicture(NamedTuple):
     metres: float
 
 
-def material_pictures(folder: Path) -> tuple[MaterialPicture, ...]:
+def read_material_pictures(folder: Path) -> tuple[MaterialPicture, ...]:
     """The pictures of a folder by what they show, each at most once, as MATERIALS has them.
 
     Raises InputError where one has another name, is of a width that cannot be, cannot be laid or cannot be used.
     """
-    paths, faults = image_files(folder, "material")
+    paths, faults = list_images(folder, "material")
     if faults:
         raise InputError(f"{folder}: {faults[0].reason}")
     found: dict[str, MaterialPicture] = {}
     for path in paths:
-        one = _named(folder, path)
+        one = _parse_picture(folder, path)
         if one.name in found:
             raise InputError(f"{folder}: {found[one.name].path.name} and {path.name} both show {one.name}; remove one")
         found[one.name] = one
     return tuple(found[name] for name in MATERIALS if name in found)
 
 
-def _named(folder: Path, path: Path) -> MaterialPicture:
-    match = _NAMED.fullmatch(path.stem)
+def _parse_picture(folder: Path, path: Path) -> MaterialPicture:
+    match = _FILE_NAME.fullmatch(path.stem)
     name, told = (match[1], match[2]) if match else (path.stem, None)
     if name not in MATERIALS:
         close = difflib.get_close_matches(name, MATERIALS, n=1)
         remedy = f"did you mean {close[0]}?" if close else f"rename it to one of {', '.join(MATERIALS)}, or remove it"
         raise InputError(f"{folder}: {path.name} names no material that is known; {remedy}")
-    metres = float(told) if told else USUAL_M
-    if not WIDTHS_M[0] <= metres <= WIDTHS_M[1]:
-        low, high = WIDTHS_M
+    metres = float(told) if told else DEFAULT_WIDTH_M
+    if not WIDTH_RANGE_M[0] <= metres <= WIDTH_RANGE_M[1]:
+        low, high = WIDTH_RANGE_M
         raise InputError(f"{folder}: {path.name} says {told} m; a picture is {low:g} to {high:g} m wide, rename it")
-    with opened(path) as image:
+    with open_picture(path) as image:
         width, height = image.size
-    if abs(width / height - max(1, round(width / height))) > ASKEW:
+    if abs(width / height - max(1, round(width / height))) > MAX_ASPECT_ERROR:
         raise InputError(
             f"{folder}: {path.name} is {width} x {height} pixels and cannot be laid; "
             "give one that goes on into itself, as wide as high or twice, three times, ... as wide"

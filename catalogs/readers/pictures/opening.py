@@ -16,23 +16,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.broken import is_system_error, short_message
-from catalogs.readers.pictures.deep import is_deep, read_deep
+from catalogs.readers.pictures.deep import is_high_depth, read_high_depth
 from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 # Of Pillow's formats those whose decoders it brings itself: no other program is ever started for one, and no other file opened.
-FORMATS = ("PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF")
+PILLOW_FORMATS = ("PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF")
 # What the largest cameras take has 151 megapixels. Pillow holds 4 bytes of each while it decodes: 640 MB.
-MOST_PIXELS = 160_000_000
+MAX_PIXELS = 160_000_000
 # Where the format's own decoder holds 15 bytes of each.
-MOST_WEBP_PIXELS = 50_000_000
+MAX_WEBP_PIXELS = 50_000_000
 # A facade on fewer pixels a side shows no window.
-LEAST_SIDE = 16
+MIN_SIDE_PX = 16
 REMEDY = "replace or remove it"
 # Pixels that are converted at once.
-_STRIP = 1_000_000
+_STRIP_PIXELS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -45,43 +45,43 @@ class Picture:
     scale: float = 1.0
 
 
-def read_picture(path: Path, *, most: int = MOST_PIXELS, longest: int | None = None, least: int = 1) -> Picture:
+def read_picture(path: Path, *, max_pixels: int = MAX_PIXELS, max_side: int | None = None, min_side: int = 1) -> Picture:
     """A picture as RGB, turned as its EXIF says; of several frames the first.
 
     One of more than `most` pixels, or with a side above `longest`, is reduced to that, by means of its pixels and while it is
     decoded. Raises ImageError, one line with the file's name and the remedy, for what cannot be read, is of another format
     than FORMATS or of more than MOST_PIXELS, has a side of less than `least` pixels, or values that are no colours.
     """
-    with opened(path) as image:
+    with open_picture(path) as image:
         width, height = image.size
-        scale = min(1.0, math.sqrt(most / (width * height)), (longest or math.inf) / max(width, height))
+        scale = min(1.0, math.sqrt(max_pixels / (width * height)), (max_side or math.inf) / max(width, height))
         size = (round(height * scale), round(width * scale))
-        if min(size) < least:
+        if min(size) < min_side:
             small = f" ({size[1]} x {size[0]} where its longer side is reduced to {max(size)})" if scale < 1 else ""
             raise ImageError(
-                f"{path.name} is {width} x {height} pixels{small}, and {least} a side are the least; give a larger picture"
+                f"{path.name} is {width} x {height} pixels{small}, and {min_side} a side are the least; give a larger picture"
             )
-        deep = is_deep(image)
-        turned = _orientation(image)  # which decodes a PNG
+        deep = is_high_depth(image)
+        turned = _exif_orientation(image)  # which decodes a PNG
         if deep:
             if image.format == "TIFF" and turned >= 5:
                 size = size[::-1]  # of the values as they are stored
-            rgb, hidden = read_deep(path, max(1, math.floor(1 / scale)))
+            rgb, hidden = read_high_depth(path, max(1, math.floor(1 / scale)))
         else:
             image.draft(None, (size[1], size[0]))  # a JPEG comes out at a half, a quarter or an eighth
             image.load()
             turned = 1 if image.format == "TIFF" else turned  # Pillow has turned it
-            rgb, hidden = _converted(image, max(1, min(image.height // size[0], image.width // size[1])))
+            rgb, hidden = _convert_to_rgb(image, max(1, min(image.height // size[0], image.width // size[1])))
         if rgb.shape[:2] != size:
             import cv2
 
             rgb = cv2.resize(rgb, size[::-1], interpolation=cv2.INTER_AREA)
             hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    return Picture(_upright(rgb, turned), _upright(hidden, turned), scale)
+    return Picture(_rotate_upright(rgb, turned), _rotate_upright(hidden, turned), scale)
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Image]:
+def open_picture(path: Path) -> Iterator[Image]:
     """A picture with its header read. Whatever its content makes of Pillow is an ImageError; raises others for the machine."""
     from PIL import Image
 
@@ -89,20 +89,20 @@ def opened(path: Path) -> Iterator[Image]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on what is damaged, which is refused or read without
             # as a file: by name Pillow maps some into memory, which turns those wrongly, and kills where a file shrinks
-            with path.open("rb") as file, Image.open(file, formats=FORMATS) as image:
+            with path.open("rb") as file, Image.open(file, formats=PILLOW_FORMATS) as image:
                 width, height = image.size
-                if width * height > (most := MOST_WEBP_PIXELS if image.format == "WEBP" else MOST_PIXELS):
-                    raise _too_large(path, most)
+                if width * height > (most := MAX_WEBP_PIXELS if image.format == "WEBP" else MAX_PIXELS):
+                    raise _size_error(path, most)
                 if min(width, height) < 1:
                     raise ImageError(f"{path.name} is {width} x {height} pixels; {REMEDY}")
                 yield image
     except ImageError:
         raise
     except Image.DecompressionBombError as error:
-        raise _too_large(path, MOST_PIXELS) from error
+        raise _size_error(path, MAX_PIXELS) from error
     except Image.UnidentifiedImageError as error:
         raise ImageError(
-            f"{path.name} cannot be opened as a picture: it is none of {', '.join(FORMATS)}, or of a kind of it that is not "
+            f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, or of a kind of it that is not "
             "read; save it as PNG or JPEG of 8 bits"
         ) from error
     except Exception as error:  # a decoder meets broken files with errors of every kind
@@ -112,21 +112,21 @@ def opened(path: Path) -> Iterator[Image]:
         raise ImageError(f"{path.name} cannot be opened as a picture ({reason}); {REMEDY}") from error
 
 
-def _too_large(path: Path, most: int) -> ImageError:
-    return ImageError(f"{path.name} has more than {most // 1_000_000} megapixels; reduce it")
+def _size_error(path: Path, max_pixels: int) -> ImageError:
+    return ImageError(f"{path.name} has more than {max_pixels // 1_000_000} megapixels; reduce it")
 
 
-def _converted(image: Image, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def _convert_to_rgb(image: Image, factor: int) -> tuple[np.ndarray, np.ndarray]:
     """RGB and what is hidden of a decoded image, of means of `factor` x `factor` pixels; a strip after the other, for
     conversions hold copies."""
     width, height = image.size
     rows, columns = math.ceil(height / factor), math.ceil(width / factor)
     rgb, hidden = np.empty((rows, columns, 3), np.uint8), np.zeros((rows, columns), bool)
-    step = max(1, _STRIP // (width * factor))
+    step = max(1, _STRIP_PIXELS // (width * factor))
     transparent = image.has_transparency_data
     for row in range(0, rows, step):
         strip = image.crop((0, row * factor, width, min(height, (row + step) * factor)))
-        colour = _rgba(strip) if transparent else _rgb(strip)
+        colour = _to_rgba(strip) if transparent else _to_rgb(strip)
         if factor > 1:
             colour = colour.reduce(factor)
         values = np.asarray(colour)
@@ -136,11 +136,11 @@ def _converted(image: Image, factor: int) -> tuple[np.ndarray, np.ndarray]:
     return rgb, hidden
 
 
-def _rgba(image: Image) -> Image:
+def _to_rgba(image: Image) -> Image:
     return image.convert("RGBA")
 
 
-def _rgb(image: Image) -> Image:
+def _to_rgb(image: Image) -> Image:
     if image.mode == "LAB":
         from PIL import ImageCms
 
@@ -150,7 +150,7 @@ def _rgb(image: Image) -> Image:
     return image.convert("RGB")
 
 
-def _orientation(image: Image) -> int:
+def _exif_orientation(image: Image) -> int:
     """How a picture is to be turned by its EXIF, 1 to 8; 1, as it is, where the EXIF is damaged."""
     try:
         found = int(image.getexif().get(0x0112, 1))
@@ -159,7 +159,7 @@ def _orientation(image: Image) -> int:
     return found if 1 <= found <= 8 else 1
 
 
-def _upright(values: np.ndarray, orientation: int) -> np.ndarray:
+def _rotate_upright(values: np.ndarray, orientation: int) -> np.ndarray:
     if orientation in (5, 6, 7, 8):
         values = values.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):

@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_system_error, single_line, short_message
-from catalogs.frames import known_frame, points_east_and_north
+from catalogs.broken import is_system_error, short_message, single_line
+from catalogs.frames import parse_crs, has_east_north_axes
 from catalogs.visible import short_repr
 from facade_core.core.errors import InputError
 
 LONLAT = "EPSG:4326"
 # Bytes of a file: read, a small one of lists in lists takes twenty times its size.
-LARGEST = 40_000_000
+MAX_FILE_BYTES = 40_000_000
 # Metres of a place in a frame and above the sea, and degrees of a heading (cameras count on after a turn) and of the others.
-MOST = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
-_NAMES = {
+MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
+_FIELD_NAMES = {
     "file": ("file", "filename", "image", "picture", "name", "id"),
     "x": ("x", "easting"),
     "y": ("y", "northing"),
@@ -35,7 +35,7 @@ _NAMES = {
     "pitch": ("pitch", "pers:pitch"),
     "roll": ("roll", "pers:roll"),
 }
-_FORMATS = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
+_FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,9 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
     x is east or longitude, y north or latitude. Raises InputError for a file that is none of these.
     """
     try:
-        if path.stat().st_size > LARGEST:
+        if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(
-                f"{path} has more than {LARGEST // 1_000_000} MB; keep the poses alone, without points and tracks"
+                f"{path} has more than {MAX_FILE_BYTES // 1_000_000} MB; keep the poses alone, without points and tracks"
             )
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -90,17 +90,17 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
             f"{path} cannot be read ({error.strerror}); give the file with the panoramas' poses"
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text; give {_FORMATS}") from error
+        raise InputError(f"{path} is not UTF-8 text; give {_FORMAT_HINT}") from error
     try:
         if text.lstrip().startswith(("{", "[")):
-            crs, records = _json_records(json.loads(text, object_pairs_hook=_without_twins))
+            crs, records = _json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
         else:
             crs, records = None, list(_csv_records(text))
     except Exception as error:  # what a file can hold in a place, libraries meet with errors of every kind
         if is_system_error(error):
             raise
-        raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMATS}") from error
-    crs = _frame_of(path, crs)
+        raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMAT_HINT}") from error
+    crs = _check_crs(path, crs)
     poses: dict[str, SourcePose | str] = {}
     for name, record in records:
         if name in poses:
@@ -109,16 +109,16 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
         try:
             if isinstance(record, Exception):
                 raise record
-            poses[name] = _pose(record, crs)
+            poses[name] = _parse_pose(record, crs)
         except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
             problem = f"{error}" if type(error) is ValueError else f"no pose ({type(error).__name__}: {error})"
             poses[name] = f"{path.name}: {single_line(name[:80])}: {single_line(problem)[:160]}; mend that entry"
     if not poses:
-        raise InputError(f"{path} holds no poses; give {_FORMATS}")
+        raise InputError(f"{path} holds no poses; give {_FORMAT_HINT}")
     return poses
 
 
-def dms_degrees(value: Any, reference: Any) -> float:
+def degrees_from_dms(value: Any, reference: Any) -> float:
     """Degrees of an EXIF coordinate: a number, or degrees, minutes and seconds; negative for the references S and W."""
     parts = value if isinstance(value, list | tuple) else [value]
     total = sum(float(part) / 60**power for power, part in enumerate(parts))
@@ -134,7 +134,7 @@ def _csv_records(text: str) -> Iterator[tuple[str, Any]]:
     for row in csv.DictReader(text.splitlines(), delimiter=separator):
         record = {(key or "").strip().lower(): (value or "").strip() for key, value in row.items() if key}
         if any(record.values()):
-            yield _name(record), record
+            yield _picture_name(record), record
 
 
 def _json_records(content: Any) -> tuple[str | None, list[tuple[str, Any]]]:
@@ -145,48 +145,48 @@ def _json_records(content: Any) -> tuple[str | None, list[tuple[str, Any]]]:
         ]
     if isinstance(content, dict) and "poses" in content:
         poses = content["poses"]
-        named = poses.items() if isinstance(poses, dict) else ((_name(record), record) for record in poses)
+        named = poses.items() if isinstance(poses, dict) else ((_picture_name(record), record) for record in poses)
         return content.get("crs"), list(named)
     if isinstance(content, dict):
         lists = [content[key] for key in ("data", "features") if isinstance(content.get(key), list)]
         content = lists[0] if lists else [content]
     if content and all("shots" in part for part in content):
-        return None, list(chain.from_iterable(map(_shots, content)))
-    return None, [(_name(record), record) for record in map(_flat, content)]
+        return None, list(chain.from_iterable(map(_reconstruction_shots, content)))
+    return None, [(_picture_name(record), record) for record in map(_flatten_record, content)]
 
 
-def _name(record: Mapping[str, Any]) -> str:
-    name = _first(record, "file")
+def _picture_name(record: Mapping[str, Any]) -> str:
+    name = _first_value(record, "file")
     if name is None:
         raise ValueError("an entry does not name its picture")
     return Path(str(name)).name
 
 
-def _first(record: Mapping[str, Any], key: str) -> Any:
-    return next((record[name] for name in _NAMES[key] if record.get(name) not in (None, "")), None)
+def _first_value(record: Mapping[str, Any], key: str) -> Any:
+    return next((record[name] for name in _FIELD_NAMES[key] if record.get(name) not in (None, "")), None)
 
 
-def _flat(record: dict[str, Any]) -> dict[str, Any]:
+def _flatten_record(record: dict[str, Any]) -> dict[str, Any]:
     """A GeoJSON feature or Mapillary record with its coordinates and properties as plain fields."""
     flat = {**record, **(record.get("properties") or {})}
     place = flat.get("computed_geometry") or flat.get("geometry")
     if place:
         flat |= dict(zip(("lon", "lat"), place["coordinates"], strict=False))
     if flat.get("computed_rotation"):
-        flat |= dict(zip(("heading", "pitch", "roll"), turned(flat["computed_rotation"]), strict=True))
+        flat |= dict(zip(("heading", "pitch", "roll"), camera_angles(flat["computed_rotation"]), strict=True))
     return flat
 
 
-def _pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
+def _parse_pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
     """A record as a pose; ValueError saying what is missing or not a number."""
-    value = {key: _number(_first(record, key), key) for key in _NAMES if key != "file"}
+    value = {key: _finite_number(_first_value(record, key), key) for key in _FIELD_NAMES if key != "file"}
     x, y, heading = value["x"], value["y"], value["heading"]
     lon, lat = value["lon"], value["lat"]
     gps = record.get("exif_gps") or {}
     if (lon is None or lat is None) and "GPSLongitude" in gps and "GPSLatitude" in gps:
-        lon = dms_degrees(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
-        lat = dms_degrees(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
-    tagged = _number(gps.get("GPSImgDirection"), "GPSImgDirection")
+        lon = degrees_from_dms(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
+        lat = degrees_from_dms(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
+    tagged = _finite_number(gps.get("GPSImgDirection"), "GPSImgDirection")
     # the list's own heading is the tag rounded to whole degrees
     if tagged is not None and (heading is None or abs(tagged - heading) <= 0.5):
         heading = tagged
@@ -195,11 +195,11 @@ def _pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
     if x is None or y is None:
         raise ValueError("neither x and y nor lon and lat are given")
     return SourcePose(
-        crs, x, y, value["z"], heading, value["pitch"] or 0.0, value["roll"] or 0.0, day_of(record.get("captured"))
+        crs, x, y, value["z"], heading, value["pitch"] or 0.0, value["roll"] or 0.0, parse_day(record.get("captured"))
     )
 
 
-def day_of(time: Any) -> str | None:
+def parse_day(time: Any) -> str | None:
     """The day of a time as "2024-05-17T10:15:00Z" states it; None where it states none."""
     try:
         return date.fromisoformat(time[:10]).isoformat() if isinstance(time, str) and time[4:5] == "-" else None
@@ -207,7 +207,7 @@ def day_of(time: Any) -> str | None:
         return None
 
 
-def _number(value: Any, key: str) -> float | None:
+def _finite_number(value: Any, key: str) -> float | None:
     if value is None:
         return None
     try:
@@ -219,25 +219,25 @@ def _number(value: Any, key: str) -> float | None:
     return number
 
 
-def implausible(pose: SourcePose) -> str | None:
+def find_implausible_value(pose: SourcePose) -> str | None:
     """What of a pose no camera can have; None where all of it may be."""
-    for key, most in MOST.items():
+    for key, most in MAX_MAGNITUDES.items():
         value = getattr(pose, key)
         if value is not None and not abs(value) <= most:
             return f"{key} is {value:g}, and at most {most:g} either way can be"
     return None
 
 
-def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
+def _reconstruction_shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
     """Equirectangular shots of an OpenSfM reconstruction, whose world is east, north, up around reference_lla."""
     from pyproj import Transformer
 
     reference = reconstruction["reference_lla"]
-    found = [_number(reference.get(key), key) for key in ("longitude", "latitude")]
+    found = [_finite_number(reference.get(key), key) for key in ("longitude", "latitude")]
     if None in found:
         raise ValueError("its reference_lla states no longitude or no latitude")
-    place = [value or 0.0 for value in (*found, _number(reference.get("altitude"), "altitude"))]
-    if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MOST["z"]):
+    place = [value or 0.0 for value in (*found, _finite_number(reference.get("altitude"), "altitude"))]
+    if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MAX_MAGNITUDES["z"]):
         raise ValueError(f"its reference_lla {short_repr(place)} is no place on earth")
     to_lonlat = Transformer.from_pipeline(
         "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84"
@@ -249,8 +249,8 @@ def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
             camera = reconstruction["cameras"][shot["camera"]]
             if camera.get("projection_type") not in ("equirectangular", "spherical"):
                 continue
-            rotation = _rotation(shot["rotation"])
-            centre = -rotation.T @ _three(shot["translation"])
+            rotation = _rotation_matrix(shot["rotation"])
+            centre = -rotation.T @ _parse_vector(shot["translation"])
             lon, lat, _ = to_lonlat.transform(*centre)
             heading, pitch, roll = _angles(rotation)
         except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
@@ -260,24 +260,24 @@ def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
             yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
 
 
-def _three(values: Iterable[float]) -> np.ndarray:
-    found = np.array([_number(value, "a rotation or translation") for value in values], np.float64)
-    if found.shape != (3,) or not (np.abs(found) <= MOST["x"]).all():
+def _parse_vector(values: Iterable[float]) -> np.ndarray:
+    found = np.array([_finite_number(value, "a rotation or translation") for value in values], np.float64)
+    if found.shape != (3,) or not (np.abs(found) <= MAX_MAGNITUDES["x"]).all():
         raise ValueError(f"{short_repr(found.tolist())} is no rotation or translation; three numbers are")
     return found
 
 
-def turned(axis_angle: Iterable[float]) -> tuple[float, float, float]:
+def camera_angles(axis_angle: Iterable[float]) -> tuple[float, float, float]:
     """Heading, pitch and roll in degrees of a camera by its rotation in a world of east, north, up: an axis-angle vector in
     radians, camera from world. ValueError where it is none."""
-    return _angles(_rotation(axis_angle))
+    return _angles(_rotation_matrix(axis_angle))
 
 
-def _rotation(axis_angle: Iterable[float]) -> np.ndarray:
+def _rotation_matrix(axis_angle: Iterable[float]) -> np.ndarray:
     """The rotation (3, 3), camera_from_world, of an axis-angle vector in radians."""
     import cv2
 
-    return cv2.Rodrigues(_three(axis_angle).reshape(3, 1))[0]
+    return cv2.Rodrigues(_parse_vector(axis_angle).reshape(3, 1))[0]
 
 
 def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
@@ -290,7 +290,7 @@ def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
     return math.degrees(heading) % 360.0, math.degrees(pitch), math.degrees(roll)
 
 
-def _frame_of(path: Path, crs: Any) -> str | None:
+def _check_crs(path: Path, crs: Any) -> str | None:
     """The frame that a file names, as text; InputError where none of the Earth is of that name."""
     if crs is None:
         return None
@@ -299,17 +299,17 @@ def _frame_of(path: Path, crs: Any) -> str | None:
         raise InputError(f"{path}: crs is {short_repr(crs)}, which is no name of a frame; give e.g. EPSG:4326")
     name = f"EPSG:{text}" if text.isdigit() else text
     try:
-        found = known_frame(name)
+        found = parse_crs(name)
     except InputError as error:
         raise InputError(f"{path}: crs {error}") from error
-    if not points_east_and_north(found):
+    if not has_east_north_axes(found):
         raise InputError(
             f"{path}: crs {name} ({found.name}) has axes other than east and north; give one that has these"
         )
     return name
 
 
-def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """JSON lets the last of two equal names win in silence."""
     found = dict(pairs)
     if len(found) < len(pairs):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.broken import single_line, wrap_reader_errors
-from catalogs.frames import known_frame, points_east_and_north
+from catalogs.frames import parse_crs, has_east_north_axes
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 # Formats of GDAL whose files hold their pixels themselves, by their first bytes.
-PICTURES: Mapping[bytes, str] = {
+RASTER_DRIVERS: Mapping[bytes, str] = {
     b"II*\0": "GTiff",
     b"MM\0*": "GTiff",
     b"II+\0": "GTiff",
@@ -32,20 +32,20 @@ PICTURES: Mapping[bytes, str] = {
 }
 # Bytes that GDAL keeps decoded, and cells in a row of a part that is read: blocks of which a row does not fit are decoded anew
 # for every few rows.
-CACHE, WIDEST_PART = 256_000_000, 16_384
+GDAL_CACHE_BYTES, MAX_ROW_CELLS = 256_000_000, 16_384
 # Of a cell's sides: what is longer spans the Earth, what is shorter is lost in the coordinates' rounding.
-_SHORTEST, _LONGEST = 1e-9, 1e7
+_MIN_CELL_SIDE, _MAX_CELL_SIDE = 1e-9, 1e7
 # Formats of GDAL can name addresses. Nothing answers at this proxy, so none is reached whatever a file asks for.
-_OFFLINE = {
+_OFFLINE_OPTIONS = {
     "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
     "GDAL_HTTP_MAX_RETRY": "0",
     "GDAL_HTTP_CONNECTTIMEOUT": "1",
     "CPL_VSIL_CURL_ALLOWED_EXTENSIONS": ".none",
-    "GDAL_CACHEMAX": CACHE,
+    "GDAL_CACHEMAX": GDAL_CACHE_BYTES,
 }
 
 
-def driver_of(path: Path, drivers: Mapping[bytes, str]) -> str | None:
+def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
     """GDAL's driver for a file by its first bytes; None where it is none of `drivers`."""
     with path.open("rb") as file:
         start = file.read(32)
@@ -53,7 +53,7 @@ def driver_of(path: Path, drivers: Mapping[bytes, str]) -> str | None:
 
 
 @contextmanager
-def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
+def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
     """A raster opened by a driver, `kind` as "a raster". Raises InputError where it cannot be read, then or within."""
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
@@ -61,7 +61,7 @@ def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
     _check_sidecar(path)
     with wrap_reader_errors(path, kind.partition(" ")[2], remedy):
         try:
-            with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), _unprinted():
+            with warnings.catch_warnings(), rasterio.Env(**_OFFLINE_OPTIONS), _silence_unraisable():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy
                 with rasterio.open(path.absolute(), driver=driver, sharing=False) as opened:
                     _check_size(opened, path)
@@ -72,7 +72,7 @@ def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
 
 
 @contextmanager
-def _unprinted() -> Iterator[None]:
+def _silence_unraisable() -> Iterator[None]:
     """Of a broken file GDAL quotes bytes; for those that are no text rasterio, which logs them, prints a traceback."""
     before, sys.unraisablehook = sys.unraisablehook, lambda error: log.debug("%s: %s", error.object, error.exc_value)
     try:
@@ -81,14 +81,14 @@ def _unprinted() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def check_place(raster: Any, path: Path, remedy: str) -> None:
+def check_georeference(raster: Any, path: Path, remedy: str) -> None:
     """InputError where a raster's cells are no parallelograms on the ground."""
     cell = raster.transform
     if cell.is_identity:
         stated = "control points only; warp it with gdalwarp" if raster.gcps[0] else f"no place on the ground; {remedy}"
         raise InputError(f"{path} states {stated}")
     sides = math.hypot(cell.a, cell.d), math.hypot(cell.b, cell.e)
-    sound = all(_SHORTEST <= side <= _LONGEST for side in sides) and math.isfinite(cell.c + cell.f)
+    sound = all(_MIN_CELL_SIDE <= side <= _MAX_CELL_SIDE for side in sides) and math.isfinite(cell.c + cell.f)
     if not (sound and abs(cell.a * cell.e - cell.b * cell.d) > 0.01 * sides[0] * sides[1]):
         shown = ", ".join(f"{value:g}" for value in (cell.a, cell.b, cell.d, cell.e))
         raise InputError(
@@ -96,16 +96,16 @@ def check_place(raster: Any, path: Path, remedy: str) -> None:
         )
 
 
-def frame_of(raster: Any, path: Path, crs: str | None = None) -> CRS | None:
+def read_raster_crs(raster: Any, path: Path, crs: str | None = None) -> CRS | None:
     """The horizontal frame that is named, or that a raster states; None where there is neither."""
     text = crs or (raster.crs.to_wkt() if raster.crs else None)
     if not text:
         return None
     try:
-        frame = known_frame(text)
+        frame = parse_crs(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    if not points_east_and_north(frame):
+    if not has_east_north_axes(frame):
         raise InputError(
             f"{path} is in {frame.name}, whose axes are not east and north; warp it with gdalwarp -t_srs EPSG:n"
         )
@@ -114,19 +114,19 @@ def frame_of(raster: Any, path: Path, crs: str | None = None) -> CRS | None:
 
 def _check_size(raster: Any, path: Path) -> None:
     if (
-        raster.driver == "AAIGrid" and _words(path) < raster.width * raster.height
+        raster.driver == "AAIGrid" and _count_words(path) < raster.width * raster.height
     ):  # GDAL looks for the others without end
         raise InputError(f"{path} states {raster.width} x {raster.height} cells and holds fewer; export it again")
     rows, columns = raster.block_shapes[0]
     together = raster.count if raster.count > 1 and str(raster.interleaving or "").lower().endswith("pixel") else 1
-    across = math.ceil(min(raster.width, WIDEST_PART) / columns)
-    if rows * columns * across * together * max(map(_bytes, raster.dtypes)) > CACHE:
+    across = math.ceil(min(raster.width, MAX_ROW_CELLS) / columns)
+    if rows * columns * across * together * max(map(_value_bytes, raster.dtypes)) > GDAL_CACHE_BYTES:
         raise InputError(
             f"{path} is stored in blocks of {columns} x {rows} cells; rewrite it with gdal_translate -co TILED=YES"
         )
 
 
-def _words(path: Path) -> int:
+def _count_words(path: Path) -> int:
     """How many words a text has, read a piece at a time; none where it is no text, of which GDAL finds no end either."""
     import numpy as np
 
@@ -141,7 +141,7 @@ def _words(path: Path) -> int:
     return total
 
 
-def _bytes(kind: str) -> int:
+def _value_bytes(kind: str) -> int:
     import numpy as np
 
     try:

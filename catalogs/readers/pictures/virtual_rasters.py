@@ -8,11 +8,11 @@ from typing import Any
 
 from facade_core.core.errors import InputError
 
-LARGEST = 4_000_000  # bytes
+MAX_FILE_BYTES = 4_000_000  # bytes
 REMEDY = "give one GeoTIFF (gdal_translate)"
 # What a mosaic as gdalbuildvrt and gdal_translate write it is made of. What else there is reads any file as raw numbers, warps,
 # computes, or opens sources with options.
-_ELEMENTS = {
+_ALLOWED_ELEMENTS = {
     *(
         "VRTDataset",
         "SRS",
@@ -39,13 +39,13 @@ _ELEMENTS = {
 }
 
 
-def check_virtual(path: Path, check_source: Callable[[Path], object]) -> None:
+def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> None:
     """InputError unless a file is a virtual raster of files in its folder or below, which pass check_source each."""
     from defusedxml import ElementTree
     from defusedxml.common import DefusedXmlException
 
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path} is XML of more than {LARGEST // 1_000_000} MB, no raster; give e.g. a GeoTIFF")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise InputError(f"{path} is XML of more than {MAX_FILE_BYTES // 1_000_000} MB, no raster; give e.g. a GeoTIFF")
     try:
         root: Any = ElementTree.parse(path, forbid_dtd=True).getroot()
     except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
@@ -53,7 +53,7 @@ def check_virtual(path: Path, check_source: Callable[[Path], object]) -> None:
     if root.tag != "VRTDataset":
         raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
     for element in root.iter():
-        if element.tag not in _ELEMENTS:
+        if element.tag not in _ALLOWED_ELEMENTS:
             raise InputError(f"{path} is more than a mosaic of files ({str(element.tag)[:60]}); {REMEDY}")
         named = {name.lower(): value for name, value in element.attrib.items()}
         if "subclass" in named or "OVERVIEW_FILE" in map(str.upper, named.values()):

@@ -10,12 +10,12 @@ import shapely
 
 from catalogs.broken import fault_reason
 from catalogs.features import Centreline, Centrelines, Fault
-from catalogs.readers.faces import FARTHEST
+from catalogs.readers.faces import MAX_COORDINATE
 
-_SAME = 1e-7  # lines that differ by less, in degrees or metres, are one
+_DUPLICATE_TOLERANCE = 1e-7  # lines that differ by less, in degrees or metres, are one
 
 
-def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | None]]) -> Centrelines:
+def build_centrelines(crs: str | None, features: Iterable[tuple[str, Any, str | None]]) -> Centrelines:
     """Centrelines of (id, geometry, name): parts of one geometry are id-0, id-1, ...; both directions of a street are one.
 
     What has no geometry, no length or a coordinate that is no finite number is a fault.
@@ -29,13 +29,13 @@ def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | Non
         for index, part in enumerate(parts):
             part_id = id if len(parts) == 1 else f"{id}-{index}"
             try:
-                reason = _broken(part)
+                reason = _find_defect(part)
                 line = shapely.force_2d(part)
-                key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _SAME))).wkb
+                key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _DUPLICATE_TOLERANCE))).wkb
             except Exception as error:  # what GEOS makes of it is no other line's fault
                 reason = fault_reason(error)
             if reason:
-                faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", place_of(part)))
+                faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", finite_points(part)))
                 continue
             if key not in known:
                 known.add(key)
@@ -43,17 +43,17 @@ def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | Non
     return Centrelines(crs, tuple(items), tuple(faults))
 
 
-def _broken(part: Any) -> str | None:
+def _find_defect(part: Any) -> str | None:
     if part.geom_type not in ("LineString", "LinearRing"):
         return f"is a {part.geom_type}, no line; draw it as a line, or remove it"
-    if not (np.abs(shapely.get_coordinates(part)) < FARTHEST).all():
+    if not (np.abs(shapely.get_coordinates(part)) < MAX_COORDINATE).all():
         return "has a coordinate that is no finite number, or absurdly far away; mend or remove it"
     if not part.length > 0:
         return "has no length; draw it longer, or remove it"
     return None
 
 
-def place_of(geometry: Any) -> Any:
+def finite_points(geometry: Any) -> Any:
     """Where a geometry is, as far as its coordinates are finite; None where none is."""
     points = shapely.get_coordinates(geometry)
     points = points[np.isfinite(points).all(axis=1)]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 # OpenStreetMap's tag -> words of other sources for it: values of a column of classes, or names of a layer; lower case, every
 # mark an underscore, of what may be in the plural the singular.
-_AREAS = {
+_AREA_WORDS = {
     "leisure=park": "park parc public_park parkanlage",
     "leisure=garden": "garden jardin garten tuin flowerbed",
     "leisure=pitch": "pitch sports_pitch sports_field sportveld sportplatz",
@@ -30,10 +30,10 @@ _AREAS = {
     "area:highway=cycleway": "cycleway cycle_track bike_path radweg fietspad piste_cyclable",
     "amenity=parking": "parking parking_lot parking_surface car_park parkplatz parkeervlak parkeerplaats stationnement",
 }
-AREAS = {word: tag for tag, words in _AREAS.items() for word in words.split()}
+TAGS_BY_AREA_WORD = {word: tag for tag, words in _AREA_WORDS.items() for word in words.split()}
 # OpenStreetMap's value of `highway` -> words of other sources for it: TIGER's codes, Overture's and Geofabrik's classes, and
 # what cities write.
-_STREETS = {
+_HIGHWAY_WORDS = {
     "motorway": "motorway freeway expressway interstate autobahn autosnelweg autoroute s1100",
     "trunk": "trunk",
     "primary": "primary arterial major_arterial principal_arterial bundesstrasse s1200",
@@ -51,26 +51,26 @@ _STREETS = {
     "track": "track feldweg s1500",
     "crossing": "crossing crosswalk pedestrian_crossing zebra zebra_crossing",
 }
-STREETS = {word: value for value, words in _STREETS.items() for word in words.split()}
+HIGHWAYS_BY_WORD = {word: value for value, words in _HIGHWAY_WORDS.items() for word in words.split()}
 # Words for what a surface is of that OpenStreetMap has none of.
-_SURFACES = {
+_SURFACE_WORDS = {
     "asphalt": "asphalte bitumen tarmac paved enrobe bitume asfalt gesloten_verharding beton",
     "paving_stones": "paving pavers tegels klinkers open_verharding platten dalles brick_paving",
     "sett": "setts cobbles cobble cobblestones pflaster kopfsteinpflaster paves natuursteen granite",
     "gravel": "half_verhard kies schotter grind gravier onverhard unbound dirt_road wassergebunden",
     "grass": "gras rasen herbe turf",
 }
-SURFACES = {word: value for value, words in _SURFACES.items() for word in words.split()}
+SURFACES_BY_WORD = {word: value for value, words in _SURFACE_WORDS.items() for word in words.split()}
 # Words for a tram's track.
-_TRAMS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "streetcar", "trambaan"))
+_TRAM_WORDS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "streetcar", "trambaan"))
 # What says whether there is such a thing, and what OpenStreetMap says of one of which no more is known.
-_YES = frozenset(("yes", "true", "t", "1", "ja", "oui", "y"))
-_NO = frozenset(("no", "false", "f", "0", "nee", "nein", "non", "n", "none"))
-_MEANT = {"cycleway": "track", "parking": "lane", "sidewalk": "yes", "oneway": "yes", "tunnel": "yes", "covered": "yes"}
-_ONE_WAY = frozenset(("ft", "tf"))
+_YES_WORDS = frozenset(("yes", "true", "t", "1", "ja", "oui", "y"))
+_NO_WORDS = frozenset(("no", "false", "f", "0", "nee", "nein", "non", "n", "none"))
+_VALUES_OF_YES = {"cycleway": "track", "parking": "lane", "sidewalk": "yes", "oneway": "yes", "tunnel": "yes", "covered": "yes"}
+_ONE_WAY_WORDS = frozenset(("ft", "tf"))
 
 
-def plain(text: str) -> str:
+def normalize_word(text: str) -> str:
     """A word as the tables have it."""
     word = "_".join(re.findall(r"\w+", text.lower()))
     for letter, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("é", "e"), ("ê", "e")):
@@ -78,40 +78,40 @@ def plain(text: str) -> str:
     return word
 
 
-def ground_tags(tags: Mapping[str, str], layer: str = "", *, outline: bool = False) -> dict[str, str]:
+def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = False) -> dict[str, str]:
     """The tags of an outline, or of a line or point, of the ground with those that its classes mean, else what the name of its
     layer says.
 
     tags: as `catalogs.readers.vectors.columns` has them, `class` with the values of all columns of classes, a line each.
     """
     found = {key: value for key, value in tags.items() if key != "class"}
-    words = [plain(one) for one in (*tags.get("class", "").split("\n"), layer)]
-    if outline:
-        meant = next(filter(None, (_meant(word, AREAS) for word in words)), None)
+    words = [normalize_word(one) for one in (*tags.get("class", "").split("\n"), layer)]
+    if is_area:
+        meant = next(filter(None, (_look_up_word(word, TAGS_BY_AREA_WORD) for word in words)), None)
         if meant is not None:
             key, _, of = meant.partition("=")
             found[key] = of
     elif "railway" not in found:
-        street = next(filter(None, (_meant(word, STREETS) for word in words)), None)
-        if not _TRAMS.isdisjoint(words):
+        street = next(filter(None, (_look_up_word(word, HIGHWAYS_BY_WORD) for word in words)), None)
+        if not _TRAM_WORDS.isdisjoint(words):
             found["railway"] = "tram"
-        elif street is not None and found.get("highway", "").removesuffix("_link") not in STREETS:
+        elif street is not None and found.get("highway", "").removesuffix("_link") not in HIGHWAYS_BY_WORD:
             found["highway"] = street
     if "surface" in found:
-        found["surface"] = SURFACES.get(plain(found["surface"]), found["surface"])
-    return found | {key: value for key, text in found.items() if (value := _said(key, plain(text))) is not None}
+        found["surface"] = SURFACES_BY_WORD.get(normalize_word(found["surface"]), found["surface"])
+    return found | {key: value for key, text in found.items() if (value := _value_of_yes_no(key, normalize_word(text))) is not None}
 
 
-def _meant(word: str, table: Mapping[str, str]) -> str | None:
+def _look_up_word(word: str, table: Mapping[str, str]) -> str | None:
     """What a word means, in the singular or the plural."""
     return table.get(word, table.get(word.removesuffix("s")))
 
 
-def _said(key: str, word: str) -> str | None:
+def _value_of_yes_no(key: str, word: str) -> str | None:
     """OpenStreetMap's value where a thing is stated as yes or no; None where it is stated otherwise."""
     thing = key.partition(":")[0]
-    if thing not in _MEANT or key.endswith(":width"):
+    if thing not in _VALUES_OF_YES or key.endswith(":width"):
         return None
-    if word in _YES or (thing == "oneway" and word in _ONE_WAY):
-        return _MEANT[thing]
-    return "no" if word in _NO else None
+    if word in _YES_WORDS or (thing == "oneway" and word in _ONE_WAY_WORDS):
+        return _VALUES_OF_YES[thing]
+    return "no" if word in _NO_WORDS else None

@@ -8,7 +8,7 @@ from facade_core.core.types import Finish
 
 Colour = tuple[int, int, int]
 # A name says what kind of colour a wall or roof has, not how pure: none is as red as a screen's red.
-NAMED: dict[str, Colour] = {
+NAMED_COLOURS: dict[str, Colour] = {
     "red": (158, 66, 50),
     "darkred": (118, 46, 40),
     "maroon": (104, 48, 44),
@@ -31,7 +31,7 @@ NAMED: dict[str, Colour] = {
     "copper": (122, 156, 138),
 }
 # Roofs of a material without a colour have this one; others are left to chance.
-ROOF_MATERIALS: dict[str, Colour] = {
+ROOF_MATERIAL_COLOURS: dict[str, Colour] = {
     "copper": (122, 156, 138),
     "slate": (82, 86, 92),
     "tar_paper": (62, 62, 64),
@@ -43,7 +43,7 @@ ROOF_MATERIALS: dict[str, Colour] = {
     "grass": (96, 118, 66),
     "glass": (120, 140, 148),
 }
-WALL_MATERIALS: dict[str, Colour] = {
+WALL_MATERIAL_COLOURS: dict[str, Colour] = {
     "brick": (150, 84, 66),
     "concrete": (160, 158, 152),
     "cement_block": (154, 152, 146),
@@ -55,28 +55,28 @@ WALL_MATERIALS: dict[str, Colour] = {
     "metal": (150, 154, 158),
     "glass": (130, 148, 156),
 }
-_LONGEST = 64  # letters
-_DARKEST, _BRIGHTEST = 24, 238
+_MAX_TEXT_LENGTH = 64  # letters
+_MIN_CHANNEL, _MAX_CHANNEL = 24, 238
 
 
-def finish_of(tags: Mapping[str, str]) -> Finish:
+def parse_finish(tags: Mapping[str, str]) -> Finish:
     """What the tags state of walls and roof; a colour that is not understood is none."""
-    wall, roof = _word(tags.get("building:material", "")), _word(tags.get("roof:material", ""))
+    wall, roof = _material_name(tags.get("building:material", "")), _material_name(tags.get("roof:material", ""))
     return Finish(
-        colour_of(tags.get("building:colour") or tags.get("building:color") or "") or WALL_MATERIALS.get(wall or ""),
-        colour_of(tags.get("roof:colour") or tags.get("roof:color") or "") or ROOF_MATERIALS.get(roof or ""),
+        parse_colour(tags.get("building:colour") or tags.get("building:color") or "") or WALL_MATERIAL_COLOURS.get(wall or ""),
+        parse_colour(tags.get("roof:colour") or tags.get("roof:color") or "") or ROOF_MATERIAL_COLOURS.get(roof or ""),
         wall,
         roof,
     )
 
 
-def colour_of(text: str) -> Colour | None:
+def parse_colour(text: str) -> Colour | None:
     """Red, green and blue of "#a0522d", "a0522d", "#a52" or a name in English, of a list the first; None where it is none."""
     from PIL import ImageColor
 
-    text = text[:_LONGEST].partition(";")[0].strip().lower().replace(" ", "").replace("_", "").replace("-", "")
-    if text in NAMED:
-        return NAMED[text]
+    text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower().replace(" ", "").replace("_", "").replace("-", "")
+    if text in NAMED_COLOURS:
+        return NAMED_COLOURS[text]
     if len(text) in (3, 6) and all(letter in "0123456789abcdef" for letter in text):
         text = f"#{text}"
     try:
@@ -84,11 +84,11 @@ def colour_of(text: str) -> Colour | None:
     except ValueError:
         return None
     # paint is neither black nor white, and nothing shines
-    red, green, blue = (min(max(value, _DARKEST), _BRIGHTEST) for value in (red, green, blue))
+    red, green, blue = (min(max(value, _MIN_CHANNEL), _MAX_CHANNEL) for value in (red, green, blue))
     return red, green, blue
 
 
-def _word(text: str) -> str | None:
+def _material_name(text: str) -> str | None:
     """A material, as it is written; of a list the first."""
-    text = text[:_LONGEST].partition(";")[0].strip().lower()
+    text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower()
     return text if text and text not in ("yes", "no", "unknown") else None

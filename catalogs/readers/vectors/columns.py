@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-_NAMES = {
+_TAG_COLUMN_NAMES = {
     "height": "height height_m building_height bldg_height height_ft hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
     "measured_height hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h h_m",
     "building:levels": "building_levels levels storeys stories num_storeys storeysaboveground "
@@ -78,9 +78,9 @@ _NAMES = {
     "area:highway": "area_highway",
 }
 # Tag -> the names of its column in order of preference: lower case, every mark an underscore.
-COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _NAMES.items()}
+TAG_COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _TAG_COLUMN_NAMES.items()}
 # 3DBAG and its like state heights above the datum: of the roof, and of the ground.
-ROOF_LEVEL = (
+ROOF_LEVEL_COLUMNS = (
     "b3_h_dak_70p",
     "b3_h_70p",
     "b3_h_dak_50p",
@@ -90,81 +90,81 @@ ROOF_LEVEL = (
     "roof_0_75",
     "roof_0_50",
 )
-GROUND_LEVEL = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_30")
+GROUND_LEVEL_COLUMNS = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_30")
 # Columns whose values are classes, in the words of their map: of streets, of areas of ground.
-_CLASSES = (
+_CLASS_COLUMN_NAMES = (
     "class fclass subclass subtype type kind category road_class street_class street_type functional_class func_class mtfcc "
     "strassenklasse wegtype landuse land_use landcover land_cover natural leisure amenity nutzung nutzungsart bodengebruik "
     "functie bgt_functie bgt_fysiekvoorkomen plus_fysiekvoorkomen nature"
 )
-CLASSES = tuple(_CLASSES.split())
-_IDS = (
+CLASS_COLUMNS = tuple(_CLASS_COLUMN_NAMES.split())
+_ID_COLUMN_NAMES = (
     "id osm_id osmid osm_way_id full_id gml_id gmlid identificatie bag_id pand_id uuid building_id bldg_id gebaeude_id "
     "cleabs egid objectid fid ogc_fid gid link_id road_id segment_id toid"
 )
-IDS = tuple(_IDS.split())
+ID_COLUMNS = tuple(_ID_COLUMN_NAMES.split())
 # A column of ids in which so many rows have one of their own is believed.
-NEARLY_ALL = 0.6
-_MORE = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
-_ONE_WAY = ("F", "T")  # as Geofabrik says that it is along the line, or against it; B of both
-_LONGEST = 10_000  # letters of a cell that are looked at
-_KINDS = ("element", "element_type", "osm_type")
+MIN_UNIQUE_SHARE = 0.6
+_EXTRA_TAG_COLUMNS = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
+_ONE_WAY_CODES = ("F", "T")  # as Geofabrik says that it is along the line, or against it; B of both
+_MAX_CELL_LENGTH = 10_000  # letters of a cell that are looked at
+_ELEMENT_TYPE_COLUMNS = ("element", "element_type", "osm_type")
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
 _OSM_ID = re.compile(r"(node|way|relation)/(\d+)")
 # From here on floats leave out whole numbers. GDAL writes such a one so where other cells of its column are text.
-INEXACT = 2**53
-_INEXACT_TEXT = re.compile(r"\d\.\d{15,16}e\+\d+")
+MIN_INEXACT_INTEGER = 2**53
+_INEXACT_NUMBER = re.compile(r"\d\.\d{15,16}e\+\d+")
 # What is said of features whose ids are not what their file states: after "buildings of b.gpkg".
-_NUMBERED = "numbered since another has their id"
-_BY_ROW = "named by their row, since too few have an id of their own"
-_ROUNDED = "whose id is a number too large to be held whole; write it as text"
+_NUMBERED_REMARK = "numbered since another has their id"
+_BY_ROW_REMARK = "named by their row, since too few have an id of their own"
+_INEXACT_REMARK = "whose id is a number too large to be held whole; write it as text"
 
-_WANTED = frozenset(
-    name for names in (*COLUMNS.values(), ROOF_LEVEL, GROUND_LEVEL, CLASSES, IDS, _MORE, _KINDS) for name in names
+_KNOWN_COLUMNS = frozenset(
+    name for names in (*TAG_COLUMNS.values(), ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS, CLASS_COLUMNS, ID_COLUMNS, _EXTRA_TAG_COLUMNS, _ELEMENT_TYPE_COLUMNS) for name in names
 )
 
 
-def columns_of(fields: Iterable[str], *, cut: bool) -> dict[str, str]:
+def match_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[str, str]:
     """Known name -> field, of the fields that mean something here. `cut`: the file holds 10 characters of a name (.shp)."""
     found: dict[str, str] = {}
     for field in fields:
         name = re.sub(r"[\s:.\-/]+", "_", field.strip().lower()).lstrip("@_")
-        names = [known for known in _WANTED if known[:10] == name[:10]] if cut and len(name) == 10 else [name]
+        names = [known for known in _KNOWN_COLUMNS if known[:10] == name[:10]] if has_truncated_names and len(name) == 10 else [name]
         for known in names:
-            if known in _WANTED:
+            if known in _KNOWN_COLUMNS:
                 found.setdefault(known, field)
     return found
 
 
-def tags_of(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[dict[str, str]]:
+def record_tags(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[dict[str, str]]:
     """The tags of each record: texts, only those that are stated; `ground` is the height of the ground above the datum, `class`
     the values of all columns of classes, a line each."""
-    present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in COLUMNS.items()}
-    more = [columns[name] for name in _MORE if name in columns]
-    classes = [columns[name] for name in CLASSES if name in columns]
-    levels = [[columns[name] for name in names if name in columns] for names in (ROOF_LEVEL, GROUND_LEVEL)]
+    present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in TAG_COLUMNS.items()}
+    more = [columns[name] for name in _EXTRA_TAG_COLUMNS if name in columns]
+    classes = [columns[name] for name in CLASS_COLUMNS if name in columns]
+    levels = [[columns[name] for name in names if name in columns] for names in (ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS)]
     levels = levels if all(levels) else []
     result = []
     for record in records:
         tags: dict[str, str] = {}
         for field in more:
-            tags |= _parsed(record[field])
+            tags |= _parse_tags(record[field])
         for tag, sources in present.items():
             for name, field in sources:
-                if text := text_of(record[field]):
-                    tags[tag] = f"{text} ft" if name.endswith("_ft") else _plain_name(text) if tag == "name" else text
+                if text := cell_text(record[field]):
+                    tags[tag] = f"{text} ft" if name.endswith("_ft") else _primary_name(text) if tag == "name" else text
                     break
-        if stated := [text for field in classes if (text := text_of(record[field]))]:
+        if stated := [text for field in classes if (text := cell_text(record[field]))]:
             tags["class"] = "\n".join(stated)
-        if "fclass" in columns and tags.get("oneway") in _ONE_WAY:
+        if "fclass" in columns and tags.get("oneway") in _ONE_WAY_CODES:
             tags["oneway"] = "yes"
-        if "height" not in tags and levels and (found := _above_ground(record, *levels)):
+        if "height" not in tags and levels and (found := _height_above_ground(record, *levels)):
             tags["height"], tags["ground"] = found
         result.append(tags)
     return result
 
 
-def text_of(value: Any) -> str:
+def cell_text(value: Any) -> str:
     """What a cell states, empty where it states nothing: null, NaN, blanks. Whole numbers are written without a point.
 
     A list of one value is that value: GDAL makes lists of a whole column where one cell of it is one.
@@ -176,64 +176,64 @@ def text_of(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, dict):  # Overture: {"primary": name, ...}, {"value": surface, ...}
-        return text_of(value.get("primary", value.get("value")))
+        return cell_text(value.get("primary", value.get("value")))
     if isinstance(value, float):
-        return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < INEXACT else str(value)
-    text = "" if value is None else str(value[:_LONGEST] if isinstance(value, str) else value).strip()
+        return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < MIN_INEXACT_INTEGER else str(value)
+    text = "" if value is None else str(value[:_MAX_CELL_LENGTH] if isinstance(value, str) else value).strip()
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 
-def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
+def assign_ids(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
     """An id for each record: from the first column whose values are all there and different, else nearly all, else the row's
     number. And what is to be said of those that are not what the column states, by id.
 
     In a column with gaps a missing one is row-N, a second one of a kind gets -2. Those of OpenStreetMap are written w12 and r12
     where the kind is known.
     """
-    kind = next((columns[name] for name in _KINDS if name in columns), None)
+    kind = next((columns[name] for name in _ELEMENT_TYPE_COLUMNS if name in columns), None)
     nearly: tuple[list[str], str] | None = None
     stated = False
-    for name in IDS:
+    for name in ID_COLUMNS:
         if name not in columns:
             continue
         texts = []
         for record in records:
-            text = text_of(record[columns[name]])
+            text = cell_text(record[columns[name]])
             if match := _OSM_ID.fullmatch(text):
                 text = f"{match[1][0]}{match[2]}"
             elif text.isdigit() and kind is not None and name in ("id", "osmid", "osm_id"):
-                text = f"{text_of(record[kind])[:1].lower()}{text}"
+                text = f"{cell_text(record[kind])[:1].lower()}{text}"
             elif name == "osm_id" and "osm_way_id" in columns:  # GDAL: a relation has the one id, a way the other
-                way = text_of(record[columns["osm_way_id"]])
+                way = cell_text(record[columns["osm_way_id"]])
                 text = f"r{text}" if text else f"w{way}" if way else ""
             texts.append(text)
         stated = stated or any(texts)
         if all(texts) and len({*texts}) == len(texts):
-            return texts, _rounded(texts, records, columns[name])
-        if nearly is None and len({*texts} - {""}) >= NEARLY_ALL * len(texts):
+            return texts, _inexact_ids(texts, records, columns[name])
+        if nearly is None and len({*texts} - {""}) >= MIN_UNIQUE_SHARE * len(texts):
             nearly = texts, columns[name]
     if nearly is None:
         ids = [str(row) for row in range(len(records))]
-        return ids, dict.fromkeys(ids if stated else (), _BY_ROW)
+        return ids, dict.fromkeys(ids if stated else (), _BY_ROW_REMARK)
     texts, field = nearly
-    ids = _told_apart(texts)
-    numbered = {id: _NUMBERED for id, text in zip(ids, texts, strict=True) if text and id != text}
-    return ids, _rounded(ids, records, field) | numbered
+    ids = _make_unique(texts)
+    numbered = {id: _NUMBERED_REMARK for id, text in zip(ids, texts, strict=True) if text and id != text}
+    return ids, _inexact_ids(ids, records, field) | numbered
 
 
-def _rounded(ids: list[str], records: Iterable[Mapping[str, Any]], field: str) -> dict[str, str]:
+def _inexact_ids(ids: list[str], records: Iterable[Mapping[str, Any]], field: str) -> dict[str, str]:
     """The ids that stand for a number of which a float, or GDAL's text of one, holds the first digits only."""
     cells = [record[field] for record in records]
-    return {id: _ROUNDED for id, cell in zip(ids, cells, strict=True) if _is_inexact(cell)}
+    return {id: _INEXACT_REMARK for id, cell in zip(ids, cells, strict=True) if _is_inexact(cell)}
 
 
 def _is_inexact(cell: Any) -> bool:
     if isinstance(cell, float):
-        return abs(cell) >= INEXACT
-    return isinstance(cell, str) and _INEXACT_TEXT.fullmatch(cell) is not None
+        return abs(cell) >= MIN_INEXACT_INTEGER
+    return isinstance(cell, str) and _INEXACT_NUMBER.fullmatch(cell) is not None
 
 
-def _told_apart(texts: list[str]) -> list[str]:
+def _make_unique(texts: list[str]) -> list[str]:
     """The same ids, each but once: what is missing or there before is numbered."""
     ids: list[str] = []
     known = set(texts)
@@ -249,10 +249,10 @@ def _told_apart(texts: list[str]) -> list[str]:
     return ids
 
 
-def _above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
+def _height_above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
     """Height above the ground and height of the ground, from heights above the datum."""
     roof, ground = (
-        next((text for field in fields if (text := text_of(record[field]))), "") for fields in (roofs, grounds)
+        next((text for field in fields if (text := cell_text(record[field]))), "") for fields in (roofs, grounds)
     )
     try:
         return f"{float(roof) - float(ground):.2f}", ground
@@ -260,7 +260,7 @@ def _above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str
         return None
 
 
-def _parsed(value: Any) -> dict[str, str]:
+def _parse_tags(value: Any) -> dict[str, str]:
     """Tags in one cell: JSON, a mapping, or "key"=>"value" pairs."""
     if isinstance(value, str) and value.startswith("{"):
         try:
@@ -268,11 +268,11 @@ def _parsed(value: Any) -> dict[str, str]:
         except (ValueError, RecursionError):
             return {}
     if isinstance(value, dict):
-        return {str(key): text for key, stated in value.items() if (text := text_of(stated))}
+        return {str(key): text for key, stated in value.items() if (text := cell_text(stated))}
     return {key: stated for key, stated in _PAIR.findall(value)} if isinstance(value, str) else {}
 
 
-def _plain_name(text: str) -> str:
+def _primary_name(text: str) -> str:
     """A name; where it is a JSON object of names (Overture in GeoJSON), the primary one."""
     if text.startswith("{"):
         try:

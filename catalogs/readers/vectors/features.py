@@ -12,28 +12,28 @@ import shapely
 from pyproj import CRS
 
 from catalogs.broken import fault_reason
-from catalogs.features import Centrelines, Fault, Feature, Footprints, Remark
-from catalogs.frames import between
-from catalogs.readers.faces import FARTHEST
-from catalogs.readers.vectors.centrelines import centrelines_of, place_of
+from catalogs.features import Centrelines, Fault, Footprints, GroundFeature, Remark
+from catalogs.frames import coordinate_transform
+from catalogs.readers.faces import MAX_COORDINATE
+from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.classes import ground_tags
-from catalogs.readers.vectors.columns import CLASSES
-from catalogs.readers.vectors.layers import Features, read_features, read_layers
-from catalogs.readers.vectors.osm import footprint_of, is_part, is_street, listed
+from catalogs.readers.vectors.columns import CLASS_COLUMNS
+from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_layers
+from catalogs.readers.vectors.osm import parse_footprint, is_building_part, is_street, split_values
 from facade_core.core.errors import InputError
 
-_BUILDINGS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
+_BUILDING_LAYERS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 # Columns by which a layer may hold what lies on the ground, and tags by which a feature does.
-_OF_GROUND = frozenset(("highway", "railway", "waterway", "place", "man_made", "area_highway", *CLASSES))
+_GROUND_COLUMNS = frozenset(("highway", "railway", "waterway", "place", "man_made", "area_highway", *CLASS_COLUMNS))
 _GROUND_TAGS = frozenset(
     (
         "highway", "railway", "natural", "leisure", "landuse", "waterway", "place", "amenity", "area:highway", "man_made",
     )
 )  # fmt: skip
-_STREETS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
+_STREET_LAYERS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
 
 
-def read_footprints(path: Path, lod: str | None = None) -> Footprints:
+def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
     """Building outlines with the height, storeys, name and roof that the columns state, whatever they are called.
 
     A height is one to the ridge, as in OpenStreetMap: where a roof is stated it is taken off. Parts of the outline keep
@@ -41,30 +41,30 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
     what it marks is read. The frame is None where the file states none, or degrees that its coordinates cannot be.
     `lod` is not looked at. Raises InputError where the file cannot be read or holds no outlines.
     """
-    features = read_features(path, "outlines", _BUILDINGS)
-    remarks = _remarks(features)
+    features = read_layer_features(path, "outlines", _BUILDING_LAYERS)
+    remarks = _layer_remarks(features)
     faults = []
     items = []
     degrees = features.crs == "EPSG:4326"
-    bases = _bases(features.geometries)
+    bases = _base_heights(features.geometries)
     from_osm = any(tags.get("building") == "yes" for tags in features.tags)
     for id, geometry, tags, base in zip(features.ids, features.geometries, features.tags, bases, strict=True):
         if geometry is None or geometry.is_empty:
             faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
             continue
-        if tags.get("building") == "no" or (from_osm and "building" not in tags and not is_part(tags)):
+        if tags.get("building") == "no" or (from_osm and "building" not in tags and not is_building_part(tags)):
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
-        if not (np.abs(shapely.get_coordinates(geometry)) < FARTHEST).all():
+        if not (np.abs(shapely.get_coordinates(geometry)) < MAX_COORDINATE).all():
             reason = (
                 f"footprint {id} has a coordinate that is no finite number, or absurdly far away; mend or remove it"
             )
-            faults.append(Fault(id, "building", reason, place_of(geometry)))
+            faults.append(Fault(id, "building", reason, finite_points(geometry)))
             continue
         try:
-            footprint = footprint_of(id, _outline(geometry), tags, remarks, degrees=degrees)
+            footprint = parse_footprint(id, _plan_outline(geometry), tags, remarks, is_lonlat=degrees)
         except Exception as error:  # what GEOS or a tag makes of it is no other footprint's fault
-            faults.append(Fault(id, "building", f"footprint {id}: {fault_reason(error)}", place_of(geometry)))
+            faults.append(Fault(id, "building", f"footprint {id}: {fault_reason(error)}", finite_points(geometry)))
             continue
         if footprint is not None:
             if id in features.renamed:
@@ -74,7 +74,7 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
-def read_centrelines(path: Path) -> Centrelines:
+def read_vector_centrelines(path: Path) -> Centrelines:
     """Street centrelines, and what lies on the ground. Where a column states OpenStreetMap's `highway`, only streets that
     catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; where it states a class in other words, the
     same of those whose class is known; of OpenDRIVE's roads only those outside junctions. The ground is of all lines, and of
@@ -82,7 +82,7 @@ def read_centrelines(path: Path) -> Centrelines:
 
     Raises InputError where the file cannot be read or holds no lines.
     """
-    features = read_features(path, "lines", _STREETS)
+    features = read_layer_features(path, "lines", _STREET_LAYERS)
     opendrive = any(tags.get("junction") == "-1" for tags in features.tags)
     from_osm = any("highway" in tags for tags in features.tags)
 
@@ -97,44 +97,44 @@ def read_centrelines(path: Path) -> Centrelines:
             tunnel = tags.get("tunnel") == "yes" and "highway" not in tags
             if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
                 continue
-            yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
+            yield id, geometry, split_values(tags["name"])[0] if "name" in tags else None
 
-    found = centrelines_of(features.crs, streets())
+    found = build_centrelines(features.crs, streets())
     ground = [
         feature
-        for feature, tags in zip(_on_ground(features, ""), features.tags, strict=True)
+        for feature, tags in zip(_ground_features(features, ""), features.tags, strict=True)
         if feature is not None and not (opendrive and tags.get("junction") != "-1")
     ]
     if features.others:
-        others = read_layers(path, lambda layer, columns: layer != features.layer and _is_ground(layer, columns))
-        ground += _in_frame(others, features.crs)
-    return replace(found, remarks=tuple(_renamed(found, features, path)), ground=tuple(ground))
+        others = read_layers(path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns))
+        ground += _project_ground_features(others, features.crs)
+    return replace(found, remarks=tuple(_id_remarks(found, features, path)), ground=tuple(ground))
 
 
-def read_ground(path: Path) -> Centrelines:
+def read_vector_ground(path: Path) -> Centrelines:
     """What all layers of a file hold of the ground: areas, ways and crossings. No camera travels them.
 
     Raises InputError where the file cannot be read, or holds nothing of the ground.
     """
-    layers = read_layers(path, _is_ground)
+    layers = read_layers(path, _is_ground_layer)
     frame = next((layer.crs for layer in layers if layer.crs is not None), None)
-    if not (ground := _in_frame(layers, frame)):
+    if not (ground := _project_ground_features(layers, frame)):
         raise InputError(f"{path} holds nothing of the ground; give a file whose columns state what lies where")
     return Centrelines(frame, (), ground=tuple(ground))
 
 
-def _is_ground(layer: str, columns: Collection[str]) -> bool:
+def _is_ground_layer(layer: str, columns: Collection[str]) -> bool:
     """Whether a layer may hold what lies on the ground, by its name and columns."""
-    return not _OF_GROUND.isdisjoint(columns) or bool(ground_tags({}, layer, outline=True) or ground_tags({}, layer))
+    return not _GROUND_COLUMNS.isdisjoint(columns) or bool(ground_tags({}, layer, is_area=True) or ground_tags({}, layer))
 
 
-def _in_frame(layers: Sequence[Features], frame: str | None) -> list[Feature]:
+def _project_ground_features(layers: Sequence[LayerFeatures], frame: str | None) -> list[GroundFeature]:
     found = []
     for layer in layers:
-        stated = _on_ground(layer, layer.layer)
+        stated = _ground_features(layer, layer.layer)
         features = [one for one in stated if one is not None and not _GROUND_TAGS.isdisjoint(one.tags)]
         if layer.crs not in (frame, None) and frame is not None:
-            moved = between(layer.crs, CRS(frame))
+            moved = coordinate_transform(layer.crs, CRS(frame))
             features = [
                 replace(one, geometry=shapely.transform(one.geometry, moved, interleaved=False)) for one in features
             ]
@@ -142,18 +142,18 @@ def _in_frame(layers: Sequence[Features], frame: str | None) -> list[Feature]:
     return found
 
 
-def _on_ground(features: Features, layer: str) -> Iterator[Feature | None]:
+def _ground_features(features: LayerFeatures, layer: str) -> Iterator[GroundFeature | None]:
     """What each of a layer's features states of the ground, understood; its name says what those without a class are. None of
     one without a geometry."""
     for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True):
         if geometry is None:
             yield None
             continue
-        plain = {key: value if key == "class" else listed(value)[0] for key, value in tags.items()}
-        yield Feature(id, geometry, ground_tags(plain, layer, outline="Polygon" in geometry.geom_type))
+        plain = {key: value if key == "class" else split_values(value)[0] for key, value in tags.items()}
+        yield GroundFeature(id, geometry, ground_tags(plain, layer, is_area="Polygon" in geometry.geom_type))
 
 
-def _renamed(found: Centrelines, features: Features, path: Path) -> Iterator[Remark]:
+def _id_remarks(found: Centrelines, features: LayerFeatures, path: Path) -> Iterator[Remark]:
     """Remarks on lines whose ids are not what the file states; those of one id and name are pieces of one street."""
     names = {id: tags.get("name") for id, tags in zip(features.ids, features.tags, strict=True)}
     for item in found.items:
@@ -164,7 +164,7 @@ def _renamed(found: Centrelines, features: Features, path: Path) -> Iterator[Rem
             yield Remark(item.id, f"streets of {path.name} {features.renamed[id]}", None)
 
 
-def _remarks(features: Features) -> list[Remark]:
+def _layer_remarks(features: LayerFeatures) -> list[Remark]:
     if not features.others:
         return []
     return [
@@ -172,22 +172,22 @@ def _remarks(features: Features) -> list[Remark]:
     ]
 
 
-def _bases(geometries: Any) -> list[float | None]:
+def _base_heights(geometries: Any) -> list[float | None]:
     """The lowest z of each geometry, where all have one; a layer whose z are all zero states nothing."""
     drawn = [geometry for geometry in geometries if geometry is not None and not geometry.is_empty]
     if not drawn or not shapely.has_z(drawn).all():
         return [None] * len(geometries)
-    lowest = [_lowest(geometry) for geometry in geometries]
+    lowest = [_lowest_z(geometry) for geometry in geometries]
     return lowest if any(lowest) else [None] * len(geometries)
 
 
-def _lowest(geometry: Any) -> float | None:
+def _lowest_z(geometry: Any) -> float | None:
     heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
     heights = heights[np.isfinite(heights)]
     return float(heights.min()) if len(heights) else None
 
 
-def _outline(geometry: Any) -> Any:
+def _plan_outline(geometry: Any) -> Any:
     """A geometry in plan. Of a collection the polygons; a solid's faces, drawn as one MultiPolygon, become what they cover."""
     flat = shapely.force_2d(geometry)
     if geometry.geom_type == "GeometryCollection":

@@ -13,9 +13,9 @@ import shapely
 from shapely import LineString
 
 from catalogs.broken import is_system_error
-from catalogs.features import Centrelines, Fault, Feature
-from catalogs.readers.vectors.centrelines import centrelines_of
-from catalogs.readers.vectors.osm import is_street, listed
+from catalogs.features import Centrelines, Fault, GroundFeature
+from catalogs.readers.vectors.centrelines import build_centrelines
+from catalogs.readers.vectors.osm import is_street, split_values
 from facade_core.core.errors import InputError
 
 
@@ -25,12 +25,12 @@ def read_graphml(path: Path) -> Centrelines:
 
     Raises InputError where the file is no GraphML of a graph.
     """
-    graph = _graph(path)
-    places = {node: place for node, attributes in graph.nodes(data=True) if (place := _place(attributes)) is not None}
-    edges = [(start, end, _texts(attributes)) for start, end, attributes in graph.edges(data=True)]
+    graph = _load_graph(path)
+    places = {node: place for node, attributes in graph.nodes(data=True) if (place := _node_position(attributes)) is not None}
+    edges = [(start, end, _attribute_texts(attributes)) for start, end, attributes in graph.edges(data=True)]
     from_osm = any("highway" in tags for _, _, tags in edges)
     nowhere: dict[str, None] = {}
-    ground: list[Feature] = []
+    ground: list[GroundFeature] = []
 
     def streets() -> Iterator[tuple[str, Any, str | None]]:
         for start, end, tags in edges:
@@ -40,24 +40,24 @@ def read_graphml(path: Path) -> Centrelines:
             elif start in places and end in places:
                 line = LineString([places[start], places[end]])
             if line is not None:
-                plain = {key: listed(value)[0] for key, value in tags.items() if key != "geometry"}
-                ground.append(Feature(f"{start}-{end}", line, plain))
+                plain = {key: split_values(value)[0] for key, value in tags.items() if key != "geometry"}
+                ground.append(GroundFeature(f"{start}-{end}", line, plain))
             if from_osm and ("highway" not in tags or not is_street(line or LineString(), tags)):
                 continue
             if "geometry" not in tags and line is None:
                 nowhere.update(dict.fromkeys(node for node in (start, end) if node not in places))
                 continue
-            osmid = listed(tags.get("osmid", ""))[0]
-            name = listed(tags["name"])[0] if "name" in tags else None
+            osmid = split_values(tags.get("osmid", ""))[0]
+            name = split_values(tags["name"])[0] if "name" in tags else None
             yield f"w{osmid}" if osmid.isdigit() else f"{start}-{end}", line, name
 
-    found = centrelines_of(_frame(path, graph.graph.get("crs")), streets())
+    found = build_centrelines(_graph_crs(path, graph.graph.get("crs")), streets())
     reason = "node {} of the street graph has no x and y; give it both, or remove its edges"
     faults = (*found.faults, *(Fault(node, "street", reason.format(node)) for node in nowhere))
     return replace(found, faults=faults, ground=tuple(ground))
 
 
-def _graph(path: Path) -> Any:
+def _load_graph(path: Path) -> Any:
     import networkx
     from defusedxml import DefusedXmlException, ElementTree
 
@@ -75,12 +75,12 @@ def _graph(path: Path) -> Any:
         raise InputError(f"{path} cannot be read as GraphML ({reason}); write it with osmnx.save_graphml") from error
 
 
-def _texts(attributes: dict[str, Any]) -> dict[str, str]:
+def _attribute_texts(attributes: dict[str, Any]) -> dict[str, str]:
     texts = {key: str(value).strip() for key, value in attributes.items()}
     return {key: text for key, text in texts.items() if text and text.lower() not in ("nan", "none")}
 
 
-def _place(attributes: dict[str, Any]) -> tuple[float, float] | None:
+def _node_position(attributes: dict[str, Any]) -> tuple[float, float] | None:
     try:
         x, y = float(attributes["x"]), float(attributes["y"])
     except (KeyError, TypeError, ValueError):
@@ -88,7 +88,7 @@ def _place(attributes: dict[str, Any]) -> tuple[float, float] | None:
     return (x, y) if math.isfinite(x) and math.isfinite(y) else None
 
 
-def _frame(path: Path, stated: Any) -> str | None:
+def _graph_crs(path: Path, stated: Any) -> str | None:
     """EPSG:n or WKT of the graph's attribute `crs`, which old versions write as {'init': 'epsg:n'}."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError

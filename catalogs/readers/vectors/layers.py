@@ -14,10 +14,10 @@ import numpy as np
 import shapely
 
 from catalogs.broken import is_system_error
-from catalogs.readers.limits import MOST_FEATURES
-from catalogs.readers.vectors.columns import INEXACT, columns_of, identifiers, tags_of
-from catalogs.readers.vectors.shapefile_tables import check_table
-from catalogs.readers.vectors.tables import check_tables
+from catalogs.readers.limits import MAX_FEATURES
+from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, match_columns, assign_ids, record_tags
+from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
+from catalogs.readers.vectors.tables import check_geopackage_tables
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 _LONLAT = "EPSG:4326"
 # GeoParquet may unpack to the first, a larger file to so many times its size. It is looked at by so many rows.
-_UNPACKED, _PACKED, _ROWS = 64 * 2**20, 50, 500
-_PARQUET = (".parquet", ".geoparquet")
+_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO, _ROWS_PER_BATCH = 64 * 2**20, 50, 500
+_PARQUET_SUFFIXES = (".parquet", ".geoparquet")
 # What a file of each kind begins with: GDAL goes by the content, and some of its formats fetch other files and addresses.
-_BEGINS = {
+_MAGIC_BYTES = {
     ".gpkg": (b"SQLite format 3",),
     ".fgb": (b"fgb",),
     ".shp": (b"\x00\x00\x27\x0a",),
@@ -38,11 +38,11 @@ _BEGINS = {
     ".geoparquet": (b"PAR1",),
 }
 _DRIVERS = ("GPKG", "FlatGeobuf", "ESRI Shapefile", "GeoJSON", "GeoJSONSeq", "ESRIJSON", "TopoJSON", "JSONFG")
-_KINDS = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurve", "CompoundCurve")}
+_GEOMETRY_TYPES = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurve", "CompoundCurve")}
 
 
 @dataclass(frozen=True, slots=True)
-class Features:
+class LayerFeatures:
     """A layer's features row by row: ids, geometries and tags.
 
     renamed: what is to be said of ids that are not what the file states. others: its layers that were left alone.
@@ -57,58 +57,58 @@ class Features:
     others: Sequence[str]
 
 
-def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
+def read_layer_features(path: Path, kind: str, name_hints: Sequence[str]) -> LayerFeatures:
     """The features of one kind, "outlines" or "lines", of a vector file.
 
     Of several layers the one of that kind is taken, with one of the `words` in its name if possible. The frame is None where
     the file states none, or degrees that its coordinates cannot be. Raises InputError where the file cannot be read, or
     where it holds nothing of that kind.
     """
-    with _understood(path):
-        _check(path)
-        if path.suffix.lower() in _PARQUET:
+    with _wrap_library_errors(path):
+        _check_file(path)
+        if path.suffix.lower() in _PARQUET_SUFFIXES:
             layer, others = path.stem, list[str]()
         else:
-            layer, others = _layer(path, kind, words)
-        found = _read(path, layer, others)
+            layer, others = _choose_layer(path, kind, name_hints)
+        found = _read_table(path, layer, others)
     types = {geometry.geom_type for geometry in found.geometries if geometry is not None} - {"GeometryCollection"}
-    if types and not any(known in one for one in types for known in _KINDS[kind]):
+    if types and not any(known in one for one in types for known in _GEOMETRY_TYPES[kind]):
         raise InputError(f"{path} holds no {kind} but {', '.join(sorted(types))}; give a file with {kind}")
     return found
 
 
-def read_layers(path: Path, wanted: Callable[[str, Collection[str]], bool]) -> list[Features]:
+def read_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -> list[LayerFeatures]:
     """The features of all layers of a vector file that are wanted by their names and the known columns that they have.
 
     Raises InputError where the file cannot be read.
     """
-    with _understood(path):
-        _check(path)
-        if path.suffix.lower() in _PARQUET:
-            return [_read(path, path.stem, ())]
+    with _wrap_library_errors(path):
+        _check_file(path)
+        if path.suffix.lower() in _PARQUET_SUFFIXES:
+            return [_read_table(path, path.stem, ())]
         import pyogrio
 
         layers = [str(name) for name, geometry in pyogrio.list_layers(path) if geometry is not None]
         return [
-            _read(path, layer, ())
+            _read_table(path, layer, ())
             for layer in layers
-            if wanted(layer, columns_of(pyogrio.read_info(path, layer=layer)["fields"], cut=_is_cut(path)))
+            if is_wanted(layer, match_columns(pyogrio.read_info(path, layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)))
         ]
 
 
-def _read(path: Path, layer: str, others: Sequence[str]) -> Features:
-    frame, columns = _read_parquet(path) if path.suffix.lower() in _PARQUET else _read_layer(path, layer)
+def _read_table(path: Path, layer: str, others: Sequence[str]) -> LayerFeatures:
+    frame, columns = _read_parquet(path) if path.suffix.lower() in _PARQUET_SUFFIXES else _read_layer(path, layer)
     geometries = frame.geometry.to_numpy()
     records = frame.drop(columns=frame.geometry.name).to_dict("records")
-    crs = _frame_name(frame.crs)
+    crs = _crs_name(frame.crs)
     if crs == _LONLAT and not _are_degrees(geometries):
         crs = None
-    ids, renamed = identifiers(records, columns)
-    return Features(crs, ids, geometries, tags_of(records, columns), renamed, layer, others)
+    ids, renamed = assign_ids(records, columns)
+    return LayerFeatures(crs, ids, geometries, record_tags(records, columns), renamed, layer, others)
 
 
 @contextmanager
-def _understood(path: Path) -> Iterator[None]:
+def _wrap_library_errors(path: Path) -> Iterator[None]:
     """What GDAL, Arrow and GEOS say of a broken file, each by errors of its own, as an InputError."""
     try:
         yield
@@ -121,15 +121,15 @@ def _understood(path: Path) -> Iterator[None]:
         raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error
 
 
-def _check(path: Path) -> None:
+def _check_file(path: Path) -> None:
     _check_start(path)
     if path.suffix.lower() == ".gpkg":
-        check_tables(path)
+        check_geopackage_tables(path)
     elif path.suffix.lower() == ".shp":
-        check_table(path)
+        check_shapefile_table(path)
 
 
-def _is_cut(path: Path) -> bool:
+def _has_truncated_names(path: Path) -> bool:
     """Whether a file holds 10 characters of a column's name."""
     return path.suffix.lower() == ".shp"
 
@@ -140,20 +140,20 @@ def _check_start(path: Path) -> None:
             start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
     except OSError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
-    if not start.startswith(_BEGINS[path.suffix.lower()]):
+    if not start.startswith(_MAGIC_BYTES[path.suffix.lower()]):
         raise InputError(f"{path} is no {path.suffix} file by its content; export it again, e.g. as GeoPackage")
 
 
-def _layer(path: Path, kind: str, words: Sequence[str]) -> tuple[str, list[str]]:
+def _choose_layer(path: Path, kind: str, name_hints: Sequence[str]) -> tuple[str, list[str]]:
     import pyogrio
 
     listed = {str(name): str(geometry) for name, geometry in pyogrio.list_layers(path) if geometry is not None}
-    fitting = [name for name, found in listed.items() if any(known in found for known in _KINDS[kind])]
+    fitting = [name for name, found in listed.items() if any(known in found for known in _GEOMETRY_TYPES[kind])]
     fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
     if not fitting:
         others = ", ".join(f"{name} ({found})" for name, found in listed.items()) or "no layer with geometry"
         raise InputError(f"{path} holds no {kind} but {others}; give a file with {kind}")
-    chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in words))
+    chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in name_hints))
     return chosen, [name for name in listed if name != chosen]
 
 
@@ -165,7 +165,7 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
         info["driver"] not in _DRIVERS
     ):  # GDAL goes by the content, and other formats of it read other files and addresses
         raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
-    columns = columns_of(info["fields"], cut=_is_cut(path))
+    columns = match_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # which is read as the text that it is
@@ -178,23 +178,23 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
             **({"DATE_AS_STRING": "YES"} if info["driver"] == "GeoJSON" else {}),  # which takes text for dates
         )
     whole = [str(name) for name, kind in zip(info["fields"], info["dtypes"], strict=True) if "int" in str(kind)]
-    return _exact(frame, whole, lambda names: _integers(path, layer, names)), columns
+    return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)), columns
 
 
-def _exact(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], Any]) -> GeoDataFrame:
+def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], Any]) -> GeoDataFrame:
     """The frame with integers of over 53 bits as they are: a column with gaps comes as floats.
 
     whole: the fields that hold integers. read: an Arrow table of some of them.
     """
     floats = [name for name in whole if name in frame and frame[name].dtype.kind == "f"]
-    if lossy := [name for name in floats if (frame[name].abs() >= INEXACT).any()]:
+    if lossy := [name for name in floats if (frame[name].abs() >= MIN_INEXACT_INTEGER).any()]:
         table = read(lossy)
         for name in lossy:
             frame[name] = np.array(table[name].to_pylist(), dtype=object)
     return frame
 
 
-def _integers(path: Path, layer: str, names: list[str]) -> Any:
+def _read_integers(path: Path, layer: str, names: list[str]) -> Any:
     import pyogrio
 
     return pyogrio.read_arrow(path, layer=layer, columns=names, read_geometry=False)[1]
@@ -206,28 +206,28 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     from pyarrow import parquet
 
     file = parquet.ParquetFile(path)
-    if file.metadata.num_rows > MOST_FEATURES:
+    if file.metadata.num_rows > MAX_FEATURES:
         raise InputError(f"{path} holds {file.metadata.num_rows} rows; cut out the area that is meant")
     schema = file.schema_arrow
     geo = (schema.metadata or {}).get(b"geo")
     if geo is None:
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
-    columns = columns_of(schema.names, cut=False)
+    columns = match_columns(schema.names, has_truncated_names=False)
     wanted = {*columns.values(), json.loads(geo)["primary_column"]}
-    unpacked, most = 0, max(_UNPACKED, _PACKED * path.stat().st_size)
-    for batch in file.iter_batches(batch_size=_ROWS, columns=sorted(wanted.intersection(schema.names))):
+    unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
+    for batch in file.iter_batches(batch_size=_ROWS_PER_BATCH, columns=sorted(wanted.intersection(schema.names))):
         # a dictionary's text is held once, until it is written out
         unpacked += sum(
             c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
         )
         if unpacked > most:
-            raise InputError(f"{path} unpacks to over {_PACKED} times its size; export it again")
+            raise InputError(f"{path} unpacks to over {_MAX_UNPACK_RATIO} times its size; export it again")
     frame = geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted])
     whole = [field.name for field in schema if pyarrow.types.is_integer(field.type)]
-    return _exact(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
+    return _restore_integers(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
 
 
-def _frame_name(crs: Any) -> str | None:
+def _crs_name(crs: Any) -> str | None:
     """EPSG:n where the frame has a number, else WKT; only its horizontal part. None where it is not of this Earth."""
     if crs is None:
         return None

@@ -5,23 +5,23 @@ from __future__ import annotations
 import math
 import re
 
-_LENGTH = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
-_FEET_INCHES = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
-_FOOT, _INCH = 0.3048, 0.0254
+_LENGTH_TEXT = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
+_FEET_INCHES_TEXT = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
+_FOOT_M, _INCH_M = 0.3048, 0.0254
 
 
 def parse_length(text: str) -> float | None:
     """Metres from an OSM length: "12", "12.5 m", "40 ft", 7'4"; None where it is not understood."""
     text = text.strip()
-    if match := _FEET_INCHES.fullmatch(text):
-        return _finite(float(match[1]) * _FOOT + float(match[2].replace(",", ".")) * _INCH)
-    if match := _LENGTH.fullmatch(text):
+    if match := _FEET_INCHES_TEXT.fullmatch(text):
+        return _finite_or_none(float(match[1]) * _FOOT_M + float(match[2].replace(",", ".")) * _INCH_M)
+    if match := _LENGTH_TEXT.fullmatch(text):
         value = float(match[1].replace(",", "."))
-        return _finite(value * _FOOT if (match[2] or "").lower() in ("ft", "feet", "'") else value)
+        return _finite_or_none(value * _FOOT_M if (match[2] or "").lower() in ("ft", "feet", "'") else value)
     return None
 
 
-def _finite(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 

@@ -13,17 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.broken import is_system_error, fault_reason
-from catalogs.features import Centrelines, Fault, Feature, Footprint, Footprints, Remark
-from catalogs.readers.vectors.centrelines import centrelines_of, place_of
-from catalogs.readers.vectors.colours import finish_of
+from catalogs.broken import fault_reason, is_system_error
+from catalogs.features import Centrelines, Fault, Footprint, Footprints, GroundFeature, Remark
+from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
+from catalogs.readers.vectors.colours import parse_finish
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
-from catalogs.readers.vectors.roofs import roof_of, tagged_rise
+from catalogs.readers.vectors.roofs import parse_roof, tagged_roof_height
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
 # Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
-STREETS = frozenset(
+STREET_HIGHWAYS = frozenset(
     [
         "residential",
         "unclassified",
@@ -37,13 +37,13 @@ STREETS = frozenset(
         "primary_link",
     ]
 )
-WITHOUT_WALLS = frozenset(("roof", "carport"))
-TALLEST = 1000.0  # m; what is tagged as higher is a slip
-LOWEST = 2.0  # m; walls
-_LONGEST_LIST = 10_000  # letters
+OPEN_ROOF_VALUES = frozenset(("roof", "carport"))
+MAX_TAGGED_HEIGHT_M = 1000.0  # m; what is tagged as higher is a slip
+MIN_WALL_HEIGHT_M = 2.0  # m; walls
+_MAX_LIST_LENGTH = 10_000  # letters
 
 
-def read_footprints(path: Path, lod: str | None = None) -> Footprints:
+def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
     """Every building outline of a .pbf, in lon/lat (EPSG:4326); outlines have no level of detail, `lod` is not looked at.
 
     Parts of buildings (`building:part`) are among them. The height is the one to the eaves: `height` less that of the roof.
@@ -54,35 +54,35 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
     items = []
     faults = []
     seen = set()
-    for feature, geometry, tags in _features(path, lambda osm: osm.get_buildings(), _parts):
+    for feature, geometry, tags in _read_features(path, lambda osm: osm.get_buildings(), _query_parts):
         if tags.get("building") == "no" or feature in seen:
             continue
         seen.add(feature)
         try:
-            footprint = footprint_of(feature, geometry, tags, remarks, degrees=True)
+            footprint = parse_footprint(feature, geometry, tags, remarks, is_lonlat=True)
         except Exception as error:  # what GEOS or a tag makes of it is no other building's fault
-            faults.append(Fault(feature, "building", fault_reason(error), place_of(geometry)))
+            faults.append(Fault(feature, "building", fault_reason(error), finite_points(geometry)))
             continue
         if footprint is not None:
             items.append(footprint)
     return Footprints("EPSG:4326", tuple(items), tuple(remarks), tuple(faults))
 
 
-def footprint_of(
-    feature: str, geometry: Any, tags: Mapping[str, str], remarks: list[Remark], *, degrees: bool
+def parse_footprint(
+    feature: str, geometry: Any, tags: Mapping[str, str], remarks: list[Remark], *, is_lonlat: bool
 ) -> Footprint | None:
     """A building with its tags understood; None where it cannot be extruded. `remarks` takes what there is to say of it."""
-    if reason := _unusable(geometry, tags):
+    if reason := _exclusion_reason(geometry, tags):
         remarks.append(Remark(feature, f"{reason} set aside", geometry))
         return None
     height = parse_length(tags.get("height", ""))
-    if height is None or not LOWEST <= height <= TALLEST:
+    if height is None or not MIN_WALL_HEIGHT_M <= height <= MAX_TAGGED_HEIGHT_M:
         height = None
         if "height" in tags:
             remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))
-    roof = roof_of(tags, geometry, degrees=degrees)
+    roof = parse_roof(tags, geometry, is_lonlat=is_lonlat)
     if height is not None:
-        height, roof = _eaves(height, roof, tags)
+        height, roof = _wall_height(height, roof, tags)
     levels = parse_levels(tags.get("building:levels", ""))
     kind = tags.get("building", "").strip().lower()
     return Footprint(
@@ -92,49 +92,49 @@ def footprint_of(
         levels,
         tags.get("name"),
         roof=roof,
-        roof_height=tagged_rise(tags) if roof is None else None,
-        kind=kind if kind not in ("", "yes") else None,
-        built=_year(tags.get("start_date", "")),
-        finish=finish_of(tags),
-        part=is_part(tags),
-        raised=_metres(tags, "min_height") or None,
-        raised_levels=parse_levels(tags.get("building:min_level", "")),
+        roof_height=tagged_roof_height(tags) if roof is None else None,
+        use=kind if kind not in ("", "yes") else None,
+        year_built=_parse_year(tags.get("start_date", "")),
+        finish=parse_finish(tags),
+        is_part=is_building_part(tags),
+        min_height=_length_tag(tags, "min_height") or None,
+        min_level=parse_levels(tags.get("building:min_level", "")),
     )
 
 
-def is_part(tags: Mapping[str, str]) -> bool:
+def is_building_part(tags: Mapping[str, str]) -> bool:
     """Whether a feature is tagged as a part of a building; it may be tagged as a building too."""
     return tags.get("building:part", "no") != "no"
 
 
-def _parts(osm: Any) -> Any:
+def _query_parts(osm: Any) -> Any:
     wanted = {"building:part": True}
     return osm.get_data_by_custom_criteria(wanted, filter_type="keep", keep_nodes=False)
 
 
-def _year(text: str) -> int | None:
+def _parse_year(text: str) -> int | None:
     """The latest year that a date states, such as "1936", "1890s", "1908..1939" and "after 1981"."""
     years = [int(found) for found in re.findall(r"(?<!\d)(1\d{3}|20\d{2})(?!\d)", text[:100])]
     return max(years, default=None)
 
 
-def _eaves(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[float, Roof | None]:
+def _wall_height(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[float, Roof | None]:
     """Height of the walls under a roof: `height` is tagged from the ground to the ridge.
 
     A roof whose tagged height leaves no storey under it is not believed; one whose height is only assumed is made lower.
     """
-    tagged = tagged_rise(tags)
+    tagged = tagged_roof_height(tags)
     rise = roof.height if roof else tagged or 0.0
-    if height - rise >= LOWEST:
+    if height - rise >= MIN_WALL_HEIGHT_M:
         return height - rise, roof
-    left = height - LOWEST
+    left = height - MIN_WALL_HEIGHT_M
     if roof and tagged is None and left > 0.5:
-        return LOWEST, replace(roof, height=round(left, 2))
+        return MIN_WALL_HEIGHT_M, replace(roof, height=round(left, 2))
     return height, Roof("flat", 0.0)
 
 
 # What is asked for beside the network of ways: areas of ground, tracks, crossings.
-_ON_GROUND = {
+_GROUND_FILTER = {
     "natural": ["water", "wood", "scrub", "grassland", "sand", "beach"],
     "leisure": ["park", "garden", "pitch", "playground", "dog_park"],
     "landuse": [
@@ -151,43 +151,43 @@ _ON_GROUND = {
 }  # fmt: skip
 
 
-def read_centrelines(path: Path) -> Centrelines:
+def read_osm_centrelines(path: Path) -> Centrelines:
     """Every street centreline of a .pbf that a camera can travel above ground, and what lies on the ground, in lon/lat
     (EPSG:4326).
 
     Raises InputError where the file is no readable .pbf.
     """
-    ground: list[Feature] = []
+    ground: list[GroundFeature] = []
 
     def streets() -> Iterator[tuple[str, Any, str | None]]:
-        for feature, geometry, tags in _features(path, lambda osm: osm.get_network("all")):
-            ground.append(Feature(feature, geometry, tags))
+        for feature, geometry, tags in _read_features(path, lambda osm: osm.get_network("all")):
+            ground.append(GroundFeature(feature, geometry, tags))
             for line in getattr(geometry, "geoms", [geometry]):
                 if line is not None and not line.is_empty and is_street(line, tags):
                     yield feature, line, tags.get("name")
 
-    found = centrelines_of("EPSG:4326", streets())
+    found = build_centrelines("EPSG:4326", streets())
     known = {feature.id for feature in ground}
     keep = {"filter_type": "keep", "keep_nodes": True, "keep_ways": True, "keep_relations": True}
-    for feature, geometry, tags in _features(
-        path, lambda osm: osm.get_data_by_custom_criteria(custom_filter=_ON_GROUND, **keep)
+    for feature, geometry, tags in _read_features(
+        path, lambda osm: osm.get_data_by_custom_criteria(custom_filter=_GROUND_FILTER, **keep)
     ):
         if feature not in known or "Polygon" in geometry.geom_type:
-            ground.append(Feature(feature, geometry, tags))
+            ground.append(GroundFeature(feature, geometry, tags))
     return replace(found, ground=tuple(ground))
 
 
 def is_street(line: Any, tags: Mapping[str, str]) -> bool:
     """Whether a way with a `highway` tag is one that a camera can travel above ground between facades."""
-    above = tags.get("tunnel") not in ("yes", "T") and _number(tags, "layer") >= 0
+    above = tags.get("tunnel") not in ("yes", "T") and _number_tag(tags, "layer") >= 0
     # a closed pedestrian way is the outline of a square, with or without area=yes
     square = line.is_ring and ("pedestrian" in tags["highway"] or tags.get("area") == "yes")
-    return above and not square and not STREETS.isdisjoint(listed(tags["highway"]))
+    return above and not square and not STREET_HIGHWAYS.isdisjoint(split_values(tags["highway"]))
 
 
-def listed(text: str) -> list[str]:
+def split_values(text: str) -> list[str]:
     """The values of an attribute of a merged street, which OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
-    if text.startswith("[") and len(text) < _LONGEST_LIST:
+    if text.startswith("[") and len(text) < _MAX_LIST_LENGTH:
         try:
             return [str(value) for value in ast.literal_eval(text)] or [""]
         except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # MemoryError: too deeply nested
@@ -195,7 +195,7 @@ def listed(text: str) -> list[str]:
     return [text]
 
 
-def _features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
+def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
     """(id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
     with path.open("rb") as file:
         if b"OSMHeader" not in file.read(64):
@@ -215,10 +215,10 @@ def _features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, 
             continue
         for record in frame.drop(columns="geometry").assign(geometry=list(frame.geometry)).to_dict("records"):
             geometry = record.pop("geometry")
-            yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _tags(record)
+            yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _record_tags(record)
 
 
-def _tags(record: dict[str, Any]) -> dict[str, str]:
+def _record_tags(record: dict[str, Any]) -> dict[str, str]:
     """All tags of a feature; pyrosm keeps the common ones as columns and the others as JSON in `tags`."""
     rest = record.pop("tags", None)
     if isinstance(rest, str):
@@ -227,24 +227,24 @@ def _tags(record: dict[str, Any]) -> dict[str, str]:
     return tags | {key: value for key, value in record.items() if isinstance(value, str)}
 
 
-def _unusable(geometry: Any, tags: Mapping[str, str]) -> str | None:
+def _exclusion_reason(geometry: Any, tags: Mapping[str, str]) -> str | None:
     """Why a building cannot be extruded; None where it can."""
     if geometry is None or geometry.is_empty:
         return "buildings with an empty geometry"
     if geometry.geom_type not in ("Polygon", "MultiPolygon"):
         return "buildings that are no closed outlines"
-    if tags.get("building") in WITHOUT_WALLS or tags.get("building:part") in WITHOUT_WALLS:
+    if tags.get("building") in OPEN_ROOF_VALUES or tags.get("building:part") in OPEN_ROOF_VALUES:
         return "roofs without walls"
-    if _number(tags, "layer") < 0 or tags.get("location") == "underground":
+    if _number_tag(tags, "layer") < 0 or tags.get("location") == "underground":
         return "buildings under ground"
     return None
 
 
-def _metres(tags: Mapping[str, str], key: str) -> float:
+def _length_tag(tags: Mapping[str, str], key: str) -> float:
     return parse_length(tags.get(key, "")) or 0.0
 
 
-def _number(tags: Mapping[str, str], key: str) -> float:
+def _number_tag(tags: Mapping[str, str], key: str) -> float:
     try:
         return float(tags.get(key, "0"))
     except ValueError:

@@ -11,24 +11,24 @@ import shapely
 from catalogs.broken import is_system_error
 
 # Amenities behind shop windows, beside all that is tagged shop=*.
-AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
-_VACANT = ("no", "vacant")
+SHOP_AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
+_VACANT_VALUES = ("no", "vacant")
 # What is no door, or none of those that one sees and enters by.
-_NO_DOOR = ("no", "garage", "emergency", "exit")
+_EXCLUDED_ENTRANCES = ("no", "garage", "emergency", "exit")
 
 
-class Places(NamedTuple):
+class PointsOfInterest(NamedTuple):
     """Nodes of a map, each (n, 2) lon/lat (EPSG:4326), sorted: shops, cafes and the like; entrances."""
 
     shops: np.ndarray
     entrances: np.ndarray
 
 
-def read_places(path: Path) -> Places | None:
+def read_points_of_interest(path: Path) -> PointsOfInterest | None:
     """The shops and entrances of a .pbf; None where these cannot be told."""
     from pyrosm import OSM
 
-    wanted = {"shop": True, "amenity": list(AMENITIES), "entrance": True}
+    wanted = {"shop": True, "amenity": list(SHOP_AMENITIES), "entrance": True}
     try:
         frame = OSM(str(path), progress=False).get_data_by_custom_criteria(
             wanted, keep_ways=False, keep_relations=False
@@ -38,12 +38,12 @@ def read_places(path: Path) -> Places | None:
             raise
         return None
     if frame is None:
-        return Places(np.zeros((0, 2)), np.zeros((0, 2)))
+        return PointsOfInterest(np.zeros((0, 2)), np.zeros((0, 2)))
     frame = frame[frame.geometry.notna()].reindex(columns=["geometry", "shop", "amenity", "entrance"])
-    shops = (frame["shop"].notna() | frame["amenity"].isin(AMENITIES)) & ~frame["shop"].isin(_VACANT)
-    entrances = frame["entrance"].notna() & ~frame["entrance"].isin(_NO_DOOR)
-    return Places(*(_coordinates(frame["geometry"][chosen].to_numpy()) for chosen in (shops, entrances)))
+    shops = (frame["shop"].notna() | frame["amenity"].isin(SHOP_AMENITIES)) & ~frame["shop"].isin(_VACANT_VALUES)
+    entrances = frame["entrance"].notna() & ~frame["entrance"].isin(_EXCLUDED_ENTRANCES)
+    return PointsOfInterest(*(_unique_coordinates(frame["geometry"][chosen].to_numpy()) for chosen in (shops, entrances)))
 
 
-def _coordinates(points: np.ndarray) -> np.ndarray:
+def _unique_coordinates(points: np.ndarray) -> np.ndarray:
     return np.unique(shapely.get_coordinates(points).reshape(-1, 2), axis=0)

@@ -7,32 +7,32 @@ from pathlib import Path
 
 from facade_core.core.errors import InputError
 
-_FIXED = 32  # bytes of a table's header before its fields
+_HEADER_BYTES = 32  # bytes of a table's header before its fields
 
 
-def check_table(path: Path) -> None:
+def check_shapefile_table(path: Path) -> None:
     """InputError where the .dbf of a Shapefile is missing or cut, or holds another number of rows than there are shapes."""
-    table, index = _sibling(path, ".dbf"), _sibling(path, ".shx")
+    table, index = _sibling_file(path, ".dbf"), _sibling_file(path, ".shx")
     remedy = "copy it again from where the Shapefile came from, or export that as GeoPackage"
     if not table.is_file():
         raise InputError(f"{path} has no {table.name} beside it, which holds its ids and heights; {remedy}")
     try:
         with table.open("rb") as file:
-            start = file.read(_FIXED)
+            start = file.read(_HEADER_BYTES)
         size = table.stat().st_size
     except OSError as error:
         raise InputError(f"{table} cannot be opened ({error.strerror}); check its permissions") from error
-    rows, header, row = struct.unpack_from("<IHH", start, 4) if len(start) == _FIXED else (0, 0, 0)
-    if header <= _FIXED or not row:
+    rows, header, row = struct.unpack_from("<IHH", start, 4) if len(start) == _HEADER_BYTES else (0, 0, 0)
+    if header <= _HEADER_BYTES or not row:
         raise InputError(f"{table} is no dBASE table by its content; {remedy}")
     if size < header + rows * row:
         raise InputError(f"{table} is cut: {size} bytes of {header + rows * row}; {remedy}")
-    shapes = _shapes(index)
+    shapes = _count_shapes(index)
     if shapes is not None and rows != shapes:
         raise InputError(f"{table} holds {rows} rows for the {shapes} shapes of {path.name}; {remedy}")
 
 
-def _shapes(index: Path) -> int | None:
+def _count_shapes(index: Path) -> int | None:
     """How many shapes an .shx says there are; None where it does not, of which GDAL says what is wrong."""
     try:
         with index.open("rb") as file:
@@ -42,7 +42,7 @@ def _shapes(index: Path) -> int | None:
     return (2 * int(struct.unpack_from(">i", start, 24)[0]) - 100) // 8 if len(start) == 28 else None
 
 
-def _sibling(path: Path, suffix: str) -> Path:
+def _sibling_file(path: Path, suffix: str) -> Path:
     """A file of the Shapefile, in small letters or capitals, as GDAL looks for it."""
     small, capitals = path.with_suffix(suffix), path.with_suffix(suffix.upper())
     return capitals if capitals.exists() and not small.exists() else small

@@ -10,10 +10,10 @@ from catalogs.broken import short_message
 from facade_core.core.errors import InputError
 
 # What GDAL keeps beside the layers: indices of places, of which it reads the tables behind them.
-_MODULES = ("rtree",)
+_ALLOWED_MODULES = ("rtree",)
 
 
-def check_tables(path: Path) -> None:
+def check_geopackage_tables(path: Path) -> None:
     """InputError where a GeoPackage holds views, or tables that a program makes up, in place of its layers or its contents.
 
     Only the schema is read, which is a table in every file.
@@ -32,7 +32,7 @@ def check_tables(path: Path) -> None:
     for name, kind, sql in found:
         words = str(sql).lower().split()
         made_up = words[:2] == ["create", "virtual"] and not any(
-            f"using {module}" in " ".join(words) for module in _MODULES
+            f"using {module}" in " ".join(words) for module in _ALLOWED_MODULES
         )
         if (kind == "view" and (str(name).lower() in layers or str(name).lower().startswith("gpkg_"))) or made_up:
             raise InputError(f"{path}: {name} is a view or made up by a program; {remedy}")

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.export.models.textured_mesh import Textured
 from facade_core.geometry.charts import ChartKind
 
@@ -41,7 +41,7 @@ def footprints(source: Textured) -> dict[int, MultiPolygon]:
     """The footprint of every building that has one."""
     parts = {
         building: footprint(source, triangles)
-        for building, triangles in grouped(source.charts.building[source.mesh.chart]).items()
+        for building, triangles in group_rows(source.charts.building[source.mesh.chart]).items()
         if building >= 0
     }
     return {building: MultiPolygon(polygons) for building, polygons in parts.items() if polygons}

@@ -12,7 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 
 # Corners lie on a grid of so many metres, the one that is written.
 GRID_M = 0.001
@@ -167,7 +167,7 @@ def components(patches: Sequence[Patch]) -> list[list[int]]:
     one, other = np.array(pairs).T
     graph = coo_matrix((np.ones(len(one), bool), (one, other)), shape=(len(patches), len(patches)))
     _, label = connected_components(graph, directed=False)
-    return [members.tolist() for members in grouped(label).values()]
+    return [members.tolist() for members in group_rows(label).values()]
 
 
 def loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.models.buffers import FLOAT, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, Buffer
-from facade_core.export.models.encoders import Encoder
+from facade_core.export.models.buffers import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
+from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import LABELS, Features, feature_ids
 from facade_core.export.models.glb import SAMPLERS, glb_of
 from facade_core.export.models.gltf_materials import Look, materials_of
@@ -35,7 +35,7 @@ def factored_glb(
     nodes: Mapping[str, Mapping[int, Part]],
     pictures: Sequence[bytes | str],
     repeated: Sequence[bool],
-    encoder: Encoder,
+    encoder: TextureEncoder,
     features: Features,
     *,
     extras: Mapping[str, Any],
@@ -43,7 +43,7 @@ def factored_glb(
 ) -> bytes:
     """nodes: name -> texture -> what shows it there; pictures of all textures, encoded, or where they lie beside the model,
     of which those that are shown are named. Surfaces are unlit: their colours hold the light of the day."""
-    buffer = Buffer()
+    buffer = GlbBuffer()
     every = [part for parts in nodes.values() for part in parts.values()]
     chart = np.concatenate([part.chart for part in every])
     rows = np.column_stack([features.of_chart[chart], features.of_owner[chart]])
@@ -58,12 +58,12 @@ def factored_glb(
             ids = index[start : start + len(position)]
             start += len(position)
             attributes = {
-                "POSITION": buffer.accessor(
+                "POSITION": buffer.add_accessor(
                     position, FLOAT, "VEC3", min=position.min(axis=0).tolist(), max=position.max(axis=0).tolist()
                 ),
-                "NORMAL": buffer.accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
-                "TEXCOORD_0": buffer.accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
-                "COLOR_0": buffer.accessor(
+                "NORMAL": buffer.add_accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
+                "TEXCOORD_0": buffer.add_accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
+                "COLOR_0": buffer.add_accessor(
                     np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
                 ),
             }
@@ -72,17 +72,17 @@ def factored_glb(
             primitives.append(
                 {
                     "attributes": attributes | named,
-                    "indices": buffer.accessor(triangles, UNSIGNED_INT, "SCALAR", target=INDICES),
+                    "indices": buffer.add_accessor(triangles, UNSIGNED_INT, "SCALAR", target=ELEMENT_ARRAY_BUFFER),
                     "material": shown.index(texture),
                     "extensions": {"EXT_mesh_features": mesh_features},
                 }
             )
         meshes.append({"name": name, "primitives": primitives})
-    metadata = features.metadata(used, buffer.view)
+    metadata = features.metadata(used, buffer.add_view)
     # an unlit look has one picture
     materials = materials_of([Look(b"")] * len(shown), encoder)
     images = [
-        {"uri": picture} if isinstance(picture, str) else {"bufferView": buffer.view(picture), "mimeType": encoder.mime}
+        {"uri": picture} if isinstance(picture, str) else {"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type}
         for picture in (pictures[texture] for texture in shown)
     ]
     textures = [
@@ -103,6 +103,6 @@ def factored_glb(
         "textures": textures,
         "images": images,
         "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT, "wrapT": REPEAT}],
-        **buffer.document,
+        **buffer.document_parts,
     }
     return glb_of(document, buffer.chunks)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.grouping import Grouped, grouped
+from facade_core.core.grouping import RowIndex, group_rows
 from facade_core.export.factored.glb import Part
 from facade_core.export.factored.texture_packing import Shown
 from facade_core.export.factored.wall_geometry import Piece, Pieces
@@ -84,7 +84,7 @@ def _part(rows: Sequence[tuple[Any, ...]], frame: Frame) -> Part:
 
 
 def rest(
-    source: Textured, triangles_of: Grouped, charts: np.ndarray, before: int, frame: Frame
+    source: Textured, triangles_of: RowIndex, charts: np.ndarray, before: int, frame: Frame
 ) -> tuple[list[np.ndarray], dict[int, dict[int, Part]]]:
     """The pages of charts that are not factored, before which are so many other pictures; and their parts, by building.
     triangles_of: the mesh's by chart."""
@@ -103,12 +103,12 @@ def rest(
     drawn, mesh = pages.drawn, source.mesh
     place = np.full(len(source.charts), -1, np.int64)
     place[charts] = np.arange(len(charts))
-    mine = triangles_of.of_any(charts)
+    mine = triangles_of.rows_with_any(charts)
     page = drawn.layout.page[place[mesh.chart[mine]]]
     owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
     count = len(drawn.layout.pages)
     parts: dict[int, dict[int, Part]] = {}
-    for code, here in sorted(grouped((owner + 1) * count + page).items()):
+    for code, here in sorted(group_rows((owner + 1) * count + page).items()):
         used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
         chart = mesh.vertex_chart[used]
         parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = Part(

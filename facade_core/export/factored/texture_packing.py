@@ -13,7 +13,7 @@ from facade_core.export.factored.grain_similarity import alike
 from facade_core.export.factored.image_quilting import Grain
 from facade_core.export.factored.library import Library
 from facade_core.export.factored.wall_geometry import Key, Piece, Pieces
-from facade_core.export.models.encoders import MIPMAPS
+from facade_core.export.models.encoders import MIPMAP_FACTOR
 from facade_core.export.models.page_packing import CELL, pack_pages
 
 # No element is shown with more texels a metre, where it is largest.
@@ -122,4 +122,4 @@ def _on_pages(
 
 def held(pictures: Sequence[np.ndarray]) -> float:
     """Bytes that pictures take of a graphics card: four a texel, and a third more for their mipmaps."""
-    return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAPS
+    return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAP_FACTOR

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 from facade_core.export.bodies.recess import DEPTHS_M
 from facade_core.export.factored.glb import factored_glb
 from facade_core.export.factored.parts import joined, parts_of, rest, together
 from facade_core.export.factored.texture_packing import Shown, held
 from facade_core.export.factored.wall_geometry import Pieces
-from facade_core.export.models.encoders import Encoder
+from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import Features
 from facade_core.export.models.textured_mesh import Frame, Textured
 from facade_core.export.tiles.cells import Cell
@@ -37,15 +37,15 @@ class Leaves:
     others: np.ndarray
     frame: Frame
     features: Features
-    encoder: Encoder
+    encoder: TextureEncoder
     copyright: str
     write: Callable[[str, bytes], None]
     texture_bytes: float = 0.0
     triangles: int = 0
-    triangles_of: Grouped = field(init=False)
+    triangles_of: RowIndex = field(init=False)
 
     def __post_init__(self) -> None:
-        self.triangles_of = Grouped(self.source.mesh.chart)
+        self.triangles_of = RowIndex(self.source.mesh.chart)
 
     def of(self, cell: Cell) -> list[Level]:
         """The levels of a cell, the coarsest first; one where nothing is factored, as they would be the same."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.surface_materials import RELIEF
-from facade_core.street.materials.relief import depth_of
+from facade_core.street.materials.relief import relief_depth
 
 # Bars and frames stand so far out of their panes, metres.
 FRAME_M = 0.04
@@ -31,7 +31,7 @@ def heights(
     out = np.clip((grey / mean - 1) / DARKEST, -1, 0.5) * RELIEF[substance]
     if labels is not None:
         # balconies and shops have ragged edges: their steps would glitter
-        out += depth_of(
+        out += relief_depth(
             np.where(np.isin(labels, (FacadeClass.BALCONY, FacadeClass.SHOP)), FacadeClass.WALL, labels), density
         )
         out[frames] += np.float32(FRAME_M)

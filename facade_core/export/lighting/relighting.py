@@ -31,11 +31,11 @@ from facade_core.facade.wall_material import wall_material
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import LEAST
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact import contact
-from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sunlight
-from facade_core.street.materials.field import LEAST_OPEN
-from facade_core.street.materials.field_kernels import SHADOW
-from facade_core.street.propagation.render import shade
+from facade_core.street.lighting.contact_shadow import contact_light
+from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sunlight_share
+from facade_core.street.materials.field import MIN_OPEN_SKY
+from facade_core.street.materials.field_kernels import OCCLUSION_LOSS
+from facade_core.street.propagation.render import daylight_grey
 
 # Charts whose colours and maps are held: those of a building, of which a shell asks for each again and again.
 HELD = 64
@@ -87,11 +87,11 @@ class _Charts:
         colour, shape = self.source.raster(chart), provenance.shape
         light = np.ones((*shape, 1), np.float32)
         if known.sun is not None:
-            light = (SKY_LIGHT + sunlight(self.scene, chart, known.sun)[..., None] * SUN_LIGHT).astype(np.float32)
+            light = (SKY_LIGHT + sunlight_share(self.scene, chart, known.sun)[..., None] * SUN_LIGHT).astype(np.float32)
         painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
         if painted.any():
-            clear, left = self.sky(chart, shape), contact(self.scene, chart)
-            own = shade(self.scene.charts.normal()[chart]) * (1 - SHADOW * (1 - clear))
+            clear, left = self.sky(chart, shape), contact_light(self.scene, chart)
+            own = daylight_grey(self.scene.charts.normal()[chart]) * (1 - OCCLUSION_LOSS * (1 - clear))
             own = own if left is None else own * left
             light = light * np.where(painted, own, np.float32(1))[..., None]
         pictured = provenance > Provenance.SYNTHESISED
@@ -114,7 +114,7 @@ class _Charts:
         daylight.reach([chart])
         rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.place[chart])
         grid = daylight.light[first : first + rows * columns].reshape(rows, columns)
-        free = max(0.5 + 0.5 * float(self.scene.charts.normal()[chart, 2]), LEAST_OPEN)
+        free = max(0.5 + 0.5 * float(self.scene.charts.normal()[chart, 2]), MIN_OPEN_SKY)
         grid = np.minimum((grid - LEAST) / (1 - LEAST) / free, 1).astype(np.float32)
         for axis in (0, 1):
             grid = _between(grid, axis, shape[axis])
@@ -154,7 +154,7 @@ class _Charts:
         coarse = None if labels is None else labels[::2, ::2]
         height = heights(coarse, substance, small, frames, density / 2)
         occlusion = self.sky(chart, half) * sunk(height, density / 2)
-        left = contact(self.scene, chart)
+        left = contact_light(self.scene, chart)
         if left is not None:
             occlusion = occlusion * scaled(np.ascontiguousarray(left, np.float32)[..., None], size)[..., 0]
         orm = np.stack([occlusion, roughness, np.zeros(half, np.float32)], axis=-1)

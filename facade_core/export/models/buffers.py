@@ -10,11 +10,11 @@ import numpy as np
 # glTF's numbers for component types.
 BYTE, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5123, 5125, 5126
 # For the targets of views.
-VERTICES, INDICES = 34962, 34963
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 
 @dataclass
-class Buffer:
+class GlbBuffer:
     """bufferViews and accessors of a glTF document, and the bytes that they are of; each part begins at a multiple of eight."""
 
     views: list[dict[str, Any]] = field(default_factory=list)
@@ -22,28 +22,28 @@ class Buffer:
     chunks: list[bytes] = field(default_factory=list)
     length: int = 0
 
-    def view(self, data: bytes, **more: Any) -> int:
+    def add_view(self, data: bytes, **more: Any) -> int:
         """Index of a view of some bytes."""
         self.views.append({"buffer": 0, "byteOffset": self.length, "byteLength": len(data), **more})
         self.chunks.append(data + b"\0" * (-len(data) % 8))
         self.length += len(self.chunks[-1])
         return len(self.views) - 1
 
-    def accessor(self, values: np.ndarray, component: int, kind: str, *, target: int = VERTICES, **more: Any) -> int:
+    def add_accessor(self, values: np.ndarray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any) -> int:
         """Index of an accessor of values (n, k), whose rows are padded to four bytes where they are a vertex'."""
         stride = {}
-        if target == VERTICES:
+        if target == ARRAY_BUFFER:
             width = -(-values.itemsize * values.shape[1] // 4) * 4
             rows = np.zeros((len(values), width // values.itemsize), values.dtype)
             rows[:, : values.shape[1]] = values
             values, stride = rows, {"byteStride": width}
-        view = self.view(values.tobytes(), target=target, **stride)
+        view = self.add_view(values.tobytes(), target=target, **stride)
         self.accessors.append(
             {"bufferView": view, "componentType": component, "count": len(values), "type": kind, **more}
         )
         return len(self.accessors) - 1
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document_parts(self) -> dict[str, Any]:
         """What glTF's document says of it."""
         return {"accessors": self.accessors, "bufferViews": self.views, "buffers": [{"byteLength": self.length}]}

@@ -14,29 +14,29 @@ from facade_core.export.models.pages import QUALITY, encode
 # Of WebP and of ETC1S, 0 to 100, by the eye: what they lose beside JPEG at QUALITY is not measured.
 WEBP_QUALITY, ETC1S_QUALITY, ETC1S_EFFORT = 85, 90, 1
 # Of JPEG's data.
-DATA_QUALITY = 80
+JPEG_DATA_QUALITY = 80
 # CesiumJS keeps 512 MiB of tiles with all that they hold, 3d-tiles-renderer .4 GiB: a view that takes more is thrown out and
 # loaded again without end, and there is to be room for tiles that were in view before. KTX2 is asked for small cards.
-VIEW_MB, SMALL_VIEW_MB = 300.0, 120.0
+MAX_VIEW_MB, MAX_KTX2_VIEW_MB = 300.0, 120.0
 # A texture and its mipmaps: a third more.
-MIPMAPS = 4 / 3
+MIPMAP_FACTOR = 4 / 3
 
 
 @dataclass(frozen=True)
-class Encoder:
+class TextureEncoder:
     """How pages (h, w, 3) uint8 are encoded, of colours and of data, such as normals. extension: glTF's, by which textures name
     a picture, None for what every reader knows; texel_bytes: what a graphics card holds of a texel, at most; view_mb: what
     textures of a view take of it, MB at most, where nothing else is asked for."""
 
-    mime: str
+    mime_type: str
     extension: str | None
-    texel_bytes: float
-    view_mb: float
+    bytes_per_texel: float
+    max_view_mb: float
     encode: Callable[[np.ndarray], bytes]
     encode_data: Callable[[np.ndarray], bytes]
 
 
-def encoder(name: str) -> Encoder:
+def texture_encoder(name: str) -> TextureEncoder:
     """By its name, one of ENCODERS. Raises InputError where what it needs is not installed."""
     if name == "ktx2":
         try:
@@ -59,7 +59,7 @@ def _jpeg_data(image: np.ndarray) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=DATA_QUALITY, subsampling=0)
+    Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_DATA_QUALITY, subsampling=0)
     return buffer.getvalue()
 
 
@@ -85,9 +85,9 @@ def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
 
 # ETC1S becomes BC7, ETC2 or ASTC on the card: a byte a texel or half of that. The others are held as red, green, blue, alpha.
 ENCODERS = {
-    "jpeg": Encoder("image/jpeg", None, 4.0, VIEW_MB, lambda image: encode(image, QUALITY), _jpeg_data),
-    "webp": Encoder("image/webp", "EXT_texture_webp", 4.0, VIEW_MB, _webp, _webp),
-    "ktx2": Encoder(
-        "image/ktx2", "KHR_texture_basisu", 1.0, SMALL_VIEW_MB, _ktx2, lambda image: _ktx2(image, srgb=False)
+    "jpeg": TextureEncoder("image/jpeg", None, 4.0, MAX_VIEW_MB, lambda image: encode(image, QUALITY), _jpeg_data),
+    "webp": TextureEncoder("image/webp", "EXT_texture_webp", 4.0, MAX_VIEW_MB, _webp, _webp),
+    "ktx2": TextureEncoder(
+        "image/ktx2", "KHR_texture_basisu", 1.0, MAX_KTX2_VIEW_MB, _ktx2, lambda image: _ktx2(image, srgb=False)
     ),
 }

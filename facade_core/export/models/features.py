@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.models.buffers import FLOAT, UNSIGNED_SHORT, Buffer
+from facade_core.export.models.buffers import FLOAT, UNSIGNED_SHORT, GlbBuffer
 
 # What stands for an unknown value, by type: none of them is one that a column has.
 NO_TEXT, NO_INTEGER, NO_NUMBER = "", -(2**31), -9999.0
-CLASS = "part"
+METADATA_CLASS = "part"
 # The sets of ids of a vertex: its part's row and its building's.
 LABELS = ("part", "building")
 # Appends data to a model's buffer; returns the index of the view on them.
@@ -80,20 +80,20 @@ class Features:
         schema = {
             "id": "streetloom",
             "description": "parts of a textured block, by the columns of its catalogue",
-            "classes": {CLASS: {"name": CLASS, "properties": {one.name: one.schema() for one in self.properties}}},
+            "classes": {METADATA_CLASS: {"name": METADATA_CLASS, "properties": {one.name: one.schema() for one in self.properties}}},
         }
-        table = {"name": "parts", "class": CLASS, "count": len(shown), "properties": columns}
+        table = {"name": "parts", "class": METADATA_CLASS, "count": len(shown), "properties": columns}
         return {"schema": schema, "propertyTables": [table]}
 
 
-def feature_ids(ids: np.ndarray, rows: int, buffer: Buffer) -> tuple[dict[str, int], dict[str, Any]]:
+def feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
     """The attributes of a primitive's vertices that name their rows, and EXT_mesh_features of it, a set for each label.
 
     ids (v, labels), of a table of so many rows. All sets are of the one table, but only the first says so: CesiumJS takes a
     table for one set alone."""
     kind, component = ("<u2", UNSIGNED_SHORT) if rows <= np.iinfo("<u2").max else ("<f4", FLOAT)
     attributes = {
-        f"_FEATURE_ID_{number}": buffer.accessor(ids[:, number : number + 1].astype(kind), component, "SCALAR")
+        f"_FEATURE_ID_{number}": buffer.add_accessor(ids[:, number : number + 1].astype(kind), component, "SCALAR")
         for number in range(len(LABELS))
     }
     sets = [

@@ -11,7 +11,15 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from facade_core.export.models.buffers import BYTE, FLOAT, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, VERTICES, Buffer
+from facade_core.export.models.buffers import (
+    ARRAY_BUFFER,
+    BYTE,
+    ELEMENT_ARRAY_BUFFER,
+    FLOAT,
+    UNSIGNED_INT,
+    UNSIGNED_SHORT,
+    GlbBuffer,
+)
 from facade_core.export.models.gltf_materials import Look, Time, materials_of
 
 # Component types as numpy has them.
@@ -84,7 +92,7 @@ def glb_bytes(
         "tangent": [tangents(p.tangent) for p in primitives if p.tangent is not None],
         "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
     }
-    buffer = Buffer()
+    buffer = GlbBuffer()
     first: dict[str, int] = {}
     for name, parts in arrays.items():
         kind = KINDS[name]
@@ -104,9 +112,9 @@ def glb_bytes(
             start += part.nbytes
         if parts:
             stride = {} if name == "triangles" else {"byteStride": 4 * parts[0].shape[1]}
-            target = INDICES if name == "triangles" else VERTICES
-            buffer.view(b"".join(part.tobytes() for part in parts), target=target, **stride)
-    pictures = [buffer.view(picture) for picture in shown.pictures]
+            target = ELEMENT_ARRAY_BUFFER if name == "triangles" else ARRAY_BUFFER
+            buffer.add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
+    pictures = [buffer.add_view(picture) for picture in shown.pictures]
 
     meshes: list[dict[str, Any]] = []
     count = leaning = 0
@@ -142,7 +150,7 @@ def glb_bytes(
             **shown.document,
             "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
             "samplers": SAMPLERS,
-            **buffer.document,
+            **buffer.document_parts,
         }
     return glb_of(document, buffer.chunks)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from facade_core.export.models.encoders import ENCODERS, Encoder
+from facade_core.export.models.encoders import ENCODERS, TextureEncoder
 from facade_core.export.models.pages import Pictures
 
 # How lit windows are over what a picture's white is: they are to shine, and colours beside them stay.
@@ -31,7 +31,7 @@ class Look:
     glow: bytes | None = None
 
 
-def look_of(pictures: Pictures, encoder: Encoder) -> Look:
+def look_of(pictures: Pictures, encoder: TextureEncoder) -> Look:
     """A page, encoded."""
     maps = pictures.maps
     if maps is None:
@@ -55,7 +55,7 @@ class Materials:
     primitives: tuple[dict[str, Any], ...]
 
 
-def materials_of(looks: Sequence[Look], encoder: Encoder = ENCODERS["jpeg"], time: Time = "day") -> Materials:
+def materials_of(looks: Sequence[Look], encoder: TextureEncoder = ENCODERS["jpeg"], time: Time = "day") -> Materials:
     """The materials of looks, at a time of day."""
     pictures: list[bytes] = []
     textures: list[dict[str, Any]] = []

@@ -56,7 +56,7 @@ def halved(layout: Layout) -> Layout:
 
 
 def lay_out(size: np.ndarray, group: np.ndarray, *, largest: int = LARGEST_PAGE) -> Layout:
-    """Put pieces of `size` (n, 2), width and height in texels, on shelves of pages of at most `largest` square.
+    """Put pieces of `size` (n, 2), width and height in texels, on shelves of pages of at most `max_chart_side` square.
 
     group (n,) ints in rising order of place: pieces of one group lie together, and a page is shared only by groups that follow
     one another. Pages are as small as their pieces allow. A piece and its gutters must fit a page.

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.export.models.glb import Node, Primitive
 from facade_core.export.models.pages import (
     GUTTER,
@@ -244,7 +244,7 @@ def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> 
         page = part.layout.page[place[mesh.chart[mine]]]
         owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
         pages = len(part.layout.pages)
-        for code, here in grouped((owner + 1) * pages + page).items():
+        for code, here in group_rows((owner + 1) * pages + page).items():
             building, shown = code // pages - 1, code % pages
             triangles = mesh.triangles[mine[here]]
             used, index = np.unique(triangles, return_inverse=True)

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
 from facade_core.export.pictures import filtering
 from facade_core.export.pictures.camera import Camera
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sky import HAZE_M, HORIZON, backdrop
+from facade_core.street.lighting.sky import HAZE_M, HORIZON_COLOUR, backdrop_colour
 
 # An element of which more than this share was hidden is one that the completion made.
 COMPLETED = 0.3
@@ -56,7 +56,7 @@ class Picture:
         pinhole = filtering.Pinhole(self.camera.position, ahead, right, down, focal, width, height)
         axes = np.stack([charts.axis_u, charts.axis_v, charts.normal()], axis=1)
         for chart, raster in rasters.items():
-            here = self._by_chart.of(chart)
+            here = self._by_chart.rows_with(chart)
             if not len(here):
                 continue
             depth = self.depth[here]
@@ -73,12 +73,12 @@ class Picture:
         for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // AT_ONCE):
             share = (1 - np.exp((nearest - self.depth[some]) / HAZE_M))[:, None].astype(np.float32)
             here = self.pixel[some]
-            drawn[here] = (drawn[here] * (1 - share) + HORIZON.astype(np.float32) * share + 0.5).astype(np.uint8)
+            drawn[here] = (drawn[here] * (1 - share) + HORIZON_COLOUR.astype(np.float32) * share + 0.5).astype(np.uint8)
         return drawn.reshape(self.rgb.shape)
 
     @cached_property
-    def _by_chart(self) -> Grouped:
-        return Grouped(self.chart)
+    def _by_chart(self) -> RowIndex:
+        return RowIndex(self.chart)
 
 
 def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
@@ -93,7 +93,7 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
         rays = dense.rays(rows)
         depth[rows], chart[rows] = scene.caster.cast(camera.position, rays)
         missed = chart[rows] == MISS
-        rgb[rows][missed] = backdrop(rays[missed])
+        rgb[rows][missed] = backdrop_colour(rays[missed])
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
     return Picture(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
 

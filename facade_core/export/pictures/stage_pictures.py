@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.rasters import Rasters, read_rasters
-from facade_core.atlas.stored_files import read_encoded
+from facade_core.atlas.rasters import TexelLayout, read_rasters
+from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import colourise
 from facade_core.core.types import Lattice
@@ -72,7 +72,7 @@ class StoredFacade:
         record = self.record or {}
         if "variation_file" not in record:
             raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
-        return Hierarchy.from_bytes(read_encoded(self.group, record["variation_file"], record["variation_digest"]))
+        return Hierarchy.from_bytes(read_stored_file(self.group, record["variation_file"], record["variation_digest"]))
 
     def level(self, level: int) -> np.ndarray:
         """It at a level of its hierarchy."""
@@ -89,7 +89,7 @@ class StoredFacade:
 
 def chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
     """The texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
-    flat = read_rasters(group[name], placement, Rasters.of(placement, [chart]))
+    flat = read_rasters(group[name], placement, TexelLayout.of(placement, [chart]))
     return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
 
 

@@ -12,7 +12,7 @@ from facade_core.export.pictures.camera import Camera, aerial, close_up, street_
 from facade_core.export.pictures.rendering import Picture, averaged
 from facade_core.geometry.walls import STREET
 from facade_core.plan.plan import Plan
-from facade_core.street.lighting.sun import Sun, direction
+from facade_core.street.lighting.sun import Sun, sun_direction
 
 VIEW_SIZE = (900, 1440)
 # Rays along each side of a pixel.
@@ -59,7 +59,7 @@ def _worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) -> np.
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
         worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
     if sun is not None:
-        worth *= np.where(plan.scene.charts.normal() @ direction(sun) > 0, 1.0, SHADED_WORTH)
+        worth *= np.where(plan.scene.charts.normal() @ sun_direction(sun) > 0, 1.0, SHADED_WORTH)
     return worth
 
 

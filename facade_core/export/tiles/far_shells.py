@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.export.bodies.footprints import footprint
 from facade_core.export.models.pages import Maps, scaled
 from facade_core.export.models.textured_mesh import Textured, shown_area
@@ -47,7 +47,7 @@ def simplified_shells(source: Textured, density: float, tell: Callable[[], None]
     """A shell for every building, with rasters of `density` texels per metre; `tell` is called after each building."""
     pieces, kept = Pieces(), []
     off: dict[int, float] = {}
-    triangles = grouped(source.charts.building[source.mesh.chart])
+    triangles = group_rows(source.charts.building[source.mesh.chart])
     for building, mine in triangles.items():
         if building < 0:
             continue
@@ -64,7 +64,7 @@ def simplified_shells(source: Textured, density: float, tell: Callable[[], None]
     maps = source.maps
     looks = [source.raster, *([] if maps is None else [lambda chart: _glow(maps(chart))])]
     rasters: list[dict[int, np.ndarray]] = [{} for _ in looks]
-    for building, mine in grouped(charts.building).items():
+    for building, mine in group_rows(charts.building).items():
         for own, baked in zip(
             rasters, bake(source, triangles[building], charts, mine, texels, density, looks), strict=True
         ):

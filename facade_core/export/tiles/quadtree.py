@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import Charts
 
 # Side of the grid's largest cells, metres: what lies further apart shares no tile, however little it is.
@@ -46,7 +46,7 @@ class Leaf(NamedTuple):
 def members_of(charts: Charts, texels: np.ndarray, drawn: np.ndarray) -> Members:
     """The members with some charts, `drawn` (k,) ascending; texels (charts,) of every chart."""
     centres = charts.points(np.arange(len(charts)), *charts.size.T / 2)[:, :2]
-    by_building = grouped(charts.building[drawn])
+    by_building = group_rows(charts.building[drawn])
     ground = drawn[by_building.pop(-1, np.zeros(0, np.int64))]
     owner = np.array(sorted(by_building), np.int64)
     own = [drawn[by_building[building]] for building in owner.tolist()]
@@ -57,7 +57,7 @@ def members_of(charts: Charts, texels: np.ndarray, drawn: np.ndarray) -> Members
 
 def quadrants(points: np.ndarray, corner: np.ndarray, side: float) -> dict[int, np.ndarray]:
     """The points (n, 2) in each quadrant of a cell, by their indices: 1 is east, 2 is north, 3 is both."""
-    return grouped((points >= corner + side / 2) @ [1, 2])
+    return group_rows((points >= corner + side / 2) @ [1, 2])
 
 
 def quadrant_corner(quadrant: int, corner: np.ndarray, side: float) -> np.ndarray:
@@ -82,7 +82,7 @@ def grid_leaves(members: Members, most: int) -> list[Leaf]:
             divide(f"{below}{quadrant}", inside[mine], quadrant_corner(quadrant, corner, side), side / 2)
 
     cells, of = np.unique(np.floor(members.points / LARGEST_M).astype(np.int64), axis=0, return_inverse=True)
-    by_cell = grouped(of.reshape(-1))
+    by_cell = group_rows(of.reshape(-1))
     for number, (column, row) in enumerate(cells.tolist()):
         divide(f"{column}_{row}", by_cell[number], np.array([column, row]) * LARGEST_M, LARGEST_M)
     return sorted(leaves, key=lambda leaf: leaf.path)

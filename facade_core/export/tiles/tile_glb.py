@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.models.buffers import BYTE, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, Buffer
-from facade_core.export.models.encoders import Encoder
+from facade_core.export.models.buffers import BYTE, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
+from facade_core.export.models.encoders import TextureEncoder
 from facade_core.export.models.features import LABELS, Features, feature_ids
 from facade_core.export.models.glb import SAMPLERS, glb_of, tangents
 from facade_core.export.models.gltf_materials import Look, Time, materials_of
@@ -39,14 +39,14 @@ class Batch:
 def tile_glb(
     batches: Sequence[Batch],
     looks: Sequence[Look],
-    encoder: Encoder,
+    encoder: TextureEncoder,
     features: Features,
     copyright: str,
     time: Time = "day",
 ) -> bytes:
     """The tile of batches, the i-th of which shows the i-th look."""
     shown = materials_of(looks, encoder, time)
-    buffer = Buffer()
+    buffer = GlbBuffer()
     everything = np.concatenate([batch.position for batch in batches])
     low, step = quantised_frame(everything)
     used, index = np.unique(np.concatenate([batch.rows for batch in batches]), return_inverse=True)
@@ -59,30 +59,30 @@ def tile_glb(
         start += len(batch.position)
         bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
         attributes = {
-            "POSITION": buffer.accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
-            "NORMAL": buffer.accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
-            "TEXCOORD_0": buffer.accessor(
+            "POSITION": buffer.add_accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
+            "NORMAL": buffer.add_accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
+            "TEXCOORD_0": buffer.add_accessor(
                 np.round(batch.uv * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
             ),
         }
         if batch.tangent is not None:
             along = np.round(tangents(batch.tangent) * BYTE_MOST).astype("i1")
-            attributes["TANGENT"] = buffer.accessor(along, BYTE, "VEC4", normalized=True)
+            attributes["TANGENT"] = buffer.add_accessor(along, BYTE, "VEC4", normalized=True)
         named, mesh_features = feature_ids(ids, len(used), buffer)
         wide = len(batch.position) > SHORT_MOST
         triangles = batch.triangles.astype("<u4" if wide else "<u2").reshape(-1, 1)
         primitives.append(
             {
                 "attributes": attributes | named,
-                "indices": buffer.accessor(
-                    triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=INDICES
+                "indices": buffer.add_accessor(
+                    triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=ELEMENT_ARRAY_BUFFER
                 ),
                 "material": number,
                 "extensions": {"EXT_mesh_features": mesh_features},
             }
         )
-    metadata = features.metadata(used, buffer.view)
-    images = [{"bufferView": buffer.view(picture), "mimeType": encoder.mime} for picture in shown.pictures]
+    metadata = features.metadata(used, buffer.add_view)
+    images = [{"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type} for picture in shown.pictures]
     required = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
@@ -102,7 +102,7 @@ def tile_glb(
         "textures": shown.document["textures"],
         "images": images,
         "samplers": SAMPLERS,
-        **buffer.document,
+        **buffer.document_parts,
     }
     return glb_of(document, buffer.chunks)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.export.models.page_packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
 from facade_core.export.models.pages import Layout, Pictures, halved, scaled
 from facade_core.export.models.textured_mesh import Drawn, Textured, drawn_maps
@@ -67,7 +67,7 @@ def tile_pages(source: Textured, charts: np.ndarray, scale: float = 1.0) -> Tile
     """Pages of charts (k,), ascending, at `scale` of their texels."""
     wanted = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
     size = room(np.minimum(wanted, LARGEST_PAGE))
-    of_chart = grouped(source.mesh.chart)
+    of_chart = group_rows(source.mesh.chart)
     masks, used = [], 0.0
     for chart, (width, height) in zip(charts.tolist(), size.tolist(), strict=True):
         corners = source.coordinates[source.mesh.triangles[of_chart[chart]]] / source.extent[chart] * [width, height]

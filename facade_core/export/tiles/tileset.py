@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.export.city_models.attribution import Attribution
-from facade_core.export.models.encoders import MIPMAPS, Encoder
+from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
 from facade_core.export.models.features import Features
 from facade_core.export.models.gltf_materials import Time, look_of, texels_held
 from facade_core.export.models.textured_mesh import Textured
@@ -62,7 +62,7 @@ class _Writer:
     shells: Shells
     frame: EarthFrame
     features: Features
-    encoder: Encoder
+    encoder: TextureEncoder
     copyright: str
     write: Callable[[str, bytes], None]
     scale: float
@@ -167,7 +167,7 @@ def write_tileset(
     shells: Shells,
     frame: EarthFrame,
     features: Features,
-    encoder: Encoder,
+    encoder: TextureEncoder,
     write: Callable[[str, bytes], None],
     *,
     scale: float = 1.0,
@@ -207,7 +207,7 @@ def corners_of(positions: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def scale_of_view(
-    source: Textured, shells: Shells, cells: Cell, encoder: Encoder, most_bytes: float, time: Time = "day"
+    source: Textured, shells: Shells, cells: Cell, encoder: TextureEncoder, most_bytes: float, time: Time = "day"
 ) -> float:
     """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
     tiles within VIEW_M of the middle of any of them, and of the coarse tiles above these, which viewers keep beside them."""
@@ -217,7 +217,7 @@ def scale_of_view(
     coarse = list(_coarse_cells(cells))
     # a leaf's path begins with those of the cells above it; (views, coarse tiles)
     above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
-    texel_bytes = encoder.texel_bytes * MIPMAPS * texels_held(source.maps is not None, time)
+    texel_bytes = encoder.bytes_per_texel * MIPMAP_FACTOR * texels_held(source.maps is not None, time)
     scale = 1.0
     while True:
         fine = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
@@ -266,7 +266,7 @@ def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batc
     place[drawn.charts] = np.arange(len(drawn.charts))
     mine = np.flatnonzero(place[mesh.chart] >= 0)
     found = []
-    for _, here in sorted(grouped(drawn.layout.page[place[mesh.chart[mine]]]).items()):
+    for _, here in sorted(group_rows(drawn.layout.page[place[mesh.chart[mine]]]).items()):
         used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
         chart = mesh.vertex_chart[used]
         found.append(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Frame
+from facade_core.facade.layout.facade_frame import FacadeFrame
 
 Box = tuple[float, float, float, float]
 
@@ -20,7 +20,7 @@ STYLE_LENGTH = 11
 _MAX_METRIC_HEIGHT = 60.0
 
 
-def facade_style(elements: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray | None:
+def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Box) -> np.ndarray | None:
     """(STYLE,) of a whole layout; None where its windows show no columns or floors."""
     if len(facade.columns) < 2 or len(facade.floors) < 2:
         return None

@@ -10,20 +10,20 @@ from facade_core.core.errors import LayoutError, ModelError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Completion, Element, Parsing
 from facade_core.facade.layout.blind_layouts import sample_layouts
-from facade_core.facade.layout.facade_frame import Box, frame
-from facade_core.facade.layout.gap_filling import made_whole
-from facade_core.facade.layout.grids import boxes, grids
-from facade_core.facade.layout.image_evidence import weighed
-from facade_core.facade.layout.model import LayoutModel, shipped
-from facade_core.facade.layout.proposal_features import describe
-from facade_core.facade.layout.proposals import Proposals, propose
-from facade_core.facade.layout.ranking import probability
-from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW, iou, overlaps
-from facade_core.facade.layout.rows import added, least_gap
+from facade_core.facade.layout.facade_frame import Box, fit_facade_frame
+from facade_core.facade.layout.gap_filling import find_gaps_and_strays
+from facade_core.facade.layout.grids import box_array, fit_grids
+from facade_core.facade.layout.image_evidence import apply_image_evidence
+from facade_core.facade.layout.model import LayoutModel, shipped_layout_model
+from facade_core.facade.layout.proposal_features import compute_features
+from facade_core.facade.layout.proposals import Proposals, propose_elements
+from facade_core.facade.layout.ranking import predict_probability
+from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW, pairwise_iou, pairwise_overlap
+from facade_core.facade.layout.rows import find_missing_windows, min_window_gap
 from facade_core.facade.layout.scores import score
-from facade_core.facade.layout.selection import aligned, pick
-from facade_core.facade.layout.shop_floor import row_of_shops
-from facade_core.facade.layout.validation import check_domain, check_elements, checked_region
+from facade_core.facade.layout.selection import align_to_lines, select_proposals
+from facade_core.facade.layout.shop_floor import select_shop_row
+from facade_core.facade.layout.validation import check_domain, check_elements, check_region
 
 # An alternative picks what is this share as likely as what is picked (`examples.likely`): more, or fewer.
 _THRESHOLD_FACTORS = (1.0, 0.7, 1.5, 2.0, 0.3)
@@ -34,16 +34,16 @@ _SUPPORT_WEIGHT = 0.03
 # What the picture makes less likely by this factor fills no gap.
 _MIN_EVIDENCE_RATIO = 0.5
 # Shops of a row come together, before what is as likely.
-_TOGETHER = 0.2
+_GROUP_BONUS = 0.2
 # A row of windows is there where its windows are this share as likely in the mean as one by itself must be; on the ground floor
 # of a front, which is not bare.
-_ROW, _GROUND = 0.65, 0.2
+_ROW_FACTOR, _GROUND_ROW_FACTOR = 0.65, 0.2
 # A door that a map has is there.
-_MAPPED = 0.9
+_MAPPED_DOOR_PROBABILITY = 0.9
 # An alternative that is like one chosen before is worth so much less.
-_ALIKE = 0.5
+_SIMILARITY_PENALTY = 0.5
 # Weight of the statistical model beside the share that is likely right.
-_PLAUSIBLE = 0.02
+_SCORE_WEIGHT = 0.02
 
 
 def complete(
@@ -86,14 +86,14 @@ def complete(
     check_domain(domain)
     seen = list(dict.fromkeys(observed))
     check_elements(seen, domain)
-    region = checked_region(seen, domain, observed_region)
-    chosen = model or shipped()
+    region = check_region(seen, domain, observed_region)
+    chosen = model or shipped_layout_model()
     if not seen and len(region):
         return [Completion((), score([], domain, model=chosen))]
     if not seen:
-        return _imagined(domain, chosen, n, seed)
+        return _sample_completions(domain, chosen, n, seed)
     layouts = rank_layouts(seen, domain, region, chosen, evidence, alternatives=n > 1, entrances=entrances, front=front)
-    return [Completion((*seen, *layout), value) for layout, value in _distinct(layouts, n)]
+    return [Completion((*seen, *layout), value) for layout, value in _select_diverse(layouts, n)]
 
 
 def rank_layouts(
@@ -109,32 +109,32 @@ def rank_layouts(
 ) -> list[tuple[tuple[Element, ...], float]]:
     """Layouts of the hidden part with their scores, best first; the likeliest only unless alternatives are asked for."""
     things = [e for e in seen if e.label in ELEMENT_CLASSES]
-    fitted = grids(things)
-    found = propose(things, fitted, domain, region, model.usual, entrances)
-    facade = frame(things, domain)
-    likely = probability(model.trees, describe(found, things, fitted, facade, domain, region))
+    fitted = fit_grids(things)
+    found = propose_elements(things, fitted, domain, region, model.usual, entrances)
+    facade = fit_facade_frame(things, domain)
+    likely = predict_probability(model.trees, compute_features(found, things, fitted, facade, domain, region))
     denied = np.zeros(len(likely), bool)
     if evidence is not None:
         before = likely
-        likely = weighed(likely, found.box, found.label, evidence, domain)
+        likely = apply_image_evidence(likely, found.box, found.label, evidence, domain)
         denied = likely < _MIN_EVIDENCE_RATIO * before
-    likely = np.where(_at(found, entrances), np.maximum(likely, _MAPPED), likely)
-    blocked = boxes([e for e in seen if e.label not in (*ELEMENT_CLASSES, "wall")])
+    likely = np.where(_mapped_doors(found, entrances), np.maximum(likely, _MAPPED_DOOR_PROBABILITY), likely)
+    blocked = box_array([e for e in seen if e.label not in (*ELEMENT_CLASSES, "wall")])
     wanted = model.likely[found.label]
-    apart = least_gap(things)
-    clear = _clear(found, things, blocked, apart)
+    apart = min_window_gap(things)
+    clear = _find_unobstructed(found, things, blocked, apart)
     # unlikely doors under every column would each be worth a try, and together no facade
     doors = max(1, sum(e.label == "door" for e in things), len(entrances))
     certain = np.zeros(len(likely), bool)
     if front and any(e.label == "door" for e in things):
         doors = len(entrances)
     elif front:
-        certain = _needed(found, likely, clear)
-    entered = _needed(found, likely, clear & (likely >= wanted)) | certain
-    shops = row_of_shops(found, likely, clear, float(model.likely[SHOP]))
+        certain = _likeliest_door(found, likely, clear)
+    entered = _likeliest_door(found, likely, clear & (likely >= wanted)) | certain
+    shops = select_shop_row(found, likely, clear, float(model.likely[SHOP]))
     better = likely + _SUPPORT_WEIGHT * found.support.mean(axis=1)
-    better[shops] += _TOGETHER
-    better[entered] += _TOGETHER
+    better[shops] += _GROUP_BONUS
+    better[entered] += _GROUP_BONUS
 
     def free(share: float) -> np.ndarray:
         """What is at least a share as likely as what is picked; of shops all of a row or none."""
@@ -143,7 +143,7 @@ def rank_layouts(
             chosen[shops] = likely[shops].mean() >= share * model.likely[SHOP]
         return chosen
 
-    expected = float(likely[pick(found.box, found.label, better, free(1.0), blocked, apart)].sum()) / 0.8
+    expected = float(likely[select_proposals(found.box, found.label, better, free(1.0), blocked, apart)].sum()) / 0.8
     choices = [(better, free(share)) for share in _THRESHOLD_FACTORS]
     # what one way of carrying on the grids proposes, before anything else
     for of_one in found.support.T:
@@ -151,29 +151,29 @@ def rank_layouts(
         choices += [(better + own, free(1.0) | (own & free(share))) for share in _VARIANT_FACTORS]
     made: dict[tuple[Element, ...], float] = {}
     done: set[bytes] = set()
-    row, standing = (float(share * model.likely[WINDOW]) for share in (_ROW, _GROUND if front else _ROW))
+    row, standing = (float(share * model.likely[WINDOW]) for share in (_ROW_FACTOR, _GROUND_ROW_FACTOR if front else _ROW_FACTOR))
     for preference, chosen in choices if alternatives else choices[:1]:
-        kept = pick(found.box, found.label, preference + 2 * certain, chosen | certain, blocked, apart)
+        kept = select_proposals(found.box, found.label, preference + 2 * certain, chosen | certain, blocked, apart)
         if kept.tobytes() in done:
             continue
         done.add(kept.tobytes())
-        fill, alone = made_whole(found, kept, np.where(denied, 0, better), things, blocked)
-        kept = _with(found, kept, fill & clear, alone, preference, blocked, apart)
-        fill = added(found, kept, np.where(denied, 0, likely), things, clear, apart, least=row, standing=standing)
-        kept = _with(found, kept, fill, np.zeros_like(fill), preference, blocked, apart)
+        fill, alone = find_gaps_and_strays(found, kept, np.where(denied, 0, better), things, blocked)
+        kept = _reselect(found, kept, fill & clear, alone, preference, blocked, apart)
+        fill = find_missing_windows(found, kept, np.where(denied, 0, likely), things, clear, apart, row_threshold=row, ground_row_threshold=standing)
+        kept = _reselect(found, kept, fill, np.zeros_like(fill), preference, blocked, apart)
         kept = kept[(found.label[kept] != DOOR) | (np.cumsum(found.label[kept] == DOOR) <= doors)]
         if made and not len(kept):  # to complete nothing is no alternative
             continue
-        layout = aligned(found, kept, likely, things, domain, region, blocked)
+        layout = align_to_lines(found, kept, likely, things, domain, region, blocked)
         right = float(likely[kept].sum())
         value = 2 * right / max(len(kept) + max(expected, right), 1e-9)
-        value += _PLAUSIBLE * score([*things, *layout], domain, model=model)
+        value += _SCORE_WEIGHT * score([*things, *layout], domain, model=model)
         # the first choice is the one of largest expected F1: no alternative counts more
         made.setdefault(layout, min(value, next(iter(made.values()), value)))
     return sorted(made.items(), key=lambda item: -item[1])
 
 
-def _at(found: Proposals, entrances: Sequence[float]) -> np.ndarray:
+def _mapped_doors(found: Proposals, entrances: Sequence[float]) -> np.ndarray:
     """(N,) bool: the proposals that are the door nearest to one of these places, and at it."""
     at = np.zeros(len(found.box), bool)
     middle, width = (found.box[:, 0] + found.box[:, 2]) / 2, found.box[:, 2] - found.box[:, 0]
@@ -184,7 +184,7 @@ def _at(found: Proposals, entrances: Sequence[float]) -> np.ndarray:
     return at
 
 
-def _with(
+def _reselect(
     found: Proposals,
     kept: np.ndarray,
     fill: np.ndarray,
@@ -196,17 +196,17 @@ def _with(
     """What is picked without what is alone, and with what fills the rest up."""
     took = np.zeros(len(fill), bool)
     took[kept] = True
-    return pick(found.box, found.label, preference + 4 * took, (took & ~alone) | fill, blocked, apart)
+    return select_proposals(found.box, found.label, preference + 4 * took, (took & ~alone) | fill, blocked, apart)
 
 
-def _clear(found: Proposals, things: Sequence[Element], blocked: np.ndarray, apart: float) -> np.ndarray:
+def _find_unobstructed(found: Proposals, things: Sequence[Element], blocked: np.ndarray, apart: float) -> np.ndarray:
     """(N,) bool: the proposals that nothing stands in the way of, nor, of windows, one that is seen too near."""
-    windows = boxes([e for e in things if e.label == "window"])
+    windows = box_array([e for e in things if e.label == "window"])
     grown = found.box + np.array([-apart, 0, apart, 0])
-    return ~overlaps(found.box, blocked).any(axis=1) & ~((found.label == WINDOW) & overlaps(grown, windows).any(axis=1))
+    return ~pairwise_overlap(found.box, blocked).any(axis=1) & ~((found.label == WINDOW) & pairwise_overlap(grown, windows).any(axis=1))
 
 
-def _needed(found: Proposals, likely: np.ndarray, clear: np.ndarray) -> np.ndarray:
+def _likeliest_door(found: Proposals, likely: np.ndarray, clear: np.ndarray) -> np.ndarray:
     """(N,) bool: the likeliest door that is clear, where there is one."""
     door = (found.label == DOOR) & clear
     needed = np.zeros(len(door), bool)
@@ -215,30 +215,30 @@ def _needed(found: Proposals, likely: np.ndarray, clear: np.ndarray) -> np.ndarr
     return needed
 
 
-def _distinct(layouts: Sequence[tuple[tuple[Element, ...], float]], n: int) -> list[tuple[tuple[Element, ...], float]]:
+def _select_diverse(layouts: Sequence[tuple[tuple[Element, ...], float]], n: int) -> list[tuple[tuple[Element, ...], float]]:
     """The best, and then one after the other that of which score and unlikeness to those chosen are most; best first."""
     kept = [0]
     alike = np.zeros(len(layouts))
     value = np.array([value for _, value in layouts])
     while len(kept) < min(n, len(layouts)):
         last = layouts[kept[-1]][0]
-        alike = np.maximum(alike, [_likeness(layout, last) for layout, _ in layouts])
-        worth = value - _ALIKE * alike
+        alike = np.maximum(alike, [_layout_similarity(layout, last) for layout, _ in layouts])
+        worth = value - _SIMILARITY_PENALTY * alike
         worth[kept] = -np.inf
         kept.append(int(worth.argmax()))
     return [layouts[k] for k in sorted(kept)]
 
 
-def _likeness(a: Sequence[Element], b: Sequence[Element]) -> float:
+def _layout_similarity(a: Sequence[Element], b: Sequence[Element]) -> float:
     """The share of two layouts that is in both: elements of one label that overlap by half their union."""
     if not a or not b:
         return float(len(a) == len(b))
     label = [np.array([ELEMENT_CLASSES.index(e.label) for e in layout]) for layout in (a, b)]
-    same = (iou(boxes(a), boxes(b)) >= 0.5) & (label[0][:, None] == label[1])
+    same = (pairwise_iou(box_array(a), box_array(b)) >= 0.5) & (label[0][:, None] == label[1])
     return 2 * float(same.any(axis=1).sum()) / (len(a) + len(b))
 
 
-def _imagined(domain: Box, model: LayoutModel, n: int, seed: int) -> list[Completion]:
+def _sample_completions(domain: Box, model: LayoutModel, n: int, seed: int) -> list[Completion]:
     rng = np.random.default_rng([seed % 2**31, 3])
     layouts = [tuple(layout) for layout in sample_layouts(domain, model.styles, model.metric, 12 + 2 * n, rng)]
     made = [Completion(layout, score(layout, domain, model=model)) for layout in dict.fromkeys(layouts)]

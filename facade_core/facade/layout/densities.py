@@ -11,24 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.facade.layout.statistics import LABELS
+from facade_core.facade.layout.statistics import LABEL_COUNT
 
-COMPONENTS = 4
+COMPONENT_COUNT = 4
 # Log-densities are never below this: a term can speak against a layout, not forbid it (Eq. 8 is ln 0 for a single type).
-FLOOR = float(np.log(1e-3))
+MIN_LOG_DENSITY = float(np.log(1e-3))
 # Narrower components are spikes at values such as "complete", whose density says more of rounding than of facades.
-_LEAST_DEVIATION = 0.03
-_CONSTANT = float(np.log(2 * np.pi))
+_MIN_DEVIATION = 0.03
+_LOG_TWO_PI = float(np.log(2 * np.pi))
 
 # The weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
 # symmetry.
 TERMS = ("as", "ed", "gr", "completeness", "gp", "ga", "ec", "coverage", "fb", "fs")
 
 # Rows of Densities.mixtures after one aspect ratio per label.
-WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, ALIGN_X, ALIGN_Y, COVERAGE, SIDES, TOP, BOTTOM = range(
-    LABELS, LABELS + 11
+WIDTH_RATIO_ROW, HEIGHT_RATIO_ROW, REGULAR_X_ROW, REGULAR_Y_ROW, COMPLETENESS_ROW, ALIGN_X_ROW, ALIGN_Y_ROW, COVERAGE_ROW, SIDE_BORDER_ROW, TOP_BORDER_ROW, BOTTOM_BORDER_ROW = range(
+    LABEL_COUNT, LABEL_COUNT + 11
 )
-MIXTURES = LABELS + 11
+MIXTURE_COUNT = LABEL_COUNT + 11
 # Bins of the symmetric share and of the doors' place; the first door bin is "no door".
 SYMMETRY_BINS, DOOR_BINS = 10, 6
 
@@ -53,16 +53,16 @@ def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
     from sklearn.mixture import GaussianMixture
 
     data = values[:, None] if values.ndim == 1 else values
-    out = np.zeros((COMPONENTS, 5))
+    out = np.zeros((COMPONENT_COUNT, 5))
     if len(data) < 2:
         centre = data.mean(axis=0) if len(data) else np.zeros(data.shape[1])
         out[0, :3] = 1, centre[0], 1
         out[0, 3:] = (centre[1], 1) if data.shape[1] > 1 else (0, 0)
         return out
     best, best_bic = None, np.inf
-    for k in range(1, min(COMPONENTS, len(np.unique(data, axis=0))) + 1):
+    for k in range(1, min(COMPONENT_COUNT, len(np.unique(data, axis=0))) + 1):
         fitted = GaussianMixture(
-            k, covariance_type="diag", reg_covar=_LEAST_DEVIATION**2, random_state=seed, n_init=2
+            k, covariance_type="diag", reg_covar=_MIN_DEVIATION**2, random_state=seed, n_init=2
         ).fit(data)
         bic = fitted.bic(data)
         if best is None or bic < best_bic:
@@ -81,22 +81,22 @@ def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
 def log_density(value: float, mixture: np.ndarray) -> float:
     """ln p(value), not below FLOOR."""
     total = 0.0
-    for k in range(COMPONENTS):
+    for k in range(COMPONENT_COUNT):
         if mixture[k, 0] > 0:
             z = (value - mixture[k, 1]) / mixture[k, 2]
-            total += mixture[k, 0] * np.exp(-0.5 * (z * z + _CONSTANT)) / mixture[k, 2]
-    return max(FLOOR, np.log(total)) if total > 0 else FLOOR
+            total += mixture[k, 0] * np.exp(-0.5 * (z * z + _LOG_TWO_PI)) / mixture[k, 2]
+    return max(MIN_LOG_DENSITY, np.log(total)) if total > 0 else MIN_LOG_DENSITY
 
 
 @njit(cache=True)
 def log_conditional(value: float, condition: float, mixture: np.ndarray) -> float:
     """ln p(value | condition), not below FLOOR."""
     joint, marginal = 0.0, 0.0
-    for k in range(COMPONENTS):
+    for k in range(COMPONENT_COUNT):
         if mixture[k, 0] > 0:
             c = (condition - mixture[k, 3]) / mixture[k, 4]
             share = mixture[k, 0] * np.exp(-0.5 * c * c) / mixture[k, 4]
             z = (value - mixture[k, 1]) / mixture[k, 2]
             marginal += share
-            joint += share * np.exp(-0.5 * (z * z + _CONSTANT)) / mixture[k, 2]
-    return max(FLOOR, np.log(joint / marginal)) if joint > 0 else FLOOR
+            joint += share * np.exp(-0.5 * (z * z + _LOG_TWO_PI)) / mixture[k, 2]
+    return max(MIN_LOG_DENSITY, np.log(joint / marginal)) if joint > 0 else MIN_LOG_DENSITY

@@ -7,22 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 
 # No facade has more rows or columns between two that are seen, or beyond the last.
-_MOST = 64
+_MAX_LINES = 64
 
 
-def continued(floors: np.ndarray, heights: np.ndarray, how: np.ndarray, low: float, high: float) -> np.ndarray:
+def extrapolate_floors(floors: np.ndarray, heights: np.ndarray, progression: np.ndarray, low: float, high: float) -> np.ndarray:
     """(rows, 2) centres and heights of floors below, and above, those seen.
 
     floors, heights (F,) of those seen, from top to bottom, at least two; how (4,): the first step, every later one, both in
-    pitches seen, and the height of the first window and of later ones in heights seen, as `continuations` learns them; low,
+    pitches seen, and the height of the first window and of later ones in heights seen, as `floor_progressions` learns them; low,
     high: the domain. Steps upwards are the inverse: storeys that grow downwards shrink upwards.
     """
     pitch, height = float(np.median(np.diff(floors))), float(np.median(heights))
     found = []
     for sign, start, end in ((1, floors[-1], high), (-1, floors[0], low)):
-        first, later, tall, taller = how if sign > 0 else 1 / how
+        first, later, tall, taller = progression if sign > 0 else 1 / progression
         at = start
-        for k in range(_MOST):
+        for k in range(_MAX_LINES):
             at = at + sign * pitch * (later if k else first)
             own = height * (taller if k else tall)
             if sign * (at - end) + own / 2 > 0:
@@ -31,8 +31,8 @@ def continued(floors: np.ndarray, heights: np.ndarray, how: np.ndarray, low: flo
     return np.array(found).reshape(-1, 2)
 
 
-def continuations(floors: np.ndarray, heights: np.ndarray) -> list[tuple[float, ...]]:
-    """How a whole facade's floors go on below each of its floors but the first: logarithms of what `continued` takes."""
+def floor_progressions(floors: np.ndarray, heights: np.ndarray) -> list[tuple[float, ...]]:
+    """How a whole facade's floors go on below each of its floors but the first: logarithms of what `extrapolate_floors` takes."""
     found = []
     for k in range(2, len(floors)):
         pitch, height = np.median(np.diff(floors[:k])), np.median(heights[:k])
@@ -43,14 +43,14 @@ def continuations(floors: np.ndarray, heights: np.ndarray) -> list[tuple[float, 
     return found
 
 
-def filled(lines: Sequence[float] | np.ndarray, pitch: float, size: float, low: float, high: float) -> np.ndarray:
+def resample_lines(lines: Sequence[float] | np.ndarray, pitch: float, size: float, low: float, high: float) -> np.ndarray:
     """Lines with every gap divided into the whole number of steps nearest to `pitch`, and both ends carried on by it as far as
     elements of `size` fit into [low, high]."""
     found: list[float] = []
     for a, b in zip(lines[:-1], lines[1:], strict=True):
-        steps = min(max(1, round((b - a) / pitch)), _MOST)
+        steps = min(max(1, round((b - a) / pitch)), _MAX_LINES)
         found += np.linspace(a, b, steps + 1)[:-1].tolist()
-    below = min(int((high - size / 2 - lines[-1]) / pitch), _MOST)
-    above = min(int((lines[0] - low - size / 2) / pitch), _MOST)
+    below = min(int((high - size / 2 - lines[-1]) / pitch), _MAX_LINES)
+    above = min(int((lines[0] - low - size / 2) / pitch), _MAX_LINES)
     found += [float(lines[-1]) + pitch * k for k in range(max(below, 0) + 1)]
     return np.array([float(lines[0]) - pitch * k for k in range(max(above, 0), 0, -1)] + found)

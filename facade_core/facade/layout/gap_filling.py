@@ -7,39 +7,39 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import ONE_LINE, lines
-from facade_core.facade.layout.grids import boxes
+from facade_core.facade.layout.facade_frame import ONE_LINE, cluster_centres
+from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.proposals import Proposals
-from facade_core.facade.layout.rectangles import WINDOW, overlaps
+from facade_core.facade.layout.rectangles import WINDOW, pairwise_overlap
 
 # A cell is filled where at least this share of its row and of its column is taken; a row of which less is, and none seen,
 # is none.
-_FULL, _ALONE = 0.5, 0.26
+_MIN_FILLED_SHARE, _MIN_ROW_SHARE = 0.5, 0.26
 
 
-def made_whole(
-    found: Proposals, kept: np.ndarray, likely: np.ndarray, seen: Sequence[Element], blocked: np.ndarray
+def find_gaps_and_strays(
+    proposals: Proposals, selected: np.ndarray, probability: np.ndarray, observed: Sequence[Element], obstacles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(N,) bool each, of proposals: windows that fill gaps of the layout that is picked, `kept`; those of it that are alone.
 
     likely (N,): how likely each is, which decides between several for one cell, 0 of one that is not there; blocked (M, 4):
     where none can be.
     """
-    fill, alone = np.zeros(len(found.box), bool), np.zeros(len(found.box), bool)
-    own = kept[found.label[kept] == WINDOW]
-    box = np.concatenate([boxes([e for e in seen if e.label == "window"]), found.box[own]])
+    fill, alone = np.zeros(len(proposals.box), bool), np.zeros(len(proposals.box), bool)
+    own = selected[proposals.label[selected] == WINDOW]
+    box = np.concatenate([box_array([e for e in observed if e.label == "window"]), proposals.box[own]])
     if not len(own):
         return fill, alone
     centre, size = (box[:, :2] + box[:, 2:]) / 2, np.median(box[:, 2:] - box[:, :2], axis=0)
-    (x, column), (y, row) = (lines(centre[:, axis], ONE_LINE * float(size[axis])) for axis in (0, 1))
+    (x, column), (y, row) = (cluster_centres(centre[:, axis], ONE_LINE * float(size[axis])) for axis in (0, 1))
     taken = np.zeros((len(y), len(x)), bool)
     taken[row, column] = True
-    free = (found.label == WINDOW) & (likely > 0)
-    if len(blocked):
-        free &= ~overlaps(found.box, blocked).any(axis=1)
+    free = (proposals.label == WINDOW) & (probability > 0)
+    if len(obstacles):
+        free &= ~pairwise_overlap(proposals.box, obstacles).any(axis=1)
     index = np.flatnonzero(free)
-    index = index[np.argsort(-likely[index], kind="stable")]
-    middle = (found.box[index, :2] + found.box[index, 2:]) / 2
+    index = index[np.argsort(-probability[index], kind="stable")]
+    middle = (proposals.box[index, :2] + proposals.box[index, 2:]) / 2
     away = [np.abs(middle[:, axis, None] - at) < ONE_LINE * size[axis] for axis, at in ((0, x), (1, y))]
     cell = np.full(taken.shape, -1)
     for r, c in np.argwhere(~taken).tolist():
@@ -48,10 +48,10 @@ def made_whole(
             cell[r, c] = index[there[0]]
     wide = taken | (cell >= 0)
     in_row, in_column = (taken.sum(axis=a) / wide.sum(axis=a) for a in (1, 0))
-    gaps = (cell >= 0) & (in_row[:, None] >= _FULL) & (in_column >= _FULL)
+    gaps = (cell >= 0) & (in_row[:, None] >= _MIN_FILLED_SHARE) & (in_column >= _MIN_FILLED_SHARE)
     fill[cell[gaps]] = True
     shown = np.zeros(len(y), bool)
     shown[row[: len(box) - len(own)]] = True
-    lonely = ~shown & (in_row < _ALONE)
+    lonely = ~shown & (in_row < _MIN_ROW_SHARE)
     alone[own[lonely[row[len(box) - len(own) :]]]] = True
     return fill, alone

@@ -9,13 +9,13 @@ from statistics import median
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.grids import Grid, boxes
+from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.parsing.elements import per_window
 
 # Spacings that agree to this share are equal; the far margin may bend the spacing by as much.
 _SPACING_TOLERANCE = 0.12
 # A grid is carried on by so many lines at each end, and fills a gap with so many, at most: more are no facade's.
-_LINES = 64
+_MAX_ADDED_LINES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,83 +30,83 @@ class Extension:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known:
+class ExtensionContext:
     """What extensions of one layout share: its grids, the widths of their columns and heights of their rows by position,
     and how windows carry balconies."""
 
     fitted: Sequence[Grid]
     widths: Sequence[dict[float, float]]
     heights: Sequence[dict[float, float]]
-    balconies: _Attachments | None
+    balconies: _BalconyAttachment | None
 
 
-def known(seen: Sequence[Element], fitted: Sequence[Grid]) -> Known:
+def extension_context(seen: Sequence[Element], fitted: Sequence[Grid]) -> ExtensionContext:
     """fitted: the grids of `seen`."""
-    box = boxes(seen)
+    box = box_array(seen)
     side = (box[:, 2:] - box[:, :2]).tolist()
-    return Known(
+    return ExtensionContext(
         fitted,
-        [{x: _median(side, grid.cells[:, k], 0) for k, x in enumerate(grid.columns)} for grid in fitted],
-        [{y: _median(side, grid.cells[k], 1) for k, y in enumerate(grid.rows)} for grid in fitted],
-        _balconies(seen),
+        [{x: _median_side(side, grid.cells[:, k], 0) for k, x in enumerate(grid.columns)} for grid in fitted],
+        [{y: _median_side(side, grid.cells[k], 1) for k, y in enumerate(grid.rows)} for grid in fitted],
+        _fit_attachment(seen),
     )
 
 
-def extend(what: Known, domain: tuple[float, float, float, float], how: Extension) -> Iterator[Element]:
+def extend_grids(context: ExtensionContext, domain: tuple[float, float, float, float], variant: Extension) -> Iterator[Element]:
     """Proposals in order of trust, not yet cleared of overlaps: windows with balconies, shops, doors, other balconies."""
     x0, y0, x1, y1 = domain
-    balcony_of = what.balconies
+    balcony_of = context.balconies
     for label in ("window", "shop", "door", "balcony"):
-        for number, grid in enumerate(what.fitted):
+        for number, grid in enumerate(context.fitted):
             if grid.label != label:
                 continue
-            columns = lengthen(grid.columns, grid.width, x0, x1, how.balanced, how.trim_column)
-            if how.mirrored or len(grid.columns) == 1:
-                columns = mirrored(columns, grid.width, x0 + x1)
+            columns = extend_lines(grid.columns, grid.width, x0, x1, variant.balanced, variant.trim_column)
+            if variant.mirrored or len(grid.columns) == 1:
+                columns = mirror_columns(columns, grid.width, x0 + x1)
             # Doors and shops stand on the ground, so only their row is carried on.
             rows = np.array(grid.rows)
             if label in ("window", "balcony"):
-                rows = lengthen(grid.rows, grid.height, y0, y1, False, how.trim_row)
-            if label == "door" and (grid.cells >= 0).sum() < 3 and not how.mirrored:
+                rows = extend_lines(grid.rows, grid.height, y0, y1, False, variant.trim_row)
+            if label == "door" and (grid.cells >= 0).sum() < 3 and not variant.mirrored:
                 continue
-            for e in _cells(grid, what.widths[number], what.heights[number], rows, columns):
+            for e in _cell_elements(grid, context.widths[number], context.heights[number], rows, columns):
                 yield e
                 if label == "window" and balcony_of:
-                    yield from _balcony_at(e, balcony_of)
+                    yield from _attached_balcony(e, balcony_of)
 
 
-def lengthen(known: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool) -> np.ndarray:
+def extend_lines(positions_seen: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool) -> np.ndarray:
     """Positions with gaps of whole multiples filled and both ends carried on as far as [low, high] reaches."""
-    spacing = np.diff(known)
+    spacing = np.diff(positions_seen)
     if not len(spacing):
-        return np.array(known)
-    pattern = _pattern(spacing)
+        return np.array(positions_seen)
+    pattern = _spacing_cycle(spacing)
     pitch = float(np.mean(pattern))
-    positions = [known[0]]
-    for p in known[1:]:
+    positions = [positions_seen[0]]
+    for p in positions_seen[1:]:
         gap = p - positions[-1]
         steps = round(gap / pitch)
-        if len(pattern) == 1 and 1 < steps <= _LINES and abs(gap / steps - pitch) <= _SPACING_TOLERANCE * pitch:
+        if len(pattern) == 1 and 1 < steps <= _MAX_ADDED_LINES and abs(gap / steps - pitch) <= _SPACING_TOLERANCE * pitch:
             positions += [positions[-1] + gap * k / steps for k in range(1, steps)]
         positions.append(p)
     before, after = [], []
     at, k = positions[-1], 0
-    while k < _LINES and (at := at + pattern[(len(spacing) + k) % len(pattern)]) + size / 2 <= high:
+    while k < _MAX_ADDED_LINES and (at := at + pattern[(len(spacing) + k) % len(pattern)]) + size / 2 <= high:
         after.append(at)
         k += 1
     at, k = positions[0], 0
-    while k < _LINES and (at := at - pattern[(-1 - k) % len(pattern)]) - size / 2 >= low:
+    while k < _MAX_ADDED_LINES and (at := at - pattern[(-1 - k) % len(pattern)]) - size / 2 >= low:
         before.append(at)
         k += 1
     if balanced and len(pattern) == 1:
-        after = balance(positions[-1], after, high - (positions[0] - low), pitch) if not before else after
-        before = balance(positions[0], before, low + (high - positions[-1]), pitch) if not after else before
+        after = balance_margins(positions[-1], after, high - (positions[0] - low), pitch) if not before else after
+        before = balance_margins(positions[0], before, low + (high - positions[-1]), pitch) if not after else before
     if trim:
         before, after = before[:-1], after[:-1]
     return np.array(before[::-1] + positions + after)
 
 
-def _pattern(spacing: np.ndarray) -> np.ndarray:
+def _spacing_cycle(spacing: np.ndarray) -> np.ndarray:
     """The shortest cycle (1-3 spacings) that repeats, phase at the first spacing; else the median alone."""
     for period in (1, 2, 3):
         if len(spacing) > period:
@@ -118,7 +118,7 @@ def _pattern(spacing: np.ndarray) -> np.ndarray:
     return np.sort(spacing)[[(len(spacing) - 1) // 2]]
 
 
-def balance(start: float, new: list[float], target: float, pitch: float) -> list[float]:
+def balance_margins(start: float, new: list[float], target: float, pitch: float) -> list[float]:
     """The new positions bent so that the last one meets `target`, when the spacing hardly changes by that."""
     steps = round(abs(target - start) / pitch)
     if steps < 1 or abs(abs(target - start) / steps - pitch) > _SPACING_TOLERANCE * pitch:
@@ -126,13 +126,13 @@ def balance(start: float, new: list[float], target: float, pitch: float) -> list
     return np.linspace(start, target, steps + 1)[1:].tolist()
 
 
-def mirrored(columns: np.ndarray, width: float, twice_middle: float) -> np.ndarray:
+def mirror_columns(columns: np.ndarray, width: float, twice_middle: float) -> np.ndarray:
     mirror = twice_middle - columns
     free = np.abs(mirror[:, None] - columns).min(axis=1) >= width
     return np.sort(np.concatenate([columns, mirror[free]]))
 
 
-def _cells(
+def _cell_elements(
     grid: Grid, widths: dict[float, float], heights: dict[float, float], rows: np.ndarray, columns: np.ndarray
 ) -> Iterator[Element]:
     """An element at every cell, as wide as its column and as high as its row where these are seen."""
@@ -142,22 +142,22 @@ def _cells(
             yield Element(grid.label, x - w, y - h, x + w, y + h)
 
 
-def _median(side: list[list[float]], cells: np.ndarray, axis: int) -> float:
+def _median_side(side: list[list[float]], cells: np.ndarray, axis: int) -> float:
     return median(side[k][axis] for k in cells.tolist() if k >= 0)
 
 
 @dataclass(frozen=True, slots=True)
-class _Attachments:
+class _BalconyAttachment:
     windows: np.ndarray
     has: np.ndarray
     offset: tuple[float, float, float, float]
 
 
-def _balconies(seen: Sequence[Element]) -> _Attachments | None:
+def _fit_attachment(seen: Sequence[Element]) -> _BalconyAttachment | None:
     """How the observed windows carry a balcony, of their own or their part of one that runs on: which do, and its median
     box from their foot."""
-    windows = boxes([e for e in seen if e.label == "window"])
-    balconies = boxes([e for e in per_window(seen) if e.label == "balcony"])
+    windows = box_array([e for e in seen if e.label == "window"])
+    balconies = box_array([e for e in per_window(seen) if e.label == "balcony"])
     if not len(windows) or not len(balconies):
         return None
     middle = (windows[:, 0] + windows[:, 2]) / 2
@@ -172,10 +172,10 @@ def _balconies(seen: Sequence[Element]) -> _Attachments | None:
         return None
     foot_at = np.stack([middle, windows[:, 3]] * 2, axis=1)
     x0, y0, x1, y1 = np.median(balconies[b] - foot_at[w], axis=0).tolist()
-    return _Attachments(windows, own.any(axis=0), (x0, y0, x1, y1))
+    return _BalconyAttachment(windows, own.any(axis=0), (x0, y0, x1, y1))
 
 
-def _balcony_at(window: Element, known: _Attachments) -> Iterator[Element]:
+def _attached_balcony(window: Element, known: _BalconyAttachment) -> Iterator[Element]:
     """The balcony of a proposed window when most windows of its floor, or of all floors if none is seen, have one."""
     middle = (window.y0 + window.y1) / 2
     floor = (known.windows[:, 1] < middle) & (middle < known.windows[:, 3])

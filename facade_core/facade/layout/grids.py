@@ -14,7 +14,7 @@ from facade_core.core.types import Element
 # Two elements are of comparable size when neither side differs by more than this factor (natural logarithm).
 _SIZE_TOLERANCE = 0.45
 # Centres closer than this share of the element size lie on one row or column.
-_ALIGNMENT_TOLERANCE = 0.35
+ALIGNMENT_TOLERANCE = 0.35
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,7 +23,7 @@ class Grid:
 
     rows, columns: centre positions, ascending, in the elements' unit;
     width, height: the elements' median size;
-    cells (rows, columns) int32: index into the sequence given to `grids`, -1 where the grid has no element.
+    cells (rows, columns) int32: index into the sequence given to `fit_grids`, -1 where the grid has no element.
     """
 
     label: str
@@ -44,12 +44,12 @@ class Grid:
         return float((self.cells >= 0).mean())
 
 
-def boxes(elements: Sequence[Element]) -> np.ndarray:
+def box_array(elements: Sequence[Element]) -> np.ndarray:
     """(N, 4) float array of x0, y0, x1, y1."""
     return np.array([(e.x0, e.y0, e.x1, e.y1) for e in elements], float).reshape(-1, 4)
 
 
-def check(elements: Sequence[Element]) -> None:
+def check_boxes(elements: Sequence[Element]) -> None:
     """Raise LayoutError for the first element with an unknown label, a non-finite side or no area."""
     for i, e in enumerate(elements):
         if e.label not in CLASSES:
@@ -60,16 +60,16 @@ def check(elements: Sequence[Element]) -> None:
             raise LayoutError(f"element {i} ({e.label}): no area, x0 < x1 and y0 < y1 are needed, not {e}")
 
 
-def grids(elements: Sequence[Element]) -> list[Grid]:
+def fit_grids(elements: Sequence[Element]) -> list[Grid]:
     """Fit repetition grids: each element lies in exactly one cell of one grid; the result does not depend on order.
 
     Elements are grouped by label and comparable size, groups are cut into rows, and rows that share most of their
     columns make one grid. So the rows of interleaved patterns fall into grids of their own, and grids may overlap.
     Largest grid of a label first, labels in the order of CLASSES. Raises LayoutError for unknown labels or no area.
     """
-    box = boxes(elements)
+    box = box_array(elements)
     found: dict[str, list[Grid]] = {}
-    for group in size_groups(elements):
+    for group in group_by_size(elements):
         label = elements[group[0]].label
         found.setdefault(label, []).extend(_fit(label, box, group))
     return [
@@ -79,21 +79,21 @@ def grids(elements: Sequence[Element]) -> list[Grid]:
     ]
 
 
-def size_groups(elements: Sequence[Element]) -> list[np.ndarray]:
+def group_by_size(elements: Sequence[Element]) -> list[np.ndarray]:
     """Indices of the elements of one label and comparable size, labels in the order of CLASSES.
 
-    Every grid of `grids` lies within one group. Raises LayoutError as `grids` does.
+    Every grid of `fit_grids` lies within one group. Raises LayoutError as `fit_grids` does.
     """
-    check(elements)
-    box = boxes(elements)
+    check_boxes(elements)
+    box = box_array(elements)
     found: list[np.ndarray] = []
     for label in CLASSES:
         members = np.array([i for i, e in enumerate(elements) if e.label == label], int)
-        found += _by_size(box, members[np.lexsort(box[members].T)])
+        found += _split_by_size(box, members[np.lexsort(box[members].T)])
     return found
 
 
-def _by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
+def _split_by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
     if len(members) < 2:
         return [members] if len(members) else []
     from scipy.cluster.hierarchy import fcluster, linkage
@@ -103,7 +103,7 @@ def _by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
     return [members[labels == k] for k in np.unique(labels)]
 
 
-def _clusters(values: np.ndarray, gap: float) -> np.ndarray:
+def _cluster_index(values: np.ndarray, gap: float) -> np.ndarray:
     """(N,) index of the run each value lies in, runs ascending and more than `gap` apart."""
     order = np.argsort(values, kind="stable")
     index = np.empty(len(values), int)
@@ -111,7 +111,7 @@ def _clusters(values: np.ndarray, gap: float) -> np.ndarray:
     return index
 
 
-def _means(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _cluster_means(values: np.ndarray, index: np.ndarray) -> np.ndarray:
     return np.bincount(index, values) / np.bincount(index)
 
 
@@ -127,16 +127,16 @@ def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Gr
     """Grids of members, and those for which a cell was taken already."""
     centre = (box[members, :2] + box[members, 2:]) / 2
     width, height = np.median(box[members, 2:] - box[members, :2], axis=0)
-    gap_x, gap_y = _ALIGNMENT_TOLERANCE * width, _ALIGNMENT_TOLERANCE * height
-    row = _clusters(centre[:, 1], gap_y)
+    gap_x, gap_y = ALIGNMENT_TOLERANCE * width, ALIGNMENT_TOLERANCE * height
+    row = _cluster_index(centre[:, 1], gap_y)
     found: list[Grid] = []
     left_over: list[int] = []
     for part in _row_groups(centre[:, 0], row, width, gap_x):
         inside = np.isin(row, part)
         index = members[inside]
-        y = _clusters(centre[inside, 1], gap_y)
-        x = _clusters(centre[inside, 0], gap_x)
-        rows, columns = _means(centre[inside, 1], y), _means(centre[inside, 0], x)
+        y = _cluster_index(centre[inside, 1], gap_y)
+        x = _cluster_index(centre[inside, 0], gap_x)
+        rows, columns = _cluster_means(centre[inside, 1], y), _cluster_means(centre[inside, 0], x)
         cells = np.full((len(rows), len(columns)), -1, np.int32)
         for i, r, c in zip(index, y, x, strict=True):
             if cells[r, c] < 0:
@@ -167,5 +167,5 @@ def _row_groups(x: np.ndarray, row: np.ndarray, width: float, gap: float) -> lis
         else:
             rows, columns = groups[best]
             joined = np.concatenate([columns, own])
-            groups[best] = ([*rows, int(r)], _means(joined, _clusters(joined, gap)))
+            groups[best] = ([*rows, int(r)], _cluster_means(joined, _cluster_index(joined, gap)))
     return [rows for rows, _ in groups]

@@ -9,12 +9,12 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.core.types import Parsing
 
 # A parser that is quite sure is still wrong this often.
-_DOUBT = 0.01
+_CONFIDENCE_MARGIN = 0.01
 # However regular a facade is, what the picture shows may break its rule.
-_SUREST = 0.95
+_MAX_PROBABILITY = 0.95
 
 
-def weighed(
+def apply_image_evidence(
     probability: np.ndarray,
     box: np.ndarray,
     label: np.ndarray,
@@ -39,18 +39,18 @@ def weighed(
     corner[:, [0, 2]] = corner[:, [0, 2]].clip(0, width)
     corner[:, [1, 3]] = corner[:, [1, 3]].clip(0, height)
     area = np.maximum((corner[:, 2] - corner[:, 0]) * (corner[:, 3] - corner[:, 1]), 1)
-    seen = _sums(visible.astype(np.float64), corner)
+    seen = _box_sums(visible.astype(np.float64), corner)
     sure = np.zeros(len(box))
     for k in np.unique(label).tolist():
         of = label == k
         channel = evidence.confidence[:, :, CLASSES.index(ELEMENT_CLASSES[k])]
-        sure[of] = _sums(np.where(visible, channel, 0).astype(np.float64), corner[of])
+        sure[of] = _box_sums(np.where(visible, channel, 0).astype(np.float64), corner[of])
     mean = np.divide(sure, seen, out=np.full(len(box), 0.5), where=seen > 0)
-    odds = (mean + _DOUBT) / (1 - mean + _DOUBT)
-    return 1 / (1 + (1 / probability.clip(1e-6, _SUREST) - 1) * odds ** -(seen / area))
+    odds = (mean + _CONFIDENCE_MARGIN) / (1 - mean + _CONFIDENCE_MARGIN)
+    return 1 / (1 + (1 / probability.clip(1e-6, _MAX_PROBABILITY) - 1) * odds ** -(seen / area))
 
 
-def _sums(values: np.ndarray, corner: np.ndarray) -> np.ndarray:
+def _box_sums(values: np.ndarray, corner: np.ndarray) -> np.ndarray:
     """Sums of values (H, W) over rectangles (N, 4) of whole pixels."""
     table = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     table[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)

@@ -14,47 +14,47 @@ from facade_core.facade.layout import statistics as st
 from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.blind_layouts import facade_style
 from facade_core.facade.layout.densities import (
-    ALIGN_X,
-    ALIGN_Y,
-    BOTTOM,
-    COMPLETE,
-    COMPONENTS,
-    COVERAGE,
+    ALIGN_X_ROW,
+    ALIGN_Y_ROW,
+    BOTTOM_BORDER_ROW,
+    COMPLETENESS_ROW,
+    COMPONENT_COUNT,
+    COVERAGE_ROW,
     DOOR_BINS,
-    FLOOR,
-    HEIGHT_RATIO,
-    MIXTURES,
-    REGULAR_X,
-    REGULAR_Y,
-    SIDES,
+    HEIGHT_RATIO_ROW,
+    MIN_LOG_DENSITY,
+    MIXTURE_COUNT,
+    REGULAR_X_ROW,
+    REGULAR_Y_ROW,
+    SIDE_BORDER_ROW,
     SYMMETRY_BINS,
     TERMS,
-    TOP,
-    WIDTH_RATIO,
+    TOP_BORDER_ROW,
+    WIDTH_RATIO_ROW,
     Densities,
     fit_mixture,
 )
-from facade_core.facade.layout.facade_frame import frame
-from facade_core.facade.layout.floor_hypotheses import continuations
-from facade_core.facade.layout.grids import boxes
+from facade_core.facade.layout.facade_frame import fit_facade_frame
+from facade_core.facade.layout.floor_hypotheses import floor_progressions
+from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.model import LayoutModel
-from facade_core.facade.layout.policy import LENGTH, roll_out
-from facade_core.facade.layout.policy_optimisation import POPULATION, random_policies, search, start_of
-from facade_core.facade.layout.proposals import Usual
-from facade_core.facade.layout.ranking import Trees
-from facade_core.facade.layout.scores import door_bin, measured, terms
-from facade_core.facade.layout.statistics import LABELS, PATTERNS
-from facade_core.facade.layout.training_examples import Layout, Progress, examples, likely, trained
+from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out
+from facade_core.facade.layout.policy_optimisation import POLICY_POPULATION, sample_policies, optimise_policy, initial_layout
+from facade_core.facade.layout.proposals import ElementPriors
+from facade_core.facade.layout.ranking import BoostedTrees
+from facade_core.facade.layout.scores import door_bin, measure_elements, score_terms
+from facade_core.facade.layout.statistics import LABEL_COUNT, PATTERNS
+from facade_core.facade.layout.training_examples import Layout, Progress, make_examples, choose_thresholds, train_ranking
 
 # Eq. 20: the share of the elements that is removed, the passes over the database and the step.
-_REMOVED, _PASSES, _RATE = 0.1, 3, 0.08
+_REMOVED_SHARE, _PASSES, _LEARNING_RATE = 0.1, 3, 0.08
 # Floors whose step or height differs by more than this factor from the others are not carried on by anybody.
-_STEP = 2.2
+_MAX_FLOOR_RATIO = 2.2
 # Policies are optimised for so many facades of the database.
 _POLICY_FACADES = 30
 
 
-def learn(
+def learn_layout_model(
     layouts: Sequence[Layout],
     *,
     names: Sequence[str],
@@ -76,53 +76,53 @@ def learn(
         raise LayoutError(f"{len(used)} layouts with elements: too few to learn from; give at least ten")
     report("densities", 0, 1)
     model = LayoutModel(
-        fit_densities([measured(elements, domain) for elements, domain in used], seed),
+        fit_densities([measure_elements(elements, domain) for elements, domain in used], seed),
         np.full(len(TERMS), len(TERMS) ** -0.5),
         True,
-        random_policies(POPULATION, np.random.default_rng(seed)),
-        np.bincount([ELEMENT_CLASSES.index(e.label) for es, _ in used for e in es], minlength=LABELS)
+        sample_policies(POLICY_POPULATION, np.random.default_rng(seed)),
+        np.bincount([ELEMENT_CLASSES.index(e.label) for es, _ in used for e in es], minlength=LABEL_COUNT)
         / sum(len(es) for es, _ in used),
-        Usual(
+        ElementPriors(
             _typical_sizes(used, "door", 3, seed),
             _typical_sizes(used, "shop", 6, seed),
-            _typical_floors(used, 8, seed),
-            _ratios(used),
+            _typical_progressions(used, 8, seed),
+            _size_to_spacing_quantiles(used),
         ),
-        np.array([s for s in (facade_style(es, frame(es, d), d) for es, d in used) if s is not None]),
+        np.array([s for s in (facade_style(es, fit_facade_frame(es, d), d) for es, d in used) if s is not None]),
         metric_priors(metric),
-        Trees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
-        np.ones(LABELS),
+        BoostedTrees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
+        np.ones(LABEL_COUNT),
         tuple(names),
     )
     report("densities", 1, 1)
     model = replace(model, policies=learn_policies(model, used, seed, report))
     model = replace(model, weights=learn_weights(model, used, seed, report))
-    shown = examples(model, used, seed, report)
+    shown = make_examples(model, used, seed, report)
     report("trees", 0, 3)
-    model = replace(model, trees=trained(shown, seed=seed))
+    model = replace(model, trees=train_ranking(shown, seed=seed))
     report("trees", 1, 3)
-    return replace(model, likely=likely(shown, seed=seed, progress=report))
+    return replace(model, likely=choose_thresholds(shown, seed=seed, progress=report))
 
 
 def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], seed: int) -> Densities:
     """The densities of section 4.1-4.3 from the statistics of whole layouts."""
     unary, pairs = (np.concatenate([s[k] for s in statistics]) for k in (0, 1))
     overall = np.stack([s[2] for s in statistics])
-    mixtures = np.zeros((MIXTURES, COMPONENTS, 5))
-    for label in range(LABELS):
+    mixtures = np.zeros((MIXTURE_COUNT, COMPONENT_COUNT, 5))
+    for label in range(LABEL_COUNT):
         mixtures[label] = fit_mixture(unary[unary[:, st.LABEL] == label, st.ASPECT], seed)
     for row, values in (
-        (WIDTH_RATIO, unary[:, st.WIDTH_RATIO]),
-        (HEIGHT_RATIO, unary[:, st.HEIGHT_RATIO]),
-        (REGULAR_X, unary[:, st.REGULAR_X]),
-        (REGULAR_Y, unary[:, st.REGULAR_Y]),
-        (COMPLETE, unary[:, st.COMPLETE]),
-        (ALIGN_X, pairs[:, [st.ALIGN_X, st.GAP_X]]),
-        (ALIGN_Y, pairs[:, [st.ALIGN_Y, st.GAP_Y]]),
-        (COVERAGE, overall[:, st.COVERAGE]),
-        (SIDES, overall[:, [st.BORDER_LEFT, st.BORDER_RIGHT]].ravel()),
-        (TOP, overall[:, st.BORDER_TOP]),
-        (BOTTOM, overall[:, st.BORDER_BOTTOM]),
+        (WIDTH_RATIO_ROW, unary[:, st.WIDTH_RATIO]),
+        (HEIGHT_RATIO_ROW, unary[:, st.HEIGHT_RATIO]),
+        (REGULAR_X_ROW, unary[:, st.REGULAR_X]),
+        (REGULAR_Y_ROW, unary[:, st.REGULAR_Y]),
+        (COMPLETENESS_ROW, unary[:, st.COMPLETE]),
+        (ALIGN_X_ROW, pairs[:, [st.ALIGN_X, st.GAP_X]]),
+        (ALIGN_Y_ROW, pairs[:, [st.ALIGN_Y, st.GAP_Y]]),
+        (COVERAGE_ROW, overall[:, st.COVERAGE]),
+        (SIDE_BORDER_ROW, overall[:, [st.BORDER_LEFT, st.BORDER_RIGHT]].ravel()),
+        (TOP_BORDER_ROW, overall[:, st.BORDER_TOP]),
+        (BOTTOM_BORDER_ROW, overall[:, st.BORDER_BOTTOM]),
     ):
         unknown = np.isnan(values) if values.ndim == 1 else np.isnan(values).any(axis=1)
         mixtures[row] = fit_mixture(values[~unknown], seed)
@@ -130,9 +130,9 @@ def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]
     counts = np.bincount(pattern, minlength=len(PATTERNS)) + 1.0
     return Densities(
         mixtures,
-        np.maximum(FLOOR, np.log(counts / counts.sum())),
+        np.maximum(MIN_LOG_DENSITY, np.log(counts / counts.sum())),
         _symmetry_table(overall),
-        _compatibility(overall[:, st.TYPES].astype(int)),
+        _compatibility_table(overall[:, st.TYPES].astype(int)),
     )
 
 
@@ -146,23 +146,23 @@ def _symmetry_table(overall: np.ndarray) -> np.ndarray:
     histogram[0] = gaussian_filter1d(histogram[0], 1.0)
     histogram[1:] = gaussian_filter(histogram[1:], 1.0)
     histogram += 0.1
-    return np.maximum(FLOOR, np.log(histogram / histogram.sum(axis=1, keepdims=True)))
+    return np.maximum(MIN_LOG_DENSITY, np.log(histogram / histogram.sum(axis=1, keepdims=True)))
 
 
-def _compatibility(types: np.ndarray) -> np.ndarray:
+def _compatibility_table(types: np.ndarray) -> np.ndarray:
     """Eq. 7-8 for every set of element types: how few coherence sets, those of more than one facade, cover it.
 
     ln(1 - (number - 1) / types): the paper's number / types forbids a facade of one type and speaks for any that has more.
     """
     sets = [mask for mask, count in Counter(types.tolist()).items() if mask and count > 1]
-    fewest = np.full(2**st.KINDS, st.KINDS + 1)
+    fewest = np.full(2**st.ELEMENT_TYPE_COUNT, st.ELEMENT_TYPE_COUNT + 1)
     fewest[0] = 0
-    for wanted in range(1, 2**st.KINDS):  # what is left of a set once another covers its part is a smaller number
+    for wanted in range(1, 2**st.ELEMENT_TYPE_COUNT):  # what is left of a set once another covers its part is a smaller number
         left = [wanted & ~mask for mask in sets if wanted & mask]
-        fewest[wanted] = min((fewest[rest] + 1 for rest in left), default=st.KINDS + 1)
-    number = np.array([bin(wanted).count("1") for wanted in range(2**st.KINDS)])
+        fewest[wanted] = min((fewest[rest] + 1 for rest in left), default=st.ELEMENT_TYPE_COUNT + 1)
+    number = np.array([bin(wanted).count("1") for wanted in range(2**st.ELEMENT_TYPE_COUNT)])
     share = (fewest - 1).clip(0) / number.clip(1)
-    return np.where(share < 1, np.log(np.maximum(1 - share, np.exp(FLOOR))), FLOOR)
+    return np.where(share < 1, np.log(np.maximum(1 - share, np.exp(MIN_LOG_DENSITY))), MIN_LOG_DENSITY)
 
 
 def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
@@ -172,21 +172,21 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
     found = []
     for count, k in enumerate(chosen.tolist()):
         elements, domain = layouts[k]
-        seen, region = training_cases.hide(
-            training_cases.KINDS[count % len(training_cases.KINDS)], elements, domain, rng
+        seen, region = training_cases.hide_part(
+            training_cases.CASE_KINDS[count % len(training_cases.CASE_KINDS)], elements, domain, rng
         )
         if seen:
-            start = start_of(seen, domain, boxes([]) if not region else np.array(region, float), model)
-            first = random_policies(POPULATION, rng)
-            used, _, scores = search(first, start, model.densities, model.weights, model.mean, 4, 2, seed)
+            start = initial_layout(seen, domain, box_array([]) if not region else np.array(region, float), model)
+            first = sample_policies(POLICY_POPULATION, rng)
+            used, _, scores = optimise_policy(first, start, model.densities, model.weights, model.mean, 4, 2, seed)
             found.append(used[scores.argmax()])
         progress("policies", count + 1, len(chosen))
     policies = np.array(found)
     kept = [0]
-    while len(kept) < POPULATION:  # the farthest from those that are kept
+    while len(kept) < POLICY_POPULATION:  # the farthest from those that are kept
         away = np.abs(policies[:, None] - policies[kept]).sum(axis=2).min(axis=1)
         kept.append(int(away.argmax()))
-    return policies[kept].reshape(POPULATION, LENGTH)
+    return policies[kept].reshape(POLICY_POPULATION, POLICY_LENGTH)
 
 
 def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
@@ -197,19 +197,19 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
     from dataclasses import replace
 
     rng = np.random.default_rng([seed, 2])
-    positive = np.array([terms(elements, domain, model) for elements, domain in layouts])
+    positive = np.array([score_terms(elements, domain, model) for elements, domain in layouts])
     scale = positive.std(axis=0) + 1e-3
     weights = model.weights
     for turn in range(_PASSES):
         current = replace(model, weights=weights)
         gradient = np.zeros(len(TERMS))
         for k, (elements, domain) in enumerate(layouts):
-            keep = rng.uniform(size=len(elements)) >= _REMOVED
+            keep = rng.uniform(size=len(elements)) >= _REMOVED_SHARE
             seen = [e for e, kept in zip(elements, keep, strict=True) if kept]
             if not seen:
                 continue
-            start = start_of(seen, domain, boxes([]), model)
-            used, seeds, scores = search(
+            start = initial_layout(seen, domain, box_array([]), model)
+            used, seeds, scores = optimise_policy(
                 model.policies, start, model.densities, current.weights, model.mean, 1, 1, seed + turn
             )
             best = int(scores.argmax())
@@ -217,9 +217,9 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
             completed = [
                 Element(ELEMENT_CLASSES[n], *corners) for n, corners in zip(label.tolist(), box.tolist(), strict=True)
             ]
-            gradient += (positive[k] - terms(completed, domain, current)) / scale
+            gradient += (positive[k] - score_terms(completed, domain, current)) / scale
             progress("weights", turn * len(layouts) + k + 1, _PASSES * len(layouts))
-        weights = np.maximum(weights + _RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
+        weights = np.maximum(weights + _LEARNING_RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
         weights = weights / np.linalg.norm(weights)
     return weights
 
@@ -228,7 +228,7 @@ def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
     """Median floor and column pitch in metres."""
     pitches: list[list[float]] = [[], []]
     for elements, domain in layouts:
-        facade = frame([e for e in elements if e.label == "window"], domain)
+        facade = fit_facade_frame([e for e in elements if e.label == "window"], domain)
         for axis, centres in enumerate((facade.columns, facade.floors)):
             pitches[axis] += np.diff(centres).tolist()
     names = ("column pitch", "floor pitch")
@@ -245,7 +245,7 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
 
     found = []
     for elements, domain in layouts:
-        facade = frame(elements, domain)
+        facade = fit_facade_frame(elements, domain)
         for e in elements:
             if e.label == label:
                 gap = max(0.02, (facade.ground - e.y1) / facade.size[1])
@@ -257,27 +257,27 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
     return np.exp(KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_)
 
 
-def _typical_floors(layouts: Sequence[Layout], count: int, seed: int) -> np.ndarray:
+def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> np.ndarray:
     """(count, 4), or fewer, ways around which floors of the database go on downwards, as `continued` takes them."""
     from sklearn.cluster import KMeans
 
     found = []
     for elements, domain in layouts:
-        facade = frame([e for e in elements if e.label == "window"], domain)
-        found += continuations(facade.floors, facade.floor_size[:, 1])
+        facade = fit_facade_frame([e for e in elements if e.label == "window"], domain)
+        found += floor_progressions(facade.floors, facade.floor_size[:, 1])
     values = np.array(found).reshape(-1, 4)
-    values = values[(np.abs(values) < np.log(_STEP)).all(axis=1)]
+    values = values[(np.abs(values) < np.log(_MAX_FLOOR_RATIO)).all(axis=1)]
     count = min(count, len(np.unique(values.round(6), axis=0)))
     if not count:
         return np.ones((1, 4))
     return np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
 
 
-def _ratios(layouts: Sequence[Layout]) -> np.ndarray:
+def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> np.ndarray:
     """(16, 2) quantiles of window size to spacing, horizontal and vertical."""
     found: list[list[float]] = [[], []]
     for elements, domain in layouts:
-        facade = frame(elements, domain)
+        facade = fit_facade_frame(elements, domain)
         for axis, centres in enumerate((facade.columns, facade.floors)):
             found[axis] += (facade.size[axis] / np.diff(centres)).tolist()
     quantiles = np.linspace(0.05, 0.95, 16)

@@ -15,14 +15,14 @@ import numpy as np
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import proposal_features
-from facade_core.facade.layout.densities import COMPONENTS, DOOR_BINS, MIXTURES, SYMMETRY_BINS, TERMS, Densities
-from facade_core.facade.layout.policy import LENGTH
-from facade_core.facade.layout.proposals import Usual
-from facade_core.facade.layout.ranking import Trees
-from facade_core.facade.layout.statistics import KINDS, LABELS, PATTERNS
+from facade_core.facade.layout.densities import COMPONENT_COUNT, DOOR_BINS, MIXTURE_COUNT, SYMMETRY_BINS, TERMS, Densities
+from facade_core.facade.layout.policy import POLICY_LENGTH
+from facade_core.facade.layout.proposals import ElementPriors
+from facade_core.facade.layout.ranking import BoostedTrees
+from facade_core.facade.layout.statistics import ELEMENT_TYPE_COUNT, LABEL_COUNT, PATTERNS
 
-SHIPPED = Path(__file__).parent / "models" / "layouts.json"
-FORMAT = 3
+SHIPPED_LAYOUT_MODEL = Path(__file__).parent / "models" / "layouts.json"
+MODEL_FORMAT = 3
 _REMEDY = "fetch it again or run `streetloom train layout`"
 
 
@@ -47,21 +47,21 @@ class LayoutModel:
     mean: bool
     policies: np.ndarray
     labels: np.ndarray
-    usual: Usual
+    usual: ElementPriors
     styles: np.ndarray
     metric: Mapping[str, float]
-    trees: Trees
+    trees: BoostedTrees
     likely: np.ndarray
     training_set: tuple[str, ...]
 
 
 @lru_cache(maxsize=1)
-def shipped() -> LayoutModel:
+def shipped_layout_model() -> LayoutModel:
     """The model that comes with the package."""
-    return load(SHIPPED)
+    return load_layout_model(SHIPPED_LAYOUT_MODEL)
 
 
-def load(path: str | Path) -> LayoutModel:
+def load_layout_model(path: str | Path) -> LayoutModel:
     """Read a model. Raises ModelError where the file is missing, its checksum differs, or it was made for another version."""
     path = Path(path)
     try:
@@ -74,33 +74,33 @@ def load(path: str | Path) -> LayoutModel:
         raise ModelError(f"{path}: not a layout model; {_REMEDY}")
     if record.get("sha256") != _digest(record["model"]):
         raise ModelError(f"{path}: checksum differs from its content; {_REMEDY}")
-    expected = (FORMAT, list(ELEMENT_CLASSES), proposal_features.VERSION)
+    expected = (MODEL_FORMAT, list(ELEMENT_CLASSES), proposal_features.FEATURES_VERSION)
     if (record.get("format"), record.get("labels"), record.get("descriptors")) != expected:
         raise ModelError(f"{path}: made for another version of Streetloom; {_REMEDY}")
     try:
-        return _decoded(record["model"], tuple(record["training_set"]))
+        return _from_record(record["model"], tuple(record["training_set"]))
     except (KeyError, TypeError, ValueError) as error:
         raise ModelError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
 
 
-def opened(path: Path) -> LayoutModel:
-    """`load`, once for a file as it stands."""
+def load_cached_model(path: Path) -> LayoutModel:
+    """`load_layout_model`, once for a file as it stands."""
     state = path.stat()
-    return _opened(path, state.st_size, state.st_mtime_ns)
+    return _load_version(path, state.st_size, state.st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
-def _opened(path: Path, _size: int, _modified: int) -> LayoutModel:
-    return load(path)
+def _load_version(path: Path, _size: int, _modified: int) -> LayoutModel:
+    return load_layout_model(path)
 
 
-def save(model: LayoutModel, path: str | Path, *, seed: int) -> None:
+def save_layout_model(model: LayoutModel, path: str | Path, *, seed: int) -> None:
     """Write a model; the same model gives the same bytes."""
-    content = _encoded(model)
+    content = _to_record(model)
     record = {
-        "format": FORMAT,
+        "format": MODEL_FORMAT,
         "labels": list(ELEMENT_CLASSES),
-        "descriptors": proposal_features.VERSION,
+        "descriptors": proposal_features.FEATURES_VERSION,
         "seed": seed,
         "training_set": list(model.training_set),
         "sha256": _digest(content),
@@ -115,7 +115,7 @@ def _digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def _encoded(model: LayoutModel) -> dict[str, Any]:
+def _to_record(model: LayoutModel) -> dict[str, Any]:
     return {
         "mixtures": model.densities.mixtures.tolist(),
         "patterns": model.densities.patterns.tolist(),
@@ -134,45 +134,45 @@ def _encoded(model: LayoutModel) -> dict[str, Any]:
         "likely": model.likely.tolist(),
         "trees": {
             "base": model.trees.base,
-            **{name: getattr(model.trees, name).tolist() for name in Trees._fields if name != "base"},
+            **{name: getattr(model.trees, name).tolist() for name in BoostedTrees._fields if name != "base"},
         },
     }
 
 
-def _decoded(content: Mapping[str, Any], training_set: tuple[str, ...]) -> LayoutModel:
+def _from_record(content: Mapping[str, Any], training_set: tuple[str, ...]) -> LayoutModel:
     trees = content["trees"]
     whole = {name: np.array(trees[name], np.int64) for name in ("roots", "feature", "left", "right")}
     return LayoutModel(
         Densities(
-            _array(content, "mixtures", (MIXTURES, COMPONENTS, 5)),
-            _array(content, "patterns", (len(PATTERNS),)),
-            _array(content, "symmetry", (DOOR_BINS, SYMMETRY_BINS)),
-            _array(content, "compatibility", (2**KINDS,)),
+            _read_array(content, "mixtures", (MIXTURE_COUNT, COMPONENT_COUNT, 5)),
+            _read_array(content, "patterns", (len(PATTERNS),)),
+            _read_array(content, "symmetry", (DOOR_BINS, SYMMETRY_BINS)),
+            _read_array(content, "compatibility", (2**ELEMENT_TYPE_COUNT,)),
         ),
         np.array([float(content["weights"][term]) for term in TERMS]),
         bool(content["mean"]),
-        _array(content, "policies", (None, LENGTH)),
-        _array(content, "labels", (LABELS,)),
-        Usual(
-            _array(content, "doors", (None, 3)),
-            _array(content, "shops", (None, 3)),
-            _array(content, "floors", (None, 4)),
-            _array(content, "ratios", (16, 2)),
+        _read_array(content, "policies", (None, POLICY_LENGTH)),
+        _read_array(content, "labels", (LABEL_COUNT,)),
+        ElementPriors(
+            _read_array(content, "doors", (None, 3)),
+            _read_array(content, "shops", (None, 3)),
+            _read_array(content, "floors", (None, 4)),
+            _read_array(content, "ratios", (16, 2)),
         ),
-        _array(content, "styles", (None, None)),
+        _read_array(content, "styles", (None, None)),
         {name: float(value) for name, value in content["metric"].items()},
-        Trees(
+        BoostedTrees(
             **whole,
             threshold=np.array(trees["threshold"], np.float32),
             value=np.array(trees["value"], float),
             base=float(trees["base"]),
         ),
-        _array(content, "likely", (LABELS,)),
+        _read_array(content, "likely", (LABEL_COUNT,)),
         training_set,
     )
 
 
-def _array(content: Mapping[str, Any], name: str, shape: Sequence[int | None]) -> np.ndarray:
+def _read_array(content: Mapping[str, Any], name: str, shape: Sequence[int | None]) -> np.ndarray:
     values = np.array(content[name], float)
     if values.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, values.shape, strict=True)):
         raise ValueError(f"{name} has the shape {values.shape}")

@@ -9,9 +9,9 @@ import numpy as np
 from facade_core.core.types import Element
 
 # A window cut by a hole's border reaches so far out of it, as a share of its side.
-_CUT = 0.5
+_WINDOW_REACH = 0.5
 # Cells of the longer side in which the visible part of a picture is told.
-_CELLS = 128
+_MAX_CELLS = 128
 
 
 def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]:
@@ -19,7 +19,7 @@ def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]
     unchanged joined. Where the picture is large a cell of several pixels counts as hidden when any of it is, so that there are
     at most some thousand boxes and none reaches into a hole."""
     height, width = hidden.shape
-    cell = max(1, max(height, width) // _CELLS)
+    cell = max(1, max(height, width) // _MAX_CELLS)
     rows, columns = -(-height // cell), -(-width // cell)
     padded = np.pad(hidden, ((0, rows * cell - height), (0, columns * cell - width)), mode="edge")
     visible = ~padded.reshape(rows, cell, columns, cell).any(axis=(1, 3))
@@ -39,7 +39,7 @@ def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]
     return boxes
 
 
-def reached(hidden: np.ndarray, observed: Sequence[Element]) -> np.ndarray:
+def dilate_by_window(hidden: np.ndarray, observed: Sequence[Element]) -> np.ndarray:
     """What is hidden, (h, w) bool, and as far around it as a window cut by its border reaches: half a window of those observed.
     Whether one stands there is told by the picture (`complete`, evidence)."""
     from scipy.ndimage import maximum_filter
@@ -47,4 +47,4 @@ def reached(hidden: np.ndarray, observed: Sequence[Element]) -> np.ndarray:
     size = np.array([(e.height, e.width) for e in observed if e.label == "window"]).reshape(-1, 2)
     if not len(size):
         return hidden
-    return maximum_filter(hidden, tuple((np.median(size, axis=0) * _CUT).astype(int) * 2 + 1))
+    return maximum_filter(hidden, tuple((np.median(size, axis=0) * _WINDOW_REACH).astype(int) * 2 + 1))

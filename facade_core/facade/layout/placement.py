@@ -14,15 +14,15 @@ from facade_core.facade.layout.rectangles import BALCONY, WINDOW
 # A NULL element takes up space and is no part of the layout.
 NULL = 4
 # An element snaps to the centre of another nearer than this share of its size.
-_SNAPPED = 0.4
+_SNAP_SHARE = 0.4
 
 
-class Start(NamedTuple):
+class InitialLayout(NamedTuple):
     """The observed layout as `roll_out` takes it.
 
     box (N, 4), label (N,), grid (N,);
-    spacing (N, 2): see `spacings`;
-    gaps (N,) bool: see `beside_gaps`;
+    spacing (N, 2): see `grid_spacings`;
+    gaps (N,) bool: see `concave_elements`;
     grids: how many;
     domain (4,);
     region (M, 4): what is visible;
@@ -47,7 +47,7 @@ class Start(NamedTuple):
 
 
 @njit(cache=True)
-def neighbour(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis: int, sign: int) -> float:
+def neighbour_distance(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis: int, sign: int) -> float:
     """Centre distance to the next element of the grid on that side, on the same line; -1 where there is none."""
     other = 1 - axis
     best = np.inf
@@ -62,17 +62,17 @@ def neighbour(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis: int, sig
 
 
 @njit(cache=True)
-def spacings(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def grid_spacings(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """(N, 2) centre distance of each element to the next one to the right and below, in its grid; -1 where there is none."""
     out = np.empty((len(box), 2))
     for i in range(len(box)):
         for axis in range(2):
-            out[i, axis] = neighbour(box, grid, len(box), i, axis, 1)
+            out[i, axis] = neighbour_distance(box, grid, len(box), i, axis, 1)
     return out
 
 
 @njit(cache=True)
-def observed_spacing(own: int, axis: int, start: Start) -> float:
+def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
     """A spacing of the seed's grid as seen, drawn at random, else of any grid; -1 where none is seen."""
     for attempt in range(8):
         i = np.random.randint(len(start.box))
@@ -82,7 +82,7 @@ def observed_spacing(own: int, axis: int, start: Start) -> float:
 
 
 @njit(cache=True)
-def _with_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
+def _add_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
     """Add a line to the first `count` unless one is near it; how many there are now."""
     for k in range(count):
         if abs(lines[k] - value) < near:
@@ -92,7 +92,7 @@ def _with_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
 
 
 @njit(cache=True)
-def gap(
+def nearest_gap(
     box: np.ndarray, grid: np.ndarray, n: int, at: int, x: float, y: float, width: float, height: float
 ) -> tuple[bool, float, float]:
     """The nearest empty cell on the seed's row or column whose other line the grid has: its box does not grow by it."""
@@ -103,8 +103,8 @@ def gap(
     for j in range(n):
         if grid[j] == own:
             cx, cy = (box[j, 0] + box[j, 2]) / 2, (box[j, 1] + box[j, 3]) / 2
-            columns = _with_line(xs, columns, cx, 0.35 * width)
-            rows = _with_line(ys, rows, cy, 0.35 * height)
+            columns = _add_line(xs, columns, cx, 0.35 * width)
+            rows = _add_line(ys, rows, cy, 0.35 * height)
     for k in range(columns + rows):
         px, py = (xs[k], y) if k < columns else (x, ys[k - columns])
         away = abs(px - x) / width + abs(py - y) / height
@@ -122,17 +122,17 @@ def gap(
 
 
 @njit(cache=True)
-def beside_gaps(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """(N,) bool: whether `gap` finds an empty cell of the element's grid, what Eq. 23 calls concave."""
+def concave_elements(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether `nearest_gap` finds an empty cell of the element's grid, what Eq. 23 calls concave."""
     out = np.empty(len(box), np.bool_)
     for i in range(len(box)):
         x, y = (box[i, 0] + box[i, 2]) / 2, (box[i, 1] + box[i, 3]) / 2
-        out[i] = gap(box, grid, len(box), i, x, y, box[i, 2] - box[i, 0], box[i, 3] - box[i, 1])[0]
+        out[i] = nearest_gap(box, grid, len(box), i, x, y, box[i, 2] - box[i, 0], box[i, 3] - box[i, 1])[0]
     return out
 
 
 @njit(cache=True)
-def size_of_grid(box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise: np.ndarray) -> tuple[float, float]:
+def grid_element_size(box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise: np.ndarray) -> tuple[float, float]:
     for i in range(n):
         if own >= 0 and grid[i] == own:
             return box[i, 2] - box[i, 0], box[i, 3] - box[i, 1]
@@ -140,10 +140,10 @@ def size_of_grid(box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise:
 
 
 @njit(cache=True)
-def snapped(
+def snap_to_lines(
     box: np.ndarray, label: np.ndarray, n: int, x: float, y: float, width: float, height: float
 ) -> tuple[float, float]:
-    best_x, best_y = _SNAPPED * width, _SNAPPED * height
+    best_x, best_y = _SNAP_SHARE * width, _SNAP_SHARE * height
     to_x, to_y = x, y
     for j in range(n):
         if label[j] != NULL:
@@ -156,7 +156,7 @@ def snapped(
 
 
 @njit(cache=True)
-def add(
+def place_element(
     box: np.ndarray,
     label: np.ndarray,
     grid: np.ndarray,
@@ -167,7 +167,7 @@ def add(
     height: float,
     chosen: int,
     own: int,
-    start: Start,
+    start: InitialLayout,
 ) -> bool:
     """Write the element at index n if its place is free; what is seen, the domain and other elements are hard constraints."""
     x0, y0, x1, y1 = x - width / 2, y - height / 2, x + width / 2, y + height / 2
@@ -188,7 +188,7 @@ def add(
 
 
 @njit(cache=True)
-def grid_areas(box: np.ndarray, grid: np.ndarray, n: int, domain: np.ndarray, out: np.ndarray) -> None:
+def compute_grid_areas(box: np.ndarray, grid: np.ndarray, n: int, domain: np.ndarray, out: np.ndarray) -> None:
     """Area of each grid's bounding box as a share of the domain, for Eq. 23."""
     whole = (domain[2] - domain[0]) * (domain[3] - domain[1])
     for g in range(len(out)):

@@ -14,54 +14,54 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.placement import (
     NULL,
-    Start,
-    add,
-    gap,
-    grid_areas,
-    neighbour,
-    observed_spacing,
-    size_of_grid,
-    snapped,
+    InitialLayout,
+    place_element,
+    nearest_gap,
+    compute_grid_areas,
+    neighbour_distance,
+    sample_spacing,
+    grid_element_size,
+    snap_to_lines,
 )
 from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW
 
 RANDOM_SEED, CONCAVITY, RANDOM_DIRECTION = 0, 1, 2
 PRIORITY = slice(3, 8)
 COPY_LABEL, OBSERVED_LABEL, DATABASE_LABEL, COPY_SPACING, OBSERVED_SPACING, SNAP, MIRROR = range(8, 15)
-LENGTH = 15
+POLICY_LENGTH = 15
 LEFT, RIGHT, UP, DOWN, FILL = range(5)
 # At most so many elements are added.
-ROOM = 160
+MAX_ADDED_ELEMENTS = 160
 # The random offset of a sampled spacing, standard deviation as its share.
-_OFFSET = 0.1
+_OFFSET_SHARE = 0.1
 
 
 @njit(cache=True)
-def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def roll_out(policy: np.ndarray, start: InitialLayout, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Complete the layout once: box (N', 4), label (N',), grid (N',), the observed elements first."""
     np.random.seed(seed)
     observed = len(start.box)
-    capacity = observed + ROOM
+    capacity = observed + MAX_ADDED_ELEMENTS
     box, label = np.empty((capacity, 4)), np.empty(capacity, np.int64)
     grid, tried = np.empty(capacity, np.int64), np.zeros(capacity, np.int64)
     for i in range(observed):
-        _keep(box, label, grid, i, start.box, start.label, start.grid, i)
+        _copy_element(box, label, grid, i, start.box, start.label, start.grid, i)
     n, grids = observed, start.grids
     grid_of = np.full(4, -1, np.int64)
     for i in range(observed - 1, -1, -1):
         grid_of[label[i]] = grid[i]
     area = np.zeros(start.grids + 4)
-    grid_areas(box, grid, n, start.domain, area)
+    compute_grid_areas(box, grid, n, start.domain, area)
     while n < capacity - 2:
-        seed_at = _seed(policy, box, label, grid, tried, n, area, start.gaps)
+        seed_at = _select_seed(policy, box, label, grid, tried, n, area, start.gaps)
         if seed_at < 0:
             break
-        way = _direction(policy, tried[seed_at])
+        way = _select_direction(policy, tried[seed_at])
         tried[seed_at] |= 1 << way
         kind = label[seed_at]
         if (kind in (DOOR, SHOP)) and (way in (UP, DOWN)):
             continue
-        found, x, y = _place(policy, box, label, grid, n, seed_at, way, start)
+        found, x, y = _extension_centre(policy, box, label, grid, n, seed_at, way, start)
         if not found:
             if way == FILL:
                 # no gap on this row, so its other elements need not look; one on another row is found from there
@@ -70,17 +70,17 @@ def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, n
                     if grid[j] == grid[seed_at] and abs(box[j, 1] - box[seed_at, 1]) < height:
                         tried[j] |= 1 << FILL
             continue
-        chosen = kind if way == FILL else _label(policy, start, observed, kind)
+        chosen = kind if way == FILL else _select_label(policy, start, observed, kind)
         width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
         own = grid[seed_at]
         if chosen != kind and chosen != NULL:
             own = grid_of[chosen]
-            width, height = size_of_grid(box, grid, n, own, start.size[chosen])
+            width, height = grid_element_size(box, grid, n, own, start.size[chosen])
             if chosen in (DOOR, SHOP):
                 y = start.ground - height / 2
         if np.random.random() < policy[SNAP]:
-            x, y = snapped(box, label, n, x, y, width, height)
-        if add(box, label, grid, n, x, y, width, height, chosen, own, start):
+            x, y = snap_to_lines(box, label, n, x, y, width, height)
+        if place_element(box, label, grid, n, x, y, width, height, chosen, own, start):
             if chosen != NULL and own < 0:
                 grid_of[chosen] = grid[n] = grids
                 grids += 1
@@ -90,17 +90,17 @@ def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, n
             x = 2 * middle - (box[seed_at, 0] + box[seed_at, 2]) / 2
             y = (box[seed_at, 1] + box[seed_at, 3]) / 2
             width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
-            n += add(box, label, grid, n, x, y, width, height, kind, grid[seed_at], start)
+            n += place_element(box, label, grid, n, x, y, width, height, kind, grid[seed_at], start)
     kept = 0
     for i in range(n):
         if label[i] != NULL:
-            _keep(box, label, grid, kept, box, label, grid, i)
+            _copy_element(box, label, grid, kept, box, label, grid, i)
             kept += 1
     return box[:kept], label[:kept], grid[:kept]
 
 
 @njit(cache=True)
-def _keep(
+def _copy_element(
     box: np.ndarray,
     label: np.ndarray,
     grid: np.ndarray,
@@ -117,7 +117,7 @@ def _keep(
 
 
 @njit(cache=True)
-def _seed(
+def _select_seed(
     policy: np.ndarray,
     box: np.ndarray,
     label: np.ndarray,
@@ -152,7 +152,7 @@ def _seed(
 
 
 @njit(cache=True)
-def _direction(policy: np.ndarray, tried: int) -> int:
+def _select_direction(policy: np.ndarray, tried: int) -> int:
     if np.random.random() < policy[RANDOM_DIRECTION]:
         while True:
             way = np.random.randint(5)
@@ -166,7 +166,7 @@ def _direction(policy: np.ndarray, tried: int) -> int:
 
 
 @njit(cache=True)
-def _label(policy: np.ndarray, start: Start, observed: int, kind: int) -> int:
+def _select_label(policy: np.ndarray, start: InitialLayout, observed: int, kind: int) -> int:
     """lambda_4: the seed's own; else lambda_5 sampled from the observed, lambda_6 from the database, or NULL."""
     if np.random.random() < policy[COPY_LABEL]:
         return kind
@@ -184,7 +184,7 @@ def _label(policy: np.ndarray, start: Start, observed: int, kind: int) -> int:
 
 
 @njit(cache=True)
-def _place(
+def _extension_centre(
     policy: np.ndarray,
     box: np.ndarray,
     label: np.ndarray,
@@ -192,25 +192,25 @@ def _place(
     n: int,
     seed_at: int,
     way: int,
-    start: Start,
+    start: InitialLayout,
 ) -> tuple[bool, float, float]:
     """The new element's centre; False where the direction has none."""
     x, y = (box[seed_at, 0] + box[seed_at, 2]) / 2, (box[seed_at, 1] + box[seed_at, 3]) / 2
     width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
     if way == FILL:
-        return gap(box, grid, n, seed_at, x, y, width, height)
+        return nearest_gap(box, grid, n, seed_at, x, y, width, height)
     axis, sign = (0, 1) if way == RIGHT else (0, -1) if way == LEFT else (1, 1) if way == DOWN else (1, -1)
     spacing = -1.0
     u = np.random.random()
     if u < policy[COPY_SPACING]:
-        spacing = neighbour(box, grid, n, seed_at, axis, -sign)
+        spacing = neighbour_distance(box, grid, n, seed_at, axis, -sign)
     if spacing < 0:
-        spacing = observed_spacing(grid[seed_at], axis, start)
+        spacing = sample_spacing(grid[seed_at], axis, start)
         if spacing < 0:
             size = width if axis == 0 else height
             spacing = size / start.ratios[np.random.randint(len(start.ratios)), axis]
         if u >= policy[COPY_SPACING] + policy[OBSERVED_SPACING]:
-            spacing *= 1 + _OFFSET * np.random.standard_normal()
+            spacing *= 1 + _OFFSET_SHARE * np.random.standard_normal()
     if axis == 0:
         return True, x + sign * spacing, y
     return True, x, y + sign * spacing

@@ -15,35 +15,35 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
 from facade_core.facade.layout.densities import Densities
-from facade_core.facade.layout.facade_frame import Box, frame
+from facade_core.facade.layout.facade_frame import Box, fit_facade_frame
 from facade_core.facade.layout.model import LayoutModel
-from facade_core.facade.layout.placement import Start, beside_gaps, spacings
+from facade_core.facade.layout.placement import InitialLayout, concave_elements, grid_spacings
 from facade_core.facade.layout.policy import (
     COPY_SPACING,
     DATABASE_LABEL,
-    LENGTH,
+    POLICY_LENGTH,
     OBSERVED_LABEL,
     OBSERVED_SPACING,
     roll_out,
 )
-from facade_core.facade.layout.scores import arrays, log_scores
-from facade_core.facade.layout.statistics import measure
+from facade_core.facade.layout.scores import element_arrays, sum_log_densities
+from facade_core.facade.layout.statistics import measure_layout
 
-POPULATION = 10
-_STEP = 0.15
+POLICY_POPULATION = 10
+_MUTATION_DEVIATION = 0.15
 
 
-def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel) -> Start:
+def initial_layout(seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel) -> InitialLayout:
     """The observed layout as the policy takes it."""
-    box, label, grid = arrays(seen)
-    facade = frame(seen, domain)
+    box, label, grid = element_arrays(seen)
+    facade = fit_facade_frame(seen, domain)
     sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.usual.door[0, :2], model.usual.shop[0, :2]]) * facade.size
-    return Start(
+    return InitialLayout(
         np.ascontiguousarray(box),
         label,
         grid,
-        spacings(np.ascontiguousarray(box), grid),
-        beside_gaps(np.ascontiguousarray(box), grid),
+        grid_spacings(np.ascontiguousarray(box), grid),
+        concave_elements(np.ascontiguousarray(box), grid),
         int(grid.max()) + 1 if len(grid) else 0,
         np.array(domain, float),
         np.ascontiguousarray(region),
@@ -54,9 +54,9 @@ def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: La
     )
 
 
-def search(
+def optimise_policy(
     policies: np.ndarray,
-    start: Start,
+    start: InitialLayout,
     densities: Densities,
     weights: np.ndarray,
     mean: bool,
@@ -71,17 +71,17 @@ def search(
     """
     size = len(policies)
     count = generations * size * tries
-    used, seeds, scores = np.empty((count, LENGTH)), np.empty(count, np.int64), np.empty(count)
+    used, seeds, scores = np.empty((count, POLICY_LENGTH)), np.empty(count, np.int64), np.empty(count)
     population, value = policies.copy(), np.full(size, -np.inf)
     k = 0
     for generation in range(generations):
-        children = population.copy() if generation == 0 else _children(population, value, seed + generation)
+        children = population.copy() if generation == 0 else _breed_policies(population, value, seed + generation)
         fitness = np.full(size, -np.inf)
         for p in range(size):
             for _ in range(tries):
                 seeds[k] = seed * 1_000_003 % 2_147_000_000 + k
                 box, label, grid = roll_out(children[p], start, int(seeds[k]))
-                scores[k] = value_of(box, label, grid, start.domain, densities, weights, mean)
+                scores[k] = score_candidate(box, label, grid, start.domain, densities, weights, mean)
                 used[k] = children[p]
                 fitness[p] = max(fitness[p], scores[k])
                 k += 1
@@ -95,7 +95,7 @@ def search(
     return used, seeds, scores
 
 
-def value_of(
+def score_candidate(
     box: np.ndarray,
     label: np.ndarray,
     grid: np.ndarray,
@@ -105,8 +105,8 @@ def value_of(
     mean: bool,
 ) -> float:
     """The score of a candidate on the grids that the policy kept."""
-    unary, pairs, overall = measure(box, label, grid, domain)
-    total, count = log_scores(
+    unary, pairs, overall = measure_layout(box, label, grid, domain)
+    total, count = sum_log_densities(
         unary, pairs, overall, densities.mixtures, densities.patterns, densities.symmetry, densities.compatibility
     )
     value = 0.0
@@ -116,7 +116,7 @@ def value_of(
 
 
 @njit(cache=True)
-def _children(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarray:
+def _breed_policies(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarray:
     """Crossover takes each parameter from one of two parents (of the better halves of two draws); one is mutated."""
     np.random.seed(seed)
     size = len(population)
@@ -127,7 +127,7 @@ def _children(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarra
             a, b = np.random.randint(size), np.random.randint(size)
             parents[k] = a if value[a] >= value[b] else b
         j = 0
-        while j < LENGTH:
+        while j < POLICY_LENGTH:
             parent = population[parents[np.random.randint(2)]]
             if j == 3:  # the priority of directions is one parameter
                 for k in range(3, 8):
@@ -142,13 +142,13 @@ def _children(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarra
             out[p, a], out[p, b] = out[p, b], out[p, a]
         else:
             j = changed if changed < 3 else changed + 4
-            out[p, j] = min(1.0, max(0.0, out[p, j] + _STEP * np.random.standard_normal()))
-        project(out[p])
+            out[p, j] = min(1.0, max(0.0, out[p, j] + _MUTATION_DEVIATION * np.random.standard_normal()))
+        project_to_simplex(out[p])
     return out
 
 
 @njit(cache=True)
-def project(policy: np.ndarray) -> None:
+def project_to_simplex(policy: np.ndarray) -> None:
     """Bring the probabilities that share a simplex (lambda_5-6, lambda_7-8) back to it."""
     for a, b in ((OBSERVED_LABEL, DATABASE_LABEL), (COPY_SPACING, OBSERVED_SPACING)):
         total = policy[a] + policy[b]
@@ -157,11 +157,11 @@ def project(policy: np.ndarray) -> None:
             policy[b] /= total
 
 
-def random_policies(count: int, rng: np.random.Generator) -> np.ndarray:
+def sample_policies(count: int, rng: np.random.Generator) -> np.ndarray:
     """(count, LENGTH) policies drawn at random, probabilities uniform."""
-    out = rng.uniform(size=(count, LENGTH))
+    out = rng.uniform(size=(count, POLICY_LENGTH))
     out[:, 8] = rng.uniform(0.6, 1.0, count)  # most elements are of their neighbour's label
     out[:, 3:8] = np.argsort(out[:, 3:8], axis=1)
     for policy in out:
-        project(policy)
+        project_to_simplex(policy)
     return out

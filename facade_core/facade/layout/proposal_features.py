@@ -8,20 +8,20 @@ import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Box, Frame
-from facade_core.facade.layout.grids import Grid, boxes
-from facade_core.facade.layout.proposals import EXTENSIONS, Proposals
-from facade_core.facade.layout.rectangles import SHOP, iou
+from facade_core.facade.layout.facade_frame import Box, FacadeFrame
+from facade_core.facade.layout.grids import Grid, box_array
+from facade_core.facade.layout.proposals import EXTENSION_VARIANTS, Proposals
+from facade_core.facade.layout.rectangles import SHOP, pairwise_iou
 
-_FAR = 20.0
-VERSION = 1
+_FEATURE_CAP = 20.0
+FEATURES_VERSION = 1
 
 
-def describe(
+def compute_features(
     proposals: Proposals,
     seen: Sequence[Element],
     fitted: Sequence[Grid],
-    facade: Frame,
+    facade: FacadeFrame,
     domain: Box,
     region: np.ndarray,
 ) -> np.ndarray:
@@ -31,46 +31,46 @@ def describe(
         return np.zeros((0, 0), np.float32)
     extent = np.array([domain[2] - domain[0], domain[3] - domain[1]])
     middle = (domain[0] + domain[2]) / 2
-    observed = boxes(seen)
+    observed = box_array(seen)
     observed_label = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
     same = label[:, None] == observed_label
     side, centre = box[:, 2:] - box[:, :2], (box[:, :2] + box[:, 2:]) / 2
     unit = facade.size
-    pitch = np.array([_pitch(facade.columns), _pitch(facade.floors)])
+    pitch = np.array([_median_pitch(facade.columns), _median_pitch(facade.floors)])
     mirrored = observed.copy()
     mirrored[:, [0, 2]] = 2 * middle - observed[:, [2, 0]]
 
     columns: list[np.ndarray] = [(label == k).astype(float) for k in range(len(ELEMENT_CLASSES))]
-    columns += _agreement(proposals.support)
-    columns.append(_most(iou(box, mirrored) * same))
+    columns += _support_features(proposals.support)
+    columns.append(_row_max(pairwise_iou(box, mirrored) * same))
     low, high = box[:, :2] - domain[:2], np.array(domain[2:]) - box[:, 2:]
-    margin_seen = _margins(observed, domain)
+    margin_seen = _min_margin(observed, domain)
     for axis in (0, 1):
-        columns += [np.minimum(low[:, axis] / unit[axis], _FAR), np.minimum(high[:, axis] / unit[axis], _FAR)]
+        columns += [np.minimum(low[:, axis] / unit[axis], _FEATURE_CAP), np.minimum(high[:, axis] / unit[axis], _FEATURE_CAP)]
         columns += [
             side[:, axis] / unit[axis],
             side[:, axis] / extent[axis],
             (centre[:, axis] - domain[axis]) / extent[axis],
         ]
-        columns.append(_ratio(side[:, axis], pitch[axis]))
+        columns.append(_capped_ratio(side[:, axis], pitch[axis]))
         columns.append(np.full(len(box), extent[axis] / unit[axis]))
     columns += [np.abs(centre[:, 0] - middle) / unit[0], np.log(side[:, 0] / side[:, 1])]
     columns += [np.abs(low[:, 0] - margin_seen) / unit[0], np.abs(high[:, 0] - margin_seen) / unit[0]]
-    columns.append(_ratio(facade.ground - box[:, 3], unit[1]))
-    columns.append(_ratio(facade.ground - centre[:, 1], pitch[1]))
-    columns += _lines_seen(box, centre, side, observed, same)
-    columns += _lines_seen(box, centre, side, observed, observed_label[None] == 0)
-    columns += _around(proposals, centre, side)
-    floor = _band_seen(box, domain, region, vertical=False)
-    column = _band_seen(box, domain, region, vertical=True)
+    columns.append(_capped_ratio(facade.ground - box[:, 3], unit[1]))
+    columns.append(_capped_ratio(facade.ground - centre[:, 1], pitch[1]))
+    columns += _alignment_features(box, centre, side, observed, same)
+    columns += _alignment_features(box, centre, side, observed, observed_label[None] == 0)
+    columns += _rival_features(proposals, centre, side)
+    floor = _visible_share(box, domain, region, vertical=False)
+    column = _visible_share(box, domain, region, vertical=True)
     columns += [floor, column]
     counts = np.array([(observed_label == k).sum() for k in range(len(ELEMENT_CLASSES))], float)
     columns += [np.full(len(box), c) for c in counts]
-    covered = sum(_area(np.clip(r, (*domain[:2], *domain[:2]), (*domain[2:], *domain[2:]))) for r in region)
+    covered = sum(_box_area(np.clip(r, (*domain[:2], *domain[:2]), (*domain[2:], *domain[2:]))) for r in region)
     bottom = np.full((1, 4), (domain[0], domain[3] - 0.08 * extent[1], domain[2], domain[3]))
     facts = [
         covered / extent.prod(),
-        float(_band_seen(bottom, domain, region, vertical=False)[0]),
+        float(_visible_share(bottom, domain, region, vertical=False)[0]),
         len(facade.columns),
         len(facade.floors),
         *_regularity(facade.columns),
@@ -80,17 +80,17 @@ def describe(
         counts[1] / max(1.0, counts[0]),
     ]
     columns += [np.full(len(box), float(f)) for f in facts]
-    columns.append(_ratio(_nearest(centre[:, 0], facade.columns), unit[0]))
-    columns.append(_ratio(_nearest(centre[:, 0], 2 * middle - facade.columns), unit[0]))
-    columns.append(_ratio(_nearest(centre[:, 1], facade.floors), unit[1]))
+    columns.append(_capped_ratio(_nearest_distance(centre[:, 0], facade.columns), unit[0]))
+    columns.append(_capped_ratio(_nearest_distance(centre[:, 0], 2 * middle - facade.columns), unit[0]))
+    columns.append(_capped_ratio(_nearest_distance(centre[:, 1], facade.floors), unit[1]))
     shops = observed[observed_label == SHOP]
     columns.append(np.full(len(box), (np.median(shops[:, 3] - shops[:, 1]) / unit[1]) if len(shops) else 0.0))
-    return np.nan_to_num(np.column_stack(columns), nan=-1.0, posinf=_FAR, neginf=-_FAR).astype(np.float32)
+    return np.nan_to_num(np.column_stack(columns), nan=-1.0, posinf=_FEATURE_CAP, neginf=-_FEATURE_CAP).astype(np.float32)
 
 
-def _agreement(support: np.ndarray) -> list[np.ndarray]:
+def _support_features(support: np.ndarray) -> list[np.ndarray]:
     """How many variants of each kind agree, and how well."""
-    n = len(EXTENSIONS)
+    n = len(EXTENSION_VARIANTS)
     held = support[:, :n] >= 0.5
     columns = [held.mean(axis=1), support[:, :n].mean(axis=1)]
     columns += [support[:, v] for v in range(support.shape[1])]
@@ -98,27 +98,27 @@ def _agreement(support: np.ndarray) -> list[np.ndarray]:
     return columns
 
 
-def _lines_seen(
+def _alignment_features(
     box: np.ndarray, centre: np.ndarray, side: np.ndarray, observed: np.ndarray, same: np.ndarray
 ) -> list[np.ndarray]:
     """How many seen elements share the floor or the column, how well they align, how far the nearest is, how alike in size."""
     if not len(observed):
-        return [np.full(len(box), v) for v in (0.0, 0.0, 1.0, 1.0, _FAR, _FAR, 1.0, 1.0)]
+        return [np.full(len(box), v) for v in (0.0, 0.0, 1.0, 1.0, _FEATURE_CAP, _FEATURE_CAP, 1.0, 1.0)]
     middle, extent = (observed[:, :2] + observed[:, 2:]) / 2, observed[:, 2:] - observed[:, :2]
     away = np.abs(centre[:, None] - middle) / side[:, None]
     in_floor, in_column = same & (away[..., 1] < 0.3), same & (away[..., 0] < 0.3)
     unlike = np.abs(np.log(extent[None] / side[:, None]))
     found = [in_floor.sum(axis=1), in_column.sum(axis=1)]
-    found += [_least(away[..., 1], same, 1.0), _least(away[..., 0], same, 1.0)]
-    found += [_least(away[..., 0], in_floor, _FAR), _least(away[..., 1], in_column, _FAR)]
-    found += [_least(unlike[..., 0], in_column, 1.0), _least(unlike[..., 1], in_floor, 1.0)]
+    found += [_masked_min(away[..., 1], same, 1.0), _masked_min(away[..., 0], same, 1.0)]
+    found += [_masked_min(away[..., 0], in_floor, _FEATURE_CAP), _masked_min(away[..., 1], in_column, _FEATURE_CAP)]
+    found += [_masked_min(unlike[..., 0], in_column, 1.0), _masked_min(unlike[..., 1], in_floor, 1.0)]
     return [f.astype(float) for f in found]
 
 
-def _around(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
+def _rival_features(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
     """Agreement of the other guesses that overlap this one, of the same label and of others, and its rank among them."""
     agreed = (proposals.support >= 0.5).mean(axis=1)
-    shared = iou(proposals.box, proposals.box)
+    shared = pairwise_iou(proposals.box, proposals.box)
     np.fill_diagonal(shared, 0)
     same = proposals.label[:, None] == proposals.label
     rival, other = (shared * same * agreed).max(axis=1), (shared * ~same * agreed).max(axis=1)
@@ -126,7 +126,7 @@ def _around(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[
     return [rival, other, better.astype(float), ((shared > 0) & same).sum(axis=1).astype(float)]
 
 
-def _band_seen(box: np.ndarray, domain: Box, region: np.ndarray, *, vertical: bool) -> np.ndarray:
+def _visible_share(box: np.ndarray, domain: Box, region: np.ndarray, *, vertical: bool) -> np.ndarray:
     """(N,) the share of each element's floor (or column), over the whole domain, that is visible."""
     band = box.copy()
     a = 1 if vertical else 0
@@ -139,11 +139,11 @@ def _band_seen(box: np.ndarray, domain: Box, region: np.ndarray, *, vertical: bo
     return np.minimum(sides.prod(axis=2).sum(axis=1) / area, 1.0)
 
 
-def _margins(observed: np.ndarray, domain: Box) -> float:
+def _min_margin(observed: np.ndarray, domain: Box) -> float:
     return float(min((observed[:, 0] - domain[0]).min(), (domain[2] - observed[:, 2]).min())) if len(observed) else 0.0
 
 
-def _pitch(lines: np.ndarray) -> float:
+def _median_pitch(lines: np.ndarray) -> float:
     return float(np.median(np.diff(lines))) if len(lines) > 1 else np.nan
 
 
@@ -152,21 +152,21 @@ def _regularity(lines: np.ndarray) -> tuple[float, float]:
     return (float(gaps.std() / gaps.mean()), float(gaps.min() / gaps.mean())) if len(gaps) > 1 else (-1.0, -1.0)
 
 
-def _ratio(values: np.ndarray, unit: float) -> np.ndarray:
-    return np.minimum(values / unit, _FAR)
+def _capped_ratio(values: np.ndarray, unit: float) -> np.ndarray:
+    return np.minimum(values / unit, _FEATURE_CAP)
 
 
-def _nearest(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def _nearest_distance(values: np.ndarray, lines: np.ndarray) -> np.ndarray:
     return np.abs(values[:, None] - lines).min(axis=1) if len(lines) else np.full(len(values), np.inf)
 
 
-def _most(values: np.ndarray) -> np.ndarray:
+def _row_max(values: np.ndarray) -> np.ndarray:
     return values.max(axis=1) if values.shape[1] else np.zeros(len(values))
 
 
-def _least(values: np.ndarray, where: np.ndarray, otherwise: float) -> np.ndarray:
+def _masked_min(values: np.ndarray, where: np.ndarray, otherwise: float) -> np.ndarray:
     return np.where(where, values, otherwise).min(axis=1)
 
 
-def _area(box: np.ndarray) -> float:
+def _box_area(box: np.ndarray) -> float:
     return float(max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1]))

@@ -10,34 +10,34 @@ import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Box, Frame, frame
-from facade_core.facade.layout.floor_hypotheses import continued, filled
-from facade_core.facade.layout.grid_extension import Extension, extend, known, lengthen, mirrored
-from facade_core.facade.layout.grids import Grid, boxes
+from facade_core.facade.layout.facade_frame import Box, FacadeFrame, fit_facade_frame
+from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, resample_lines
+from facade_core.facade.layout.grid_extension import Extension, extend_grids, extension_context, extend_lines, mirror_columns
+from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.facade.layout.rectangles import (
     BALCONY,
     DOOR,
     SHOP,
     WINDOW,
-    best_agreement,
+    best_iou_by_variant,
     may_overlap,
-    overlaps,
-    representatives,
+    pairwise_overlap,
+    select_representatives,
 )
 
 # A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
-_MOVED = 0.3
-_NONE = np.zeros((0, 5))
+_MAX_SHIFT_SHARE = 0.3
+_NO_GUESSES = np.zeros((0, 5))
 # Of the sixteen quantiles of window size to spacing those that are tried: rows wide apart, usual and close.
-_RATIOS = [3, 8, 12]
+_RATIO_QUANTILES = [3, 8, 12]
 # So many guesses of one variant are looked at: more are no facade's, and each is held against each.
-_MOST = 2000
+_MAX_VARIANT_GUESSES = 2000
 # Of all variants together so many are compared with each other; one of 225 windows has 5,500.
-_ALL = 15_000
+_MAX_GUESSES = 15_000
 # Between shops that are as wide as their columns, in window widths.
-_PIER = 0.3
+_PIER_SHARE = 0.3
 
-EXTENSIONS = (
+EXTENSION_VARIANTS = (
     *(Extension(mirrored, balanced, False, False) for mirrored, balanced in product((False, True), repeat=2)),
     Extension(False, True, True, False),
     Extension(False, True, False, True),
@@ -58,7 +58,7 @@ class Proposals:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Usual:
+class ElementPriors:
     """What the database says of doors and shops where none is seen, and of rows and columns of which nothing is.
 
     door, shop (K, 3): width and height in window widths and heights, and gap below to the ground line in window heights;
@@ -72,58 +72,58 @@ class Usual:
     ratios: np.ndarray
 
 
-def propose(
-    seen: Sequence[Element],
-    fitted: Sequence[Grid],
+def propose_elements(
+    observed: Sequence[Element],
+    grids: Sequence[Grid],
     domain: Box,
     region: np.ndarray,
-    usual: Usual,
+    priors: ElementPriors,
     entrances: Sequence[float] = (),
 ) -> Proposals:
     """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible; entrances: where doors are known
     to be, across the domain."""
     variants: list[np.ndarray] = []
-    shared = known(seen, fitted)
-    for how in EXTENSIONS:
-        variants.append(_array(extend(shared, domain, how)))
-    facade = frame(seen, domain)
+    shared = extension_context(observed, grids)
+    for how in EXTENSION_VARIANTS:
+        variants.append(_guess_array(extend_grids(shared, domain, how)))
+    facade = fit_facade_frame(observed, domain)
     for balanced, mirror in product((False, True), repeat=2):
-        variants.append(_pooled(seen, facade, domain, balanced, mirror))
-    variants.append(_mirror(seen, domain))
-    variants.append(_ground(seen, facade, domain, DOOR, usual.door, entrances))
-    variants.append(_ground(seen, facade, domain, SHOP, usual.shop, ()))
-    variants.append(_stretched(seen, fitted, domain))
-    variants.append(_stacked(seen, facade, domain))
-    variants += _floors(seen, facade, domain, usual.floors)
-    variants += _pitches(seen, facade, domain, usual.ratios[_RATIOS])
-    most = _MOST if sum(map(len, variants)) <= _ALL else _ALL // len(variants)
+        variants.append(_pooled_windows(observed, facade, domain, balanced, mirror))
+    variants.append(_mirror_elements(observed, domain))
+    variants.append(_ground_elements(observed, facade, domain, DOOR, priors.door, entrances))
+    variants.append(_ground_elements(observed, facade, domain, SHOP, priors.shop, ()))
+    variants.append(_stretch_grids(observed, grids, domain))
+    variants.append(_stack_balconies(observed, facade, domain))
+    variants += _floor_windows(observed, facade, domain, priors.floors)
+    variants += _pitch_windows(observed, facade, domain, priors.ratios[_RATIO_QUANTILES])
+    most = _MAX_VARIANT_GUESSES if sum(map(len, variants)) <= _MAX_GUESSES else _MAX_GUESSES // len(variants)
     variants = [guesses[:most] for guesses in variants]
     variant = np.repeat(np.arange(len(variants)), [len(guesses) for guesses in variants])
     raw = np.concatenate(variants)
-    raw[:, 1:], inside = _moved_clear(raw[:, 1:], domain, region)
-    inside &= _clear_of(raw, seen)
+    raw[:, 1:], inside = _move_clear(raw[:, 1:], domain, region)
+    inside &= _avoids_observed(raw, observed)
     raw, variant = raw[inside], variant[inside]
-    kept = _distinct(raw)
-    support = best_agreement(raw[kept], raw, variant, len(variants))
+    kept = _unique_guesses(raw)
+    support = best_iou_by_variant(raw[kept], raw, variant, len(variants))
     return Proposals(raw[kept, 1:], raw[kept, 0].astype(np.int8), support)
 
 
-def _array(elements: Iterator[Element]) -> np.ndarray:
+def _guess_array(elements: Iterator[Element]) -> np.ndarray:
     rows = [(ELEMENT_CLASSES.index(e.label), e.x0, e.y0, e.x1, e.y1) for e in elements]
     return np.array(rows, float).reshape(-1, 5)
 
 
-def _pooled(seen: Sequence[Element], facade: Frame, domain: Box, balanced: bool, mirror: bool) -> np.ndarray:
+def _pooled_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, balanced: bool, mirror: bool) -> np.ndarray:
     """A window on every column of every floor, those of all grids pooled, carried on to the domain's ends."""
     if not len(facade.floors) or not any(e.label == "window" for e in seen):
         return np.zeros((0, 5))
     x0, y0, x1, y1 = domain
     width, height = facade.size.tolist()
-    columns = lengthen(facade.columns.tolist(), width, x0, x1, balanced, False)
+    columns = extend_lines(facade.columns.tolist(), width, x0, x1, balanced, False)
     if mirror:
-        columns = mirrored(facade.columns, width, x0 + x1)
-        columns = lengthen(columns.tolist(), width, x0, x1, False, False)
-    rows = lengthen(facade.floors.tolist(), height, y0, y1, False, False)
+        columns = mirror_columns(facade.columns, width, x0 + x1)
+        columns = extend_lines(columns.tolist(), width, x0, x1, False, False)
+    rows = extend_lines(facade.floors.tolist(), height, y0, y1, False, False)
     nearest = np.abs(rows[:, None] - facade.floors).argmin(axis=1)
     side = facade.floor_size[nearest]
     y, x = np.repeat(rows, len(columns)), np.tile(columns, len(rows))
@@ -131,37 +131,37 @@ def _pooled(seen: Sequence[Element], facade: Frame, domain: Box, balanced: bool,
     return np.column_stack([np.full(len(x), WINDOW), x - half[:, 0], y - half[:, 1], x + half[:, 0], y + half[:, 1]])
 
 
-def _cells(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
+def _window_grid(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Windows at every column and row; widths (rows,), heights (rows,). Of rows beyond what is looked at none is made: where a
     spacing is tiny they are millions."""
-    rows = _MOST // max(len(x), 1) + 1
-    x, y, widths, heights = x[:_MOST], y[:rows], widths[:rows], heights[:rows]
+    rows = _MAX_VARIANT_GUESSES // max(len(x), 1) + 1
+    x, y, widths, heights = x[:_MAX_VARIANT_GUESSES], y[:rows], widths[:rows], heights[:rows]
     x, y, w, h = np.tile(x, len(y)), np.repeat(y, len(x)), np.repeat(widths, len(x)) / 2, np.repeat(heights, len(x)) / 2
     return np.column_stack([np.full(len(x), WINDOW), x - w, y - h, x + w, y + h])
 
 
-def _floors(seen: Sequence[Element], facade: Frame, domain: Box, how: np.ndarray) -> list[np.ndarray]:
+def _floor_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, how: np.ndarray) -> list[np.ndarray]:
     """The columns of all windows on floors carried on in each of the ways in which the database's go on."""
     if len(facade.floors) < 2 or not any(e.label == "window" for e in seen):
-        return [_NONE] * len(how)
-    columns = lengthen(facade.columns.tolist(), float(facade.size[0]), domain[0], domain[2], True, False)
+        return [_NO_GUESSES] * len(how)
+    columns = extend_lines(facade.columns.tolist(), float(facade.size[0]), domain[0], domain[2], True, False)
     found = []
     for way in how:
-        rows, heights = continued(facade.floors, facade.floor_size[:, 1], way, domain[1], domain[3]).T
+        rows, heights = extrapolate_floors(facade.floors, facade.floor_size[:, 1], way, domain[1], domain[3]).T
         below = rows > facade.floors[-1]
         widths = np.where(below, facade.floor_size[-1, 0], facade.floor_size[0, 0])
-        found.append(_cells(columns, widths, rows, heights))
+        found.append(_window_grid(columns, widths, rows, heights))
     return found
 
 
-def _pitches(seen: Sequence[Element], facade: Frame, domain: Box, ratios: np.ndarray) -> list[np.ndarray]:
+def _pitch_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, ratios: np.ndarray) -> list[np.ndarray]:
     """Rows, and then columns, filled and carried on at other pitches than the median one: the least one seen, and those that
     the database has for windows of this size."""
     if not any(e.label == "window" for e in seen):
-        return [_NONE] * (2 * len(ratios) + 2)
+        return [_NO_GUESSES] * (2 * len(ratios) + 2)
     own = (facade.columns, facade.floors)
     usual = [
-        lengthen(lines.tolist(), size, domain[axis], domain[axis + 2], axis == 0, False)
+        extend_lines(lines.tolist(), size, domain[axis], domain[axis + 2], axis == 0, False)
         for axis, (lines, size) in enumerate(zip(own, facade.size.tolist(), strict=True))
     ]
     found = []
@@ -170,30 +170,30 @@ def _pitches(seen: Sequence[Element], facade: Frame, domain: Box, ratios: np.nda
         least = float(np.diff(own[axis]).min()) if len(own[axis]) > 1 else size / float(ratios[len(ratios) // 2, axis])
         for pitch in (max(least, 1.05 * size), *(size / ratios[:, axis])):
             lines = list(usual)
-            lines[axis] = filled(own[axis], float(pitch), size, domain[axis], domain[axis + 2])
+            lines[axis] = resample_lines(own[axis], float(pitch), size, domain[axis], domain[axis + 2])
             nearest = np.abs(lines[1][:, None] - facade.floors).argmin(axis=1)
             width, height = facade.floor_size[nearest].T
-            found.append(_cells(lines[0], width, lines[1], height))
+            found.append(_window_grid(lines[0], width, lines[1], height))
     return found
 
 
-def _mirror(seen: Sequence[Element], domain: Box) -> np.ndarray:
-    found = _array(e for e in seen if e.label in ELEMENT_CLASSES)
-    found[:, 1:] = _mirrored_boxes(found[:, 1:], domain)
+def _mirror_elements(seen: Sequence[Element], domain: Box) -> np.ndarray:
+    found = _guess_array(e for e in seen if e.label in ELEMENT_CLASSES)
+    found[:, 1:] = _mirror_boxes(found[:, 1:], domain)
     return found
 
 
-def _ground(
-    seen: Sequence[Element], facade: Frame, domain: Box, label: int, sizes: np.ndarray, at: Sequence[float]
+def _ground_elements(
+    seen: Sequence[Element], facade: FacadeFrame, domain: Box, label: int, sizes: np.ndarray, at: Sequence[float]
 ) -> np.ndarray:
     """Doors or shops on the ground line: at known places, under every column, between two, and in the facade's middle."""
-    same = boxes([e for e in seen if e.label == ELEMENT_CLASSES[label]])
+    same = box_array([e for e in seen if e.label == ELEMENT_CLASSES[label]])
     columns = np.array([(domain[0] + domain[2]) / 2])
     if len(facade.columns):
         width = float(facade.size[0])
-        carried = lengthen(facade.columns.tolist(), width, domain[0], domain[2], True, False)
-        both = lengthen(
-            mirrored(facade.columns, width, domain[0] + domain[2]).tolist(), width, domain[0], domain[2], False, False
+        carried = extend_lines(facade.columns.tolist(), width, domain[0], domain[2], True, False)
+        both = extend_lines(
+            mirror_columns(facade.columns, width, domain[0] + domain[2]).tolist(), width, domain[0], domain[2], False, False
         )
         columns = np.concatenate([carried, (carried[1:] + carried[:-1]) / 2, both, columns])
     columns = np.concatenate([np.array(at, float), columns])
@@ -207,35 +207,35 @@ def _ground(
     if label == SHOP and len(facade.columns) > 1:
         # as wide as one or two columns less a pier
         pitch, (_, tall, low) = float(np.median(np.diff(facade.columns))), np.median(own, axis=0)
-        for wide in (pitch - _PIER * facade.size[0], 2 * pitch - _PIER * facade.size[0]):
+        for wide in (pitch - _PIER_SHARE * facade.size[0], 2 * pitch - _PIER_SHARE * facade.size[0]):
             x, w = np.append(x, columns), np.append(w, np.full(len(columns), wide))
             h, gap = np.append(h, np.full(len(columns), tall)), np.append(gap, np.full(len(columns), low))
     foot = facade.ground - gap
     return np.column_stack([np.full(len(x), label), x - w / 2, foot - h, x + w / 2, foot])
 
 
-def _stretched(seen: Sequence[Element], fitted: Sequence[Grid], domain: Box) -> np.ndarray:
+def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Box) -> np.ndarray:
     """Every grid on the columns of all windows and on its own floors: what one grid lacks another one shows."""
-    facade = frame(seen, domain)
+    facade = fit_facade_frame(seen, domain)
     found = []
     for grid in fitted:
         label = ELEMENT_CLASSES.index(grid.label) if grid.label in ELEMENT_CLASSES else -1
         if label < 0 or not len(facade.columns):
             continue
-        columns = lengthen(facade.columns.tolist(), grid.width, domain[0], domain[2], True, False)
+        columns = extend_lines(facade.columns.tolist(), grid.width, domain[0], domain[2], True, False)
         y, x = np.repeat(grid.rows, len(columns)), np.tile(columns, len(grid.rows))
         w, h = grid.width / 2, grid.height / 2
         found.append(np.column_stack([np.full(len(x), label), x - w, y - h, x + w, y + h]))
     return np.concatenate(found) if found else np.zeros((0, 5))
 
 
-def _stacked(seen: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray:
+def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Box) -> np.ndarray:
     """Every balcony, and its mirror image, on every other floor at the height it has on its own."""
-    box = boxes([e for e in seen if e.label == "balcony"])
+    box = box_array([e for e in seen if e.label == "balcony"])
     if not len(box) or not len(facade.floors):
         return np.zeros((0, 5))
-    box = np.concatenate([box, _mirrored_boxes(box, domain)])
-    floors = lengthen(facade.floors.tolist(), float(facade.size[1]), domain[1], domain[3], False, False)
+    box = np.concatenate([box, _mirror_boxes(box, domain)])
+    floors = extend_lines(facade.floors.tolist(), float(facade.size[1]), domain[1], domain[3], False, False)
     own = np.abs((box[:, 1] + box[:, 3])[:, None] / 2 - floors).argmin(axis=1)
     shift = (floors - floors[own][:, None]).ravel()
     found = np.repeat(box, len(floors), axis=0)
@@ -243,13 +243,13 @@ def _stacked(seen: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray:
     return np.column_stack([np.full(len(found), BALCONY), found])
 
 
-def _mirrored_boxes(box: np.ndarray, domain: Box) -> np.ndarray:
+def _mirror_boxes(box: np.ndarray, domain: Box) -> np.ndarray:
     out = box.copy()
     out[:, [0, 2]] = domain[0] + domain[2] - box[:, [2, 0]]
     return out
 
 
-def _moved_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _move_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The rectangles pushed out of what is seen and into the domain where little is missing, and which are clear now."""
     box = box.copy()
     side = box[:, 2:] - box[:, :2]
@@ -259,29 +259,29 @@ def _moved_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.n
         way = share.argmin(axis=1)
         least = share[np.arange(len(box)), way]
         for k, (axis, sign) in enumerate(((0, -1), (0, 1), (1, -1), (1, 1))):
-            moved = (way == k) & (least > 0) & (least < _MOVED)
+            moved = (way == k) & (least > 0) & (least < _MAX_SHIFT_SHARE)
             if moved.any():
                 edge = r[axis] if sign < 0 else r[axis + 2]
                 box[moved, axis] = edge - side[moved, axis] if sign < 0 else edge
                 box[moved, axis + 2] = edge if sign < 0 else edge + side[moved, axis]
     low, high = np.array(domain[:2]), np.array(domain[2:])
-    for step in (np.clip(low - box[:, :2], 0, _MOVED * side), -np.clip(box[:, 2:] - high, 0, _MOVED * side)):
+    for step in (np.clip(low - box[:, :2], 0, _MAX_SHIFT_SHARE * side), -np.clip(box[:, 2:] - high, 0, _MAX_SHIFT_SHARE * side)):
         box[:, :2] += step
         box[:, 2:] += step
     slack = 1e-6 * (high - low)
     inside = (box[:, :2] >= low - slack).all(axis=1) & (box[:, 2:] <= high + slack).all(axis=1)
     box[:, :2], box[:, 2:] = np.maximum(box[:, :2], low), np.minimum(box[:, 2:], high)
     if len(region):
-        inside &= ~overlaps(box, region).any(axis=1)
+        inside &= ~pairwise_overlap(box, region).any(axis=1)
     return box, inside & (box[:, 2:] > box[:, :2]).all(axis=1)
 
 
-def _clear_of(raw: np.ndarray, seen: Sequence[Element]) -> np.ndarray:
+def _avoids_observed(raw: np.ndarray, seen: Sequence[Element]) -> np.ndarray:
     other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
-    return ~(overlaps(raw[:, 1:], boxes(seen)) & ~may_overlap(raw[:, 0], other)).any(axis=1)
+    return ~(pairwise_overlap(raw[:, 1:], box_array(seen)) & ~may_overlap(raw[:, 0], other)).any(axis=1)
 
 
-def _distinct(raw: np.ndarray) -> np.ndarray:
+def _unique_guesses(raw: np.ndarray) -> np.ndarray:
     """Indices of guesses that stand for all others: each is alike to one of them."""
     found: list[np.ndarray] = []
     for label in np.unique(raw[:, 0]):
@@ -290,5 +290,5 @@ def _distinct(raw: np.ndarray) -> np.ndarray:
         _, first, count = np.unique(np.round(raw[index, 1:] / step), axis=0, return_index=True, return_counts=True)
         order = np.lexsort((first, -count))
         index = index[first[order]]
-        found.append(index[representatives(raw[index, 1:])])
+        found.append(index[select_representatives(raw[index, 1:])])
     return np.concatenate(found) if found else np.zeros(0, int)

@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 
 
-class Trees(NamedTuple):
+class BoostedTrees(NamedTuple):
     """Boosted regression trees as flat arrays; roots (T,) index of each tree's first node.
 
     feature (M,), -1 at a leaf; threshold (M,), left if not above; left, right (M,), index of the children; value (M,), of
@@ -26,7 +26,7 @@ class Trees(NamedTuple):
 
 
 @njit(cache=True)
-def probability(trees: Trees, rows: np.ndarray) -> np.ndarray:
+def predict_probability(trees: BoostedTrees, rows: np.ndarray) -> np.ndarray:
     """(N,) the trees' probability for rows (N, features) float32."""
     out = np.empty(len(rows))
     for i in range(len(rows)):
@@ -41,7 +41,7 @@ def probability(trees: Trees, rows: np.ndarray) -> np.ndarray:
     return out
 
 
-def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 400, leaves: int = 32) -> Trees:
+def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 400, leaves: int = 32) -> BoostedTrees:
     """Boost trees on rows (N, features) with truth (N,) bool. One thread, so that the result is the same everywhere."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from threadpoolctl import threadpool_limits
@@ -74,7 +74,7 @@ def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int =
         )
         offset += len(nodes)
     feature, threshold, left, right, value = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return Trees(
+    return BoostedTrees(
         np.array(roots, np.int64),
         feature.astype(np.int64),
         threshold.astype(np.float32),

@@ -7,37 +7,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import ONE_LINE, lines
-from facade_core.facade.layout.grids import boxes
+from facade_core.facade.layout.facade_frame import ONE_LINE, cluster_centres
+from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.proposals import Proposals
-from facade_core.facade.layout.rectangles import BALCONY, WINDOW, overlaps
-from facade_core.facade.layout.selection import pick
+from facade_core.facade.layout.rectangles import BALCONY, WINDOW, pairwise_overlap
+from facade_core.facade.layout.selection import select_proposals
 
 # A window is that of the row beside, or a guess of one row, when their sides agree so well (intersection over union).
-_SAME = 0.6
+_MIN_SIDE_IOU = 0.6
 # A row that has this share of the windows beside it has the others too.
-_FULL = 0.5
+_MIN_NEIGHBOUR_SHARE = 0.5
 # How far windows are from each other at least: as a share of their width where only single ones are seen; at most; as a share
 # of the least gap that is seen.
-_SINGLE, _WIDEST, _OF_SEEN = 0.1, 0.2, 0.6
+_SINGLE_GAP_SHARE, _MAX_GAP_SHARE, _OBSERVED_GAP_SHARE = 0.1, 0.2, 0.6
 # A row of which nothing is there yet has at least this share of the windows of the row next to it, and lies so many pitches
 # from it.
-_COVER, _PITCH = 0.5, 0.75
+_MIN_ROW_COVER, _MIN_ROW_PITCH = 0.5, 0.75
 # Between two floors one is there though it is less likely, by this factor: no storey is blank.
-_BETWEEN = 0.35
-_NOTHING = np.zeros((0, 4))
+_INNER_ROW_FACTOR = 0.35
+_NO_BOXES = np.zeros((0, 4))
 
 
-def added(
-    found: Proposals,
-    kept: np.ndarray,
-    likely: np.ndarray,
-    things: Sequence[Element],
-    clear: np.ndarray,
-    apart: float,
+def find_missing_windows(
+    proposals: Proposals,
+    selected: np.ndarray,
+    probability: np.ndarray,
+    observed: Sequence[Element],
+    unobstructed: np.ndarray,
+    min_gap: float,
     *,
-    least: float,
-    standing: float,
+    row_threshold: float,
+    ground_row_threshold: float,
 ) -> np.ndarray:
     """(N,) bool, of proposals: windows that are missing in rows of the layout that is picked, `kept`, and rows that are.
 
@@ -45,31 +45,31 @@ def added(
     windows of a row are at least so far from each other. A row comes where its windows are as likely in the mean as `least`,
     below all others as `standing`; between two a third of it is enough.
     """
-    fill = np.zeros(len(found.box), bool)
-    own = kept[found.label[kept] == WINDOW]
-    seen = boxes([e for e in things if e.label == "window"])
-    windows = np.concatenate([seen, found.box[own]])
+    fill = np.zeros(len(proposals.box), bool)
+    own = selected[proposals.label[selected] == WINDOW]
+    seen = box_array([e for e in observed if e.label == "window"])
+    windows = np.concatenate([seen, proposals.box[own]])
     if not len(windows):
         return fill
     solid = np.concatenate(
-        [boxes([e for e in things if e.label != "balcony"]), found.box[kept[found.label[kept] != BALCONY]]]
+        [box_array([e for e in observed if e.label != "balcony"]), proposals.box[selected[proposals.label[selected] != BALCONY]]]
     )
-    free = clear & (found.label == WINDOW) & (likely > 0) & ~overlaps(found.box, solid).any(axis=1)
+    free = unobstructed & (proposals.label == WINDOW) & (probability > 0) & ~pairwise_overlap(proposals.box, solid).any(axis=1)
     picked = np.arange(len(windows)) >= len(seen)
-    fill[_in_rhythm(found.box, likely, free, windows, picked, solid)] = True
-    windows = np.concatenate([windows, found.box[fill]])
-    free &= ~overlaps(found.box, windows).any(axis=1)
-    fill[_missing(found.box, likely, free, windows, apart, least, standing)] = True
+    fill[_continue_rows(proposals.box, probability, free, windows, picked, solid)] = True
+    windows = np.concatenate([windows, proposals.box[fill]])
+    free &= ~pairwise_overlap(proposals.box, windows).any(axis=1)
+    fill[_find_missing_rows(proposals.box, probability, free, windows, min_gap, row_threshold, ground_row_threshold)] = True
     return fill
 
 
-def _in_rhythm(
+def _continue_rows(
     box: np.ndarray, likely: np.ndarray, free: np.ndarray, windows: np.ndarray, picked: np.ndarray, solid: np.ndarray
 ) -> list[int]:
     """Proposals that stand in a row as windows stand in the row beside it that has most; solid (M, 4): what may take their
     place, doors and shops too."""
     height = float(np.median(windows[:, 3] - windows[:, 1]))
-    floors, row = lines((windows[:, 1] + windows[:, 3]) / 2, ONE_LINE * height)
+    floors, row = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ONE_LINE * height)
     found: list[int] = []
     for r in np.unique(row[picked]).tolist():
         beside = [q for q in (r - 1, r + 1) if 0 <= q < len(floors)]
@@ -78,20 +78,20 @@ def _in_rhythm(
         other = windows[row == max(beside, key=lambda q: int((row == q).sum()))]
         mine = windows[row == r]
         low, high = float(np.median(mine[:, 1])), float(np.median(mine[:, 3]))
-        there = overlaps(
+        there = pairwise_overlap(
             np.column_stack([other[:, 0], np.full(len(other), low), other[:, 2], np.full(len(other), high)]), solid
         )
         there = there.any(axis=1)
-        if there.mean() < _FULL:
+        if there.mean() < _MIN_NEIGHBOUR_SHARE:
             continue
         for x0, x1 in other[~there][:, [0, 2]].tolist():
-            good = free & (_share(box[:, [0, 2]], (x0, x1)) >= _SAME) & (_share(box[:, [1, 3]], (low, high)) >= _SAME)
+            good = free & (_interval_iou(box[:, [0, 2]], (x0, x1)) >= _MIN_SIDE_IOU) & (_interval_iou(box[:, [1, 3]], (low, high)) >= _MIN_SIDE_IOU)
             if good.any():
                 found.append(int(np.where(good, likely, -1.0).argmax()))
     return found
 
 
-def _missing(
+def _find_missing_rows(
     box: np.ndarray,
     likely: np.ndarray,
     free: np.ndarray,
@@ -105,12 +105,12 @@ def _missing(
     size = np.median(windows[:, 2:] - windows[:, :2], axis=0)
     taken: list[int] = []
     while True:
-        floors, row_of = lines((windows[:, 1] + windows[:, 3]) / 2, ONE_LINE * float(size[1]))
+        floors, row_of = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ONE_LINE * float(size[1]))
         columns = [(windows[row_of == k, 0] + windows[row_of == k, 2]) / 2 for k in range(len(floors))]
         pitch = float(np.median(np.diff(floors))) if len(floors) > 1 else 2 * float(size[1])
         middle = (box[:, 1] + box[:, 3]) / 2
         nearest = np.abs(middle[:, None] - floors).argmin(axis=1)
-        far = np.abs(middle - floors[nearest]) >= _PITCH * pitch
+        far = np.abs(middle - floors[nearest]) >= _MIN_ROW_PITCH * pitch
         across = np.array(
             [np.abs(x - columns[k]).min() for x, k in zip((box[:, 0] + box[:, 2]) / 2, nearest, strict=True)]
         )
@@ -120,15 +120,15 @@ def _missing(
         best, best_sum = np.zeros(0, int), 0.0
         tried: list[int] = []
         for first in index.tolist():
-            if any(_share(box[[first]][:, [1, 3]], tuple(box[k, [1, 3]]))[0] > 0.8 for k in tried):
+            if any(_interval_iou(box[[first]][:, [1, 3]], tuple(box[k, [1, 3]]))[0] > 0.8 for k in tried):
                 continue
             tried.append(first)
-            one = index[_share(box[index][:, [1, 3]], tuple(box[first, [1, 3]])) >= _SAME]
-            row = one[pick(box[one], label[one], likely[one], np.ones(len(one), bool), _NOTHING, apart)]
+            one = index[_interval_iou(box[index][:, [1, 3]], tuple(box[first, [1, 3]])) >= _MIN_SIDE_IOU]
+            row = one[select_proposals(box[one], label[one], likely[one], np.ones(len(one), bool), _NO_BOXES, apart)]
             above, below = middle[first] < floors[0], middle[first] > floors[-1]
-            enough = standing if below else least if above else _BETWEEN * least
+            enough = standing if below else least if above else _INNER_ROW_FACTOR * least
             value = float(likely[row].sum())
-            if len(row) >= _COVER * len(columns[nearest[first]]) and value >= enough * len(row) and value > best_sum:
+            if len(row) >= _MIN_ROW_COVER * len(columns[nearest[first]]) and value >= enough * len(row) and value > best_sum:
                 best, best_sum = row, value
         if not len(best):
             return taken
@@ -139,16 +139,16 @@ def _missing(
         )
 
 
-def _share(sides: np.ndarray, side: tuple[float, float]) -> np.ndarray:
+def _interval_iou(sides: np.ndarray, side: tuple[float, float]) -> np.ndarray:
     """(N,) intersection over union of intervals (N, 2) and one."""
     both = np.minimum(sides[:, 1], side[1]) - np.maximum(sides[:, 0], side[0])
     return np.clip(both, 0, None) / (np.maximum(sides[:, 1], side[1]) - np.minimum(sides[:, 0], side[0]))
 
 
-def least_gap(things: Sequence[Element]) -> float:
+def min_window_gap(observed: Sequence[Element]) -> float:
     """How far windows that share a floor are from each other at least, most of the least distance that is seen; a part of their
     width where only single ones are."""
-    box = boxes([e for e in things if e.label == "window"])
+    box = box_array([e for e in observed if e.label == "window"])
     if not len(box):
         return 0.0
     width = float(np.median(box[:, 2] - box[:, 0]))
@@ -157,5 +157,5 @@ def least_gap(things: Sequence[Element]) -> float:
     shared = np.minimum(box[:, None, 3], box[:, 3]) - np.maximum(box[:, None, 1], box[:, 1])
     beside = (shared > 0.3 * np.minimum(tall[:, None], tall)) & (gap > -0.05 * width)
     if not beside.any():
-        return _SINGLE * width
-    return max(0.0, min(_WIDEST * width, _OF_SEEN * float(gap[beside].min())))
+        return _SINGLE_GAP_SHARE * width
+    return max(0.0, min(_MAX_GAP_SHARE * width, _OBSERVED_GAP_SHARE * float(gap[beside].min())))

@@ -11,26 +11,26 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
 from facade_core.facade.layout import statistics as st
 from facade_core.facade.layout.densities import (
-    ALIGN_X,
-    ALIGN_Y,
-    BOTTOM,
-    COMPLETE,
-    COVERAGE,
+    ALIGN_X_ROW,
+    ALIGN_Y_ROW,
+    BOTTOM_BORDER_ROW,
+    COMPLETENESS_ROW,
+    COVERAGE_ROW,
     DOOR_BINS,
-    FLOOR,
-    HEIGHT_RATIO,
-    REGULAR_X,
-    REGULAR_Y,
-    SIDES,
+    HEIGHT_RATIO_ROW,
+    MIN_LOG_DENSITY,
+    REGULAR_X_ROW,
+    REGULAR_Y_ROW,
+    SIDE_BORDER_ROW,
     SYMMETRY_BINS,
-    TOP,
-    WIDTH_RATIO,
+    TOP_BORDER_ROW,
+    WIDTH_RATIO_ROW,
     log_conditional,
     log_density,
 )
-from facade_core.facade.layout.grids import boxes, grids
-from facade_core.facade.layout.model import LayoutModel, shipped
-from facade_core.facade.layout.statistics import measure
+from facade_core.facade.layout.grids import box_array, fit_grids
+from facade_core.facade.layout.model import LayoutModel, shipped_layout_model
+from facade_core.facade.layout.statistics import measure_layout
 from facade_core.facade.layout.validation import check_domain, check_elements
 
 
@@ -45,36 +45,36 @@ def score(
     """
     check_domain(domain)
     check_elements(elements, domain)
-    chosen = model or shipped()
-    return float(chosen.weights @ terms(elements, domain, chosen))
+    chosen = model or shipped_layout_model()
+    return float(chosen.weights @ score_terms(elements, domain, chosen))
 
 
-def terms(elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel) -> np.ndarray:
+def score_terms(elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel) -> np.ndarray:
     """(10,) the value of each of TERMS, as the model adds them up: over all grids, or their mean."""
-    total, count = log_scores(*measured(elements, domain), *model.densities)
+    total, count = sum_log_densities(*measure_elements(elements, domain), *model.densities)
     return total / np.maximum(count, 1) if model.mean else total
 
 
-def measured(
+def measure_elements(
     elements: Sequence[Element], domain: tuple[float, float, float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`statistics.measure` of a layout's grids; elements in a fixed order first, so that sums do not depend on it."""
     kept = sorted({e for e in elements if e.label in ELEMENT_CLASSES}, key=lambda e: (e.label, e.y0, e.x0, e.y1, e.x1))
-    box, label, grid = arrays(kept)
-    return measure(box, label, grid, np.array(domain, float))
+    box, label, grid = element_arrays(kept)
+    return measure_layout(box, label, grid, np.array(domain, float))
 
 
-def arrays(elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def element_arrays(elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """box (N, 4), label (N,) and grid (N,) of elements of ELEMENT_CLASSES, as the compiled parts take them."""
     label = np.array([ELEMENT_CLASSES.index(e.label) for e in elements], np.int64)
     grid = np.zeros(len(elements), np.int64)
-    for g, fitted in enumerate(grids(elements)):
+    for g, fitted in enumerate(fit_grids(elements)):
         grid[fitted.cells[fitted.cells >= 0]] = g
-    return boxes(elements), label, grid
+    return box_array(elements), label, grid
 
 
 @njit(cache=True)
-def log_scores(
+def sum_log_densities(
     unary: np.ndarray,
     pairs: np.ndarray,
     overall: np.ndarray,
@@ -90,11 +90,11 @@ def log_scores(
         total[0] += log_density(u[st.ASPECT], mixtures[int(u[st.LABEL])])
         count[0] += 1
         for column, row, term in (
-            (st.WIDTH_RATIO, WIDTH_RATIO, 1),
-            (st.HEIGHT_RATIO, HEIGHT_RATIO, 1),
-            (st.REGULAR_X, REGULAR_X, 2),
-            (st.REGULAR_Y, REGULAR_Y, 2),
-            (st.COMPLETE, COMPLETE, 3),
+            (st.WIDTH_RATIO, WIDTH_RATIO_ROW, 1),
+            (st.HEIGHT_RATIO, HEIGHT_RATIO_ROW, 1),
+            (st.REGULAR_X, REGULAR_X_ROW, 2),
+            (st.REGULAR_Y, REGULAR_Y_ROW, 2),
+            (st.COMPLETE, COMPLETENESS_ROW, 3),
         ):
             if not np.isnan(u[column]):
                 total[term] += log_density(u[column], mixtures[row])
@@ -105,20 +105,20 @@ def log_scores(
             total[4] += patterns[int(p[st.PATTERN])]
             count[4] += 1
         if not np.isnan(p[st.ALIGN_X]):
-            total[5] += log_conditional(p[st.ALIGN_X], p[st.GAP_X], mixtures[ALIGN_X])
+            total[5] += log_conditional(p[st.ALIGN_X], p[st.GAP_X], mixtures[ALIGN_X_ROW])
             count[5] += 1
         if not np.isnan(p[st.ALIGN_Y]):
-            total[5] += log_conditional(p[st.ALIGN_Y], p[st.GAP_Y], mixtures[ALIGN_Y])
+            total[5] += log_conditional(p[st.ALIGN_Y], p[st.GAP_Y], mixtures[ALIGN_Y_ROW])
             count[5] += 1
     total[6] = compatibility[int(overall[st.TYPES])]
-    total[7] = log_density(overall[st.COVERAGE], mixtures[COVERAGE])
+    total[7] = log_density(overall[st.COVERAGE], mixtures[COVERAGE_ROW])
     if np.isnan(overall[st.SYMMETRY]):
-        total[8], total[9] = 4 * FLOOR, FLOOR
+        total[8], total[9] = 4 * MIN_LOG_DENSITY, MIN_LOG_DENSITY
     else:
-        total[8] += log_density(overall[st.BORDER_LEFT], mixtures[SIDES])
-        total[8] += log_density(overall[st.BORDER_RIGHT], mixtures[SIDES])
-        total[8] += log_density(overall[st.BORDER_TOP], mixtures[TOP])
-        total[8] += log_density(overall[st.BORDER_BOTTOM], mixtures[BOTTOM])
+        total[8] += log_density(overall[st.BORDER_LEFT], mixtures[SIDE_BORDER_ROW])
+        total[8] += log_density(overall[st.BORDER_RIGHT], mixtures[SIDE_BORDER_ROW])
+        total[8] += log_density(overall[st.BORDER_TOP], mixtures[TOP_BORDER_ROW])
+        total[8] += log_density(overall[st.BORDER_BOTTOM], mixtures[BOTTOM_BORDER_ROW])
         door = door_bin(overall[st.DOOR_AT])
         total[9] = symmetry[door, min(SYMMETRY_BINS - 1, int(overall[st.SYMMETRY] * SYMMETRY_BINS))]
     count[6], count[7], count[8], count[9] = 1, 1, 4, 1

@@ -9,32 +9,32 @@ import numpy as np
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.facade_frame import Box
-from facade_core.facade.layout.grids import boxes
+from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.proposals import Proposals
-from facade_core.facade.layout.rectangles import WINDOW, may_overlap, overlaps
+from facade_core.facade.layout.rectangles import WINDOW, may_overlap, pairwise_overlap
 
 # Edges of one label nearer than this share of the side are meant to be one line.
-_ONE_LINE = 0.2
+_LINE_TOLERANCE = 0.2
 
 
-def pick(
+def select_proposals(
     box: np.ndarray,
     label: np.ndarray,
     preference: np.ndarray,
-    free: np.ndarray,
-    blocked: np.ndarray,
-    apart: float = 0.0,
+    selectable: np.ndarray,
+    obstacles: np.ndarray,
+    min_gap: float = 0.0,
 ) -> np.ndarray:
     """Indices picked in the order of preference among those that are free (N,), clear of what was picked and of `blocked`
     (M, 4); windows are so far apart across."""
-    if len(blocked):
-        free = free & ~overlaps(box, blocked).any(axis=1)
-    index = np.flatnonzero(free)
+    if len(obstacles):
+        selectable = selectable & ~pairwise_overlap(box, obstacles).any(axis=1)
+    index = np.flatnonzero(selectable)
     index = index[np.argsort(-preference[index], kind="stable")]
-    excludes = overlaps(box[index], box[index]) & ~may_overlap(label[index], label[index])
-    if apart > 0:
+    excludes = pairwise_overlap(box[index], box[index]) & ~may_overlap(label[index], label[index])
+    if min_gap > 0:
         window = label[index] == WINDOW
-        excludes |= overlaps(box[index] + np.array([-apart, 0, apart, 0]), box[index]) & window[:, None] & window
+        excludes |= pairwise_overlap(box[index] + np.array([-min_gap, 0, min_gap, 0]), box[index]) & window[:, None] & window
     kept: list[int] = []
     open_ = np.ones(len(index), bool)
     for k in range(len(index)):
@@ -44,43 +44,43 @@ def pick(
     return index[kept]
 
 
-def aligned(
+def align_to_lines(
     proposals: Proposals,
-    kept: np.ndarray,
-    likely: np.ndarray,
-    seen: Sequence[Element],
+    selected: np.ndarray,
+    probability: np.ndarray,
+    observed_elements: Sequence[Element],
     domain: Box,
     region: np.ndarray,
-    blocked: np.ndarray,
+    obstacles: np.ndarray,
 ) -> tuple[Element, ...]:
     """The picked proposals with edges that nearly agree made equal, to those seen first, then to the likeliest; from top to
     bottom, left to right. One that would lose its place by that keeps its own edges."""
-    box, label = proposals.box[kept].copy(), proposals.label[kept].astype(int)
-    observed = boxes(seen)
-    observed_label = np.array([ELEMENT_CLASSES.index(e.label) for e in seen], int)
-    order = np.argsort(-likely[kept], kind="stable")
+    box, label = proposals.box[selected].copy(), proposals.label[selected].astype(int)
+    observed = box_array(observed_elements)
+    observed_label = np.array([ELEMENT_CLASSES.index(e.label) for e in observed_elements], int)
+    order = np.argsort(-probability[selected], kind="stable")
     for axis in (0, 1):
         for k in np.unique(label).tolist():
             known = [tuple(edges) for edges in observed[observed_label == k][:, [axis, axis + 2]].tolist()]
             for i in (i for i in order.tolist() if label[i] == k):
                 low, high = box[i, axis], box[i, axis + 2]
                 side = high - low
-                line = _nearest(known, low, high, _ONE_LINE * side)
+                line = _nearest_line(known, low, high, _LINE_TOLERANCE * side)
                 if line is None:
                     known.append((low, high))
                     continue
                 moved = box[i].copy()
                 moved[axis], moved[axis + 2] = line
-                if _free(moved, label[i], i, box, label, observed, observed_label, region, blocked, domain):
+                if _is_placeable(moved, label[i], i, box, label, observed, observed_label, region, obstacles, domain):
                     box[i] = moved
     elements = [
         Element(ELEMENT_CLASSES[n], x0, y0, x1, y1, round(chance, 3))
-        for n, (x0, y0, x1, y1), chance in zip(label.tolist(), box.tolist(), likely[kept].tolist(), strict=True)
+        for n, (x0, y0, x1, y1), chance in zip(label.tolist(), box.tolist(), probability[selected].tolist(), strict=True)
     ]
     return tuple(sorted(elements, key=lambda e: (e.y0, e.x0, e.label, e.y1, e.x1)))
 
 
-def _nearest(known: Sequence[tuple[float, ...]], low: float, high: float, reach: float) -> tuple[float, ...] | None:
+def _nearest_line(known: Sequence[tuple[float, ...]], low: float, high: float, reach: float) -> tuple[float, ...] | None:
     best, best_away = None, reach
     for line in known:
         away = max(abs(line[0] - low), abs(line[1] - high))
@@ -89,7 +89,7 @@ def _nearest(known: Sequence[tuple[float, ...]], low: float, high: float, reach:
     return best
 
 
-def _free(
+def _is_placeable(
     moved: np.ndarray,
     label: int,
     own: int,
@@ -104,9 +104,9 @@ def _free(
     one, kind = moved[None], np.array([label])
     if moved[0] < domain[0] or moved[1] < domain[1] or moved[2] > domain[2] or moved[3] > domain[3]:
         return False
-    if overlaps(one, region).any() or overlaps(one, blocked).any():
+    if pairwise_overlap(one, region).any() or pairwise_overlap(one, blocked).any():
         return False
     others, other_labels = np.concatenate([box, observed]), np.concatenate([labels, observed_label])
-    met = (overlaps(one, others) & ~may_overlap(kind, other_labels))[0]
+    met = (pairwise_overlap(one, others) & ~may_overlap(kind, other_labels))[0]
     met[own] = False
     return not met.any()

@@ -8,27 +8,27 @@ from facade_core.facade.layout.proposals import Proposals
 from facade_core.facade.layout.rectangles import SHOP
 
 # Shops whose sides differ by less than this factor (natural logarithm) are of one row.
-_SIZE = 0.1
+_SIZE_TOLERANCE = 0.1
 
 
-def row_of_shops(found: Proposals, likely: np.ndarray, clear: np.ndarray, least: float) -> np.ndarray:
+def select_shop_row(proposals: Proposals, probability: np.ndarray, unobstructed: np.ndarray, threshold: float) -> np.ndarray:
     """Indices of the shops of one size, clear of each other, that together are likelier than `least` by most; none where none
     is free.
 
     likely (N,): how likely each proposal is; clear (N,) bool: where nothing stands in the way. Sizes are those of shops that
     are seen, of the database, and one or two column pitches less a pier (`proposals`).
     """
-    index = np.flatnonzero((found.label == SHOP) & clear)
+    index = np.flatnonzero((proposals.label == SHOP) & unobstructed)
     if not len(index):
         return index
-    box = found.box[index]
-    size = np.rint(np.log(box[:, 2:] - box[:, :2]) / _SIZE)
+    box = proposals.box[index]
+    size = np.rint(np.log(box[:, 2:] - box[:, :2]) / _SIZE_TOLERANCE)
     _, group = np.unique(size, axis=0, return_inverse=True)
-    rows = [_along(found.box, likely, index[group.ravel() == k]) for k in range(group.max() + 1)]
-    return max(rows, key=lambda row: float((likely[row] - least).sum()))
+    rows = [_disjoint_shops(proposals.box, probability, index[group.ravel() == k]) for k in range(group.max() + 1)]
+    return max(rows, key=lambda row: float((probability[row] - threshold).sum()))
 
 
-def _along(box: np.ndarray, likely: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _disjoint_shops(box: np.ndarray, likely: np.ndarray, index: np.ndarray) -> np.ndarray:
     kept: list[int] = []
     for k in index[np.argsort(-likely[index], kind="stable")].tolist():
         if all(box[k, 0] >= box[other, 2] or box[other, 0] >= box[k, 2] for other in kept):

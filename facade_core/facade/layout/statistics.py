@@ -1,6 +1,6 @@
 """What the ten scores are read from: spacings, alignment, border and symmetry of a layout's grids (Fan et al. 2014, 4.1-4.3).
 
-Compiled: `measure` is called for every candidate layout. Elements come as arrays: box (N, 4) x0, y0, x1, y1; label (N,)
+Compiled: `measure_layout` is called for every candidate layout. Elements come as arrays: box (N, 4) x0, y0, x1, y1; label (N,)
 index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 without holes. By loops: numba's own sort, median
 and unique, slices that are assigned and expressions of arrays each take longer to compile than what calls them.
 """
@@ -13,27 +13,27 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.small_sort import ascending
 
-LABELS = len(ELEMENT_CLASSES)
+LABEL_COUNT = len(ELEMENT_CLASSES)
 DOOR = ELEMENT_CLASSES.index("door")
 # Centres closer than this share of the element size lie on one row or column.
 ALIGNED = 0.35
 # Interleaved patterns of Eq. 5, as many repetitions of the pattern as the two grids show; the last is any other.
 PATTERNS = ("AB", "ABA", "AAB", "AABB", "other")
 
-# Columns of the arrays that `measure` returns; NaN where a term does not apply.
+# Columns of the arrays that `measure_layout` returns; NaN where a term does not apply.
 ASPECT, WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, LABEL = range(7)
 PATTERN, ALIGN_X, GAP_X, ALIGN_Y, GAP_Y = range(5)
 COVERAGE, BORDER_LEFT, BORDER_RIGHT, BORDER_TOP, BORDER_BOTTOM, SYMMETRY, DOOR_AT, TYPES = range(8)
-UNARY, BINARY, OVERALL = 7, 5, 8
+UNARY_SIZE, PAIR_SIZE, OVERALL_SIZE = 7, 5, 8
 # The element types of Eq. 7-8: each label above the ground, then each that stands on it: with labels alone the term is a
 # function of their number, and a door on the third floor is one more.
-KINDS = 2 * LABELS
+ELEMENT_TYPE_COUNT = 2 * LABEL_COUNT
 # An element stands on the ground where less than this share of its height lies between its foot and the domain's.
-_STANDING = 0.5
+_MAX_GROUND_GAP = 0.5
 
 
 @njit(cache=True)
-def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def cluster_lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Means of runs of values that lie at most `gap` apart, ascending, and the run of each value."""
     order = ascending(values)
     run = np.empty(len(values), np.int64)
@@ -61,7 +61,7 @@ def _median(values: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def measure(
+def measure_layout(
     box: np.ndarray, label: np.ndarray, grid: np.ndarray, domain: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Statistics of a layout: (grids, UNARY), (pairs, BINARY) and (OVERALL,) float64, NaN where a term does not apply."""
@@ -69,7 +69,7 @@ def measure(
     grids = 0
     for i in range(n):
         grids = max(grids, grid[i] + 1)
-    unary = np.full((grids, UNARY), np.nan)
+    unary = np.full((grids, UNARY_SIZE), np.nan)
     extent = np.empty((grids, 4))
     size = np.empty((grids, 2))
     of_label = np.empty(grids, np.int64)
@@ -92,20 +92,20 @@ def measure(
                 count += 1
         width, height = _median(wide[:count]), _median(high[:count])
         size[g, 0], size[g, 1] = width, height
-        xs, _ = lines(middle_x[:count], ALIGNED * width)
-        ys, _ = lines(middle_y[:count], ALIGNED * height)
+        xs, _ = cluster_lines(middle_x[:count], ALIGNED * width)
+        ys, _ = cluster_lines(middle_y[:count], ALIGNED * height)
         column_count[g], row_count[g] = len(xs), len(ys)
         for k in range(len(xs)):
             columns[g, k] = xs[k]
         for k in range(len(ys)):
             rows[g, k] = ys[k]
-        _of_grid(unary[g], count, width, height, xs, ys)
+        _measure_grid(unary[g], count, width, height, xs, ys)
         unary[g, LABEL] = of_label[g]
-    pairs = np.full((grids * (grids - 1) // 2, BINARY), np.nan)
+    pairs = np.full((grids * (grids - 1) // 2, PAIR_SIZE), np.nan)
     k = 0
     for i in range(grids):
         for j in range(i + 1, grids):
-            _of_pair(
+            _measure_pair(
                 pairs[k],
                 columns[i, : column_count[i]],
                 columns[j, : column_count[j]],
@@ -118,29 +118,29 @@ def measure(
                 domain,
             )
             k += 1
-    return unary, pairs, _overall(box, label, extent, domain)
+    return unary, pairs, _measure_whole(box, label, extent, domain)
 
 
 @njit(cache=True)
-def _of_grid(out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray) -> None:
+def _measure_grid(out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray) -> None:
     """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to its mean, share of cells filled.
 
     The paper has the spread to the grid's extent; in a grid of ten columns that hardly sees one moved by half a window.
     """
     out[ASPECT] = np.log(height / width)
     if len(xs) > 1:
-        mean, deviation = _gaps(xs)
+        mean, deviation = _spacing_moments(xs)
         out[WIDTH_RATIO] = width / mean
         out[REGULAR_X] = deviation / mean
     if len(ys) > 1:
-        mean, deviation = _gaps(ys)
+        mean, deviation = _spacing_moments(ys)
         out[HEIGHT_RATIO] = height / mean
         out[REGULAR_Y] = deviation / mean
     out[COMPLETE] = count / (len(xs) * len(ys))
 
 
 @njit(cache=True)
-def _gaps(lines: np.ndarray) -> tuple[float, float]:
+def _spacing_moments(lines: np.ndarray) -> tuple[float, float]:
     """Mean and standard deviation of the distances between lines that follow one another."""
     count = len(lines) - 1
     mean, spread = 0.0, 0.0
@@ -153,7 +153,7 @@ def _gaps(lines: np.ndarray) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _of_pair(
+def _measure_pair(
     out: np.ndarray,
     xa: np.ndarray,
     xb: np.ndarray,
@@ -169,23 +169,23 @@ def _of_pair(
     apart_x = max(a[0], b[0]) - min(a[2], b[2])
     apart_y = max(a[1], b[1]) - min(a[3], b[3])
     if apart_x < 0 and apart_y < 0:  # the bounding boxes cut: their lines may take turns
-        pattern = _pattern(xa, xb, ALIGNED * min(size_a[0], size_b[0]))
+        pattern = _interleaving_pattern(xa, xb, ALIGNED * min(size_a[0], size_b[0]))
         if pattern < 0:
-            pattern = _pattern(ya, yb, ALIGNED * min(size_a[1], size_b[1]))
+            pattern = _interleaving_pattern(ya, yb, ALIGNED * min(size_a[1], size_b[1]))
         if pattern >= 0:
             out[PATTERN] = pattern
     if apart_x < 0:
-        share = _aligned(xa, xb, ALIGNED * min(size_a[0], size_b[0]), a[0], a[2], b[0], b[2])
+        share = _aligned_share(xa, xb, ALIGNED * min(size_a[0], size_b[0]), a[0], a[2], b[0], b[2])
         if share >= 0:
             out[ALIGN_Y], out[GAP_Y] = share, max(0.0, apart_y) / (domain[3] - domain[1])
     if apart_y < 0:
-        share = _aligned(ya, yb, ALIGNED * min(size_a[1], size_b[1]), a[1], a[3], b[1], b[3])
+        share = _aligned_share(ya, yb, ALIGNED * min(size_a[1], size_b[1]), a[1], a[3], b[1], b[3])
         if share >= 0:
             out[ALIGN_X], out[GAP_X] = share, max(0.0, apart_x) / (domain[2] - domain[0])
 
 
 @njit(cache=True)
-def _aligned(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
+def _aligned_share(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
     """Share of the lines in the common stretch that have a partner; -1 where no line lies in it."""
     low, high = max(a0, b0), min(a1, b1)
     overlapping, aligned = 0, 0
@@ -206,7 +206,7 @@ def _aligned(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0:
 
 
 @njit(cache=True)
-def _alone(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
+def _unmatched_lines(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
     """The lines of p of which none of q lies within the gap."""
     out = np.empty(len(p))
     n = 0
@@ -221,12 +221,12 @@ def _alone(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
+def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
     """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other.
 
     Lines that coincide, being one line of both, take no turns.
     """
-    p, q = _alone(all_p, all_q, gap), _alone(all_q, all_p, gap)
+    p, q = _unmatched_lines(all_p, all_q, gap), _unmatched_lines(all_q, all_p, gap)
     n = len(p) + len(q)
     if len(p) == 0 or len(q) == 0:
         return -1
@@ -267,20 +267,20 @@ def _pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
 
 
 @njit(cache=True)
-def _overall(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.ndarray) -> np.ndarray:
+def _measure_whole(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.ndarray) -> np.ndarray:
     """Eq. 8-11: types present as bits, coverage by grids, borders in mean element sizes, symmetric share, doors' place."""
-    out = np.full(OVERALL, np.nan)
+    out = np.full(OVERALL_SIZE, np.nan)
     n = len(box)
     types = 0
     for i in range(n):
-        standing = domain[3] - box[i, 3] < _STANDING * (box[i, 3] - box[i, 1])
-        types |= 1 << (label[i] + LABELS * standing)
+        standing = domain[3] - box[i, 3] < _MAX_GROUND_GAP * (box[i, 3] - box[i, 1])
+        types |= 1 << (label[i] + LABEL_COUNT * standing)
     out[TYPES] = types
     width, height = domain[2] - domain[0], domain[3] - domain[1]
     if n == 0:
         out[COVERAGE] = 0.0
         return out
-    out[COVERAGE] = _union(extent) / (width * height)
+    out[COVERAGE] = _union_area(extent) / (width * height)
     w, h = 0.0, 0.0
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     doors, at = 0, 0.0
@@ -296,12 +296,12 @@ def _overall(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.
     out[BORDER_LEFT], out[BORDER_RIGHT] = (left - domain[0]) / w, (domain[2] - right) / w
     out[BORDER_TOP], out[BORDER_BOTTOM] = (top - domain[1]) / h, (domain[3] - bottom) / h
     out[DOOR_AT] = at / doors if doors else 0.0
-    out[SYMMETRY] = symmetry(box, label, domain)
+    out[SYMMETRY] = symmetric_share(box, label, domain)
     return out
 
 
 @njit(cache=True)
-def symmetry(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
+def symmetric_share(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
     """Share of the elements' area whose mirror image about the domain's middle meets an element of the label."""
     twice = domain[0] + domain[2]
     met, total = 0.0, 0.0
@@ -321,7 +321,7 @@ def symmetry(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def _union(rectangles: np.ndarray) -> float:
+def _union_area(rectangles: np.ndarray) -> float:
     """Area of the union of rectangles."""
     count = len(rectangles)
     xs, ys = np.empty(2 * count), np.empty(2 * count)

@@ -12,11 +12,11 @@ from facade_core.core.types import Element
 Box = tuple[float, float, float, float]
 
 # What the benchmark measures; training sees the others as well.
-MEASURED = ("right", "lower", "region", "sparse")
-KINDS = (*MEASURED, "left", "upper")
+BENCHMARK_KINDS = ("right", "lower", "region", "sparse")
+CASE_KINDS = (*BENCHMARK_KINDS, "left", "upper")
 
 
-def hide(
+def hide_part(
     kind: str, elements: Sequence[Element], domain: Box, rng: np.random.Generator
 ) -> tuple[list[Element], list[Box]]:
     """The elements that stay visible and the visible region: half of the facade hidden, a random rectangle of 30-50 %, or
@@ -42,16 +42,16 @@ def hide(
         count = max(1, round(rng.uniform(0.25, 0.35) * len(elements)))
         seen = [elements[i] for i in np.sort(rng.permutation(len(elements))[:count])]
         return seen, [(e.x0, e.y0, e.x1, e.y1) for e in seen]
-    return [e for e in elements if any(_meets(e, r) for r in region)], region
+    return [e for e in elements if any(_intersects(e, r) for r in region)], region
 
 
-def mirror(elements: Sequence[Element], domain: Box) -> list[Element]:
+def mirror_layout(elements: Sequence[Element], domain: Box) -> list[Element]:
     """The layout seen in a mirror: another facade to learn from."""
     twice = domain[0] + domain[2]
     return [replace(e, x0=twice - e.x1, x1=twice - e.x0) for e in elements]
 
 
-def regular(rng: np.random.Generator) -> tuple[list[Element], Box]:
+def sample_regular_layout(rng: np.random.Generator) -> tuple[list[Element], Box]:
     """A facade of equal windows at equal distances, and its domain, in window widths."""
     columns, floors = int(rng.integers(3, 24)), int(rng.integers(2, 16))
     height = np.exp(rng.normal(0.4, 0.2))
@@ -62,5 +62,5 @@ def regular(rng: np.random.Generator) -> tuple[list[Element], Box]:
     return [Element("window", x, y, x + 1, y + height) for x, y in corners], (0.0, 0.0, *domain)
 
 
-def _meets(e: Element, r: Box) -> bool:
+def _intersects(e: Element, r: Box) -> bool:
     return min(e.x1, r[2]) > max(e.x0, r[0]) and min(e.y1, r[3]) > max(e.y0, r[1])

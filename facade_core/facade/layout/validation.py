@@ -8,8 +8,8 @@ import numpy as np
 
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
-from facade_core.facade.layout.grids import boxes, check
-from facade_core.facade.layout.rectangles import overlaps
+from facade_core.facade.layout.grids import box_array, check_boxes
+from facade_core.facade.layout.rectangles import pairwise_overlap
 
 Box = tuple[float, float, float, float]
 
@@ -22,8 +22,8 @@ def check_domain(domain: Box) -> None:
 
 def check_elements(elements: Sequence[Element], domain: Box) -> None:
     """Raise LayoutError for an element of an unknown label, without area, or centred outside the domain."""
-    check(elements)
-    box = boxes(elements)
+    check_boxes(elements)
+    box = box_array(elements)
     centre = (box[:, :2] + box[:, 2:]) / 2
     outside = ~((centre >= domain[:2]) & (centre <= domain[2:])).all(axis=1)
     for i in np.flatnonzero(outside).tolist():
@@ -32,15 +32,15 @@ def check_elements(elements: Sequence[Element], domain: Box) -> None:
         )
 
 
-def checked_region(seen: Sequence[Element], domain: Box, observed_region: Sequence[Box]) -> np.ndarray:
+def check_region(observed: Sequence[Element], domain: Box, observed_region: Sequence[Box]) -> np.ndarray:
     """The observed region as (M, 4); raises LayoutError for a box outside the domain and an element outside every box."""
     region = np.array([tuple(b) for b in observed_region], float).reshape(-1, 4)
     x0, y0, x1, y1 = domain
     for i, (a0, b0, a1, b1) in enumerate(region.tolist()):
         if not (a0 < a1 and b0 < b1 and a0 < x1 and a1 > x0 and b0 < y1 and b1 > y0):
             raise LayoutError(f"observed region {i}: needs an area inside the domain, not {(a0, b0, a1, b1)}")
-    if seen and not len(region):
+    if observed and not len(region):
         raise LayoutError("observed region: empty though elements were seen; give the boxes that are visible")
-    for i in np.flatnonzero(~overlaps(boxes(seen), region).any(axis=1)).tolist():
-        raise LayoutError(f"element {i} ({seen[i].label}): outside the observed region; extend the region or drop it")
+    for i in np.flatnonzero(~pairwise_overlap(box_array(observed), region).any(axis=1)).tolist():
+        raise LayoutError(f"element {i} ({observed[i].label}): outside the observed region; extend the region or drop it")
     return region

@@ -64,7 +64,7 @@ def on_wall(
     bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (PLAIN_BAYS if wall.plain else 1.0)
     window = scale * float(np.mean([right - left for left, right in style.exemplar.bays]))
     blank = wall.width < max(0.5 * bay, window + 2 * BESIDE_WINDOW_M)
-    ends = [0.0, wall.width] if blank else _sections(wall, bay)
+    ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
     count = 1 if blank else sum(counts)
     if wall.street and not blank:
@@ -93,15 +93,15 @@ def on_wall(
             for own, (left, right) in zip(split, pairwise(ends), strict=True)
         ]
         apart = max(BESIDE_SEAM_M, BESIDE_SEAM_TEXELS * (shown_at or pixel))
-        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
+        across = _move_off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
     attic = stack[0].attic
     down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
-    _leave_out(style, wall, stack, source, down, across, plain, blank)
+    _blank_cells(style, wall, stack, source, down, across, plain, blank)
     ground = len(stack[-1].heights)
     if wall.corner:
-        _bare_ground(style, stack[-1], source, plain)
+        _blank_ground(style, stack[-1], source, plain)
     if wall.street and not blank and on_ground(style, stack[-1]):
-        _enter(style, wall, source, across, ground)
+        _place_doors(style, wall, source, across, ground)
     back = wall.door or (wall.plain and bool(wall.entrances) and not wall.raised)
     size_m = wall.width, wall.height
     middle = door_place(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
@@ -117,7 +117,7 @@ def on_wall(
     rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
     rows[-1], columns[-1] = size
     # behind the last column of the lattice one more that shows bare wall
-    lattice = Lattice(style.grid.rows, style.grid.columns + _bare(style, plain))
+    lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     if wall.corner and on_ground(style, stack[-1]):
@@ -127,8 +127,8 @@ def on_wall(
     return image, labels
 
 
-def _enter(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
-    """Show, in `source` as of `_leave_out`, a bay of the exemplar that has a door where the map has one and no bay beside shows
+def _place_doors(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
+    """Show, in `source` as of `_blank_cells`, a bay of the exemplar that has a door where the map has one and no bay beside shows
     a door or a shop; ground: the rows of the ground floor."""
     doors = np.flatnonzero(style.doors)
     if not len(doors):
@@ -144,16 +144,16 @@ def _enter(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, gro
             source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
-def _bare_ground(style: Style, storey: Storey, source: np.ndarray, plain: int) -> None:
-    """Show bare wall all over the lowest storey, in `source` as of `_leave_out`: that of the ground floor where it has any."""
+def _blank_ground(style: Style, storey: Storey, source: np.ndarray, plain: int) -> None:
+    """Show bare wall all over the lowest storey, in `source` as of `_blank_cells`: that of the ground floor where it has any."""
     count, bare = len(storey.heights), len(style.grid.columns)
-    if not (on_ground(style, storey) and _walled(style, source[0, -count:, 0], plain, BARE_CORNER)):
+    if not (on_ground(style, storey) and _is_mostly_wall(style, source[0, -count:, 0], plain, BARE_CORNER)):
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
         source[0, -count:] = own[:, None]
     source[1, -count:] = bare
 
 
-def _sections(wall: Wall, bay: float) -> list[float]:
+def _wall_sections(wall: Wall, bay: float) -> list[float]:
     """The ends of a wall, and the seams between which there is room for whole bays, metres."""
     ends = [0.0]
     for seam in wall.seams:
@@ -162,7 +162,7 @@ def _sections(wall: Wall, bay: float) -> list[float]:
     return [*ends, wall.width]
 
 
-def _off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
+def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
     """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them, so
     many metres beside it and the wall's ends. One that has no such place stays."""
     across = across.copy()
@@ -196,7 +196,7 @@ def _plain_bays(style: Style, plain: int) -> np.ndarray:
     return inner if len(inner) else plainest
 
 
-def _leave_out(
+def _blank_cells(
     style: Style,
     wall: Wall,
     stack: list[Storey],
@@ -220,7 +220,7 @@ def _leave_out(
         if storey.floor == 0 and not storey.crowned and exemplar.kinds[0] == "middle":
             source[0, row] = 3 * plain
         if blank:
-            if (storey.floor < 0 or exemplar.kinds[storey.floor] == "ground") and not _walled(
+            if (storey.floor < 0 or exemplar.kinds[storey.floor] == "ground") and not _is_mostly_wall(
                 style, source[0, rows, 0], plain
             ):
                 source[0, rows, 0] = own
@@ -237,7 +237,7 @@ def _leave_out(
 
 
 @lru_cache(maxsize=4)
-def _bare(style: Style, plain: int) -> tuple[int, int]:
+def _bare_columns(style: Style, plain: int) -> tuple[int, int]:
     """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
     which, pixels."""
     rows = style.grid.rows[3 * plain : 3 * plain + 4]
@@ -255,9 +255,9 @@ def _bare(style: Style, plain: int) -> tuple[int, int]:
     return found
 
 
-def _walled(style: Style, rows: np.ndarray, plain: int, least: float = WALLED) -> bool:
+def _is_mostly_wall(style: Style, rows: np.ndarray, plain: int, least: float = WALLED) -> bool:
     """Whether more than a share of some rows (k,) of the exemplar's lattice is wall where its plainest floor is bare."""
-    left, right = _bare(style, plain)
+    left, right = _bare_columns(style, plain)
     shown = [
         style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == FacadeClass.WALL
         for row in rows.tolist()

@@ -39,7 +39,7 @@ def turn_corner(
     fits, the ground floor stays as it is."""
     width = labels.shape[1] * metres_per_pixel
     band = slice(style.exemplar.ground_top, style.exemplar.bottom)
-    shop = _corner_shop(style.labels[band], scale, width)
+    shop = _find_corner_shop(style.labels[band], scale, width)
     if shop is None or top >= len(labels):
         return
     size = (labels.shape[1], labels.shape[0] - top)
@@ -47,7 +47,7 @@ def turn_corner(
     labels[top:] = cv2.resize(style.labels[band, slice(*shop)], size, interpolation=cv2.INTER_NEAREST)
 
 
-def _corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
+def _find_corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
     """From which column to which a ground floor's labels (h, w) show the shop for a corner so wide, metres; None where none."""
     if width < LEAST_CORNER_M or not (labels == FacadeClass.SHOP).any():
         return None

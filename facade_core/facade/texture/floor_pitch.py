@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from facade_core.core.levelling import spread
+from facade_core.core.levelling import fill_unknown
 
 ITERATIONS = 400
 _SLOPE = np.tan(np.deg2rad(4.0))
@@ -28,7 +28,7 @@ def bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> 
 
 def _without_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content is chance."""
-    return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
+    return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
 
 
 def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:

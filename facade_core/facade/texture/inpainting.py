@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
-from facade_core.core.levelling import spread
+from facade_core.core.levelling import fill_unknown
 from facade_core.core.types import Element
 from facade_core.facade.texture.floor_inpainting import fill_by_floors
 from facade_core.facade.texture.tile_inpainting import fill_by_tiles
@@ -55,7 +55,7 @@ def inpaint(
     if not mask.any():
         return image.copy()
     if min(mask.shape) < LEAST_SIDE:
-        return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
+        return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
     likely = [e for e in elements or () if e.confidence >= _LIKELY or e.label not in _ON_GROUND]
     filled = _fill(method, image, mask, _guide(mask, labels, likely), seed)
     # Blending can carry a dark pane beyond black: nothing is darker, nor brighter, than what is seen.

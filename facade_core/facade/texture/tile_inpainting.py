@@ -7,7 +7,7 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
-from facade_core.core.levelling import spread
+from facade_core.core.levelling import fill_unknown
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.genetic import POPULATION, evolve
 from facade_core.facade.texture.seams import diffused
@@ -28,7 +28,7 @@ def fill_by_tiles(
     others is taken from around first, as colours fade over borders. Generations grow with the hidden nodes: 40 each, 400 to
     5000. Raises ImageError where no tile is visible.
     """
-    image = np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
+    image = np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
     rows, columns = np.asarray(grid.rows), np.asarray(grid.columns)
     hidden = np.add.reduceat(np.add.reduceat(mask.astype(float), rows[:-1], 0), columns[:-1], 1)
     heights, widths = np.diff(rows), np.diff(columns)

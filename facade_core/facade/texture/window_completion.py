@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.grids import size_groups
+from facade_core.facade.layout.grids import group_by_size
 
 # What is made of one piece.
 LABELS = ("window", "balcony")
@@ -37,7 +37,7 @@ def whole(image: np.ndarray, mask: np.ndarray, elements: Sequence[Element]) -> n
     is most like what is there, seen or made. Where none is, it stays. Other pixels keep their bits.
     """
     result = image.copy()
-    for members in size_groups(elements):
+    for members in group_by_size(elements):
         own = [elements[i] for i in members.tolist()]
         if own[0].label not in LABELS:
             continue

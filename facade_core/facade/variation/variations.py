@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
-from facade_core.facade.layout.grids import boxes, check, grids, size_groups
+from facade_core.facade.layout.grids import box_array, check_boxes, fit_grids, group_by_size
 from facade_core.facade.variation.appearance import projected, relabelling_cost
 from facade_core.facade.variation.contents import Group
 from facade_core.facade.variation.element_types import cluster, descriptors, filled
@@ -87,7 +87,7 @@ def variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
 
 
 def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Element]:
-    check(elements)
+    check_boxes(elements)
     height, width = shape
     kept: dict[Element, None] = {}
     for i, e in enumerate(elements):
@@ -101,13 +101,13 @@ def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Eleme
 
 
 def _variations(image: np.ndarray, elements: list[Element]) -> Variations:
-    all_boxes = boxes(elements).astype(np.int32)
+    all_boxes = box_array(elements).astype(np.int32)
     sums = wall_sums(image, mask_of(all_boxes, image.shape[:2]))
     depth = np.array([depth_of(e.label) for e in elements], int)
     groups, costs, representatives = [], [], []
     number = np.zeros(len(elements), np.int32)
     elements_before = types_before = 0
-    for members in size_groups(elements):
+    for members in group_by_size(elements):
         size = patch_size(all_boxes[members])
         box = align(image, all_boxes[members], size)
         shade = light(sums, all_boxes[members])
@@ -122,7 +122,7 @@ def _variations(image: np.ndarray, elements: list[Element]) -> Variations:
         number[members] = elements_before + np.arange(len(members))
         elements_before += len(members)
         types_before += len(chosen)
-    cells = tuple(np.where(g.cells >= 0, number[g.cells], -1).astype(np.int32) for g in grids(elements))
+    cells = tuple(np.where(g.cells >= 0, number[g.cells], -1).astype(np.int32) for g in fit_grids(elements))
     chosen = np.concatenate(representatives) if groups else np.zeros(0, np.int32)
     return Variations(tuple(groups), cells, chosen, tuple(costs))
 

@@ -38,7 +38,7 @@ def from_the_ground(shell: Shell, lowest: float) -> Shell:
 def add_facets(
     pieces: Pieces, index: int, facets: Facets, largest: float, grid: float, along: np.ndarray | None = None
 ) -> None:
-    """Facets as charts, with their right `along` (f, 3) if that is given; those longer than `largest` are cut on the grid."""
+    """Facets as charts, with their right `along` (f, 3) if that is given; those longer than `max_chart_side` are cut on the grid."""
     axis_u, axis_v = frames(facets.normal) if along is None else (along, np.cross(along, facets.normal))
     vertices, triangles, uv = facets.vertices, facets.triangles, facets.uv
     corners = vertices[triangles]

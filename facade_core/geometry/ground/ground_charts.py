@@ -118,7 +118,7 @@ def _drape(part: Polygon, terrain: Terrain) -> _Draped:
 
 
 def add_level(pieces: Pieces, kind: int, index: int, polygon: Polygon, z: float, largest: float, grid: float) -> None:
-    """A horizontal surface, facing up but for a ceiling, cut on the grid when it is longer than `largest`; the chart's up is
+    """A horizontal surface, facing up but for a ceiling, cut on the grid when it is longer than `max_chart_side`; the chart's up is
     north, of a ceiling south."""
     down = kind == ChartKind.CEILING
     west, south, east, north = polygon.bounds

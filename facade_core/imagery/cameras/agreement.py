@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.levelling import spread
+from facade_core.core.levelling import fill_unknown
 from facade_core.imagery.rectify.fusion import View
 
 # Side of the squares by which cameras are compared, metres, and how far apart their colours may be, as logarithms of their
@@ -64,7 +64,7 @@ def find_thin_objects(views: Sequence[View], density: float) -> list[np.ndarray]
     logs = [_logs(view, side) for view in views]
     found = []
     for i, view in enumerate(views):
-        colour = np.rint(spread(np.exp(logs[i]), there[i])).clip(1, 255).astype(np.uint8)
+        colour = np.rint(fill_unknown(np.exp(logs[i]), there[i])).clip(1, 255).astype(np.uint8)
         usual = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
         odd = there[i] & (np.abs(logs[i] - usual).max(axis=2) > THIN)
         for j in range(len(views)):

@@ -33,7 +33,7 @@ RIM_DEG = 1.25
 EDGE_DEG = 0.25
 
 
-def in_the_way(image: np.ndarray, pose: Pose) -> np.ndarray:
+def mask_ground_occluders(image: np.ndarray, pose: Pose) -> np.ndarray:
     """Where a panorama shows something that stands on the ground, (H, W) bool.
 
     image (H, W, 3) uint8 is the part pose.view of the full panorama. Six views around the camera are parsed; a thing that any
@@ -42,15 +42,15 @@ def in_the_way(image: np.ndarray, pose: Pose) -> np.ndarray:
     return _around(image, pose, (DOWN_DEG,), (HIGHEST_DEG, LOWEST_DEG))
 
 
-def before_buildings(image: np.ndarray, pose: Pose) -> np.ndarray:
+def mask_building_occluders(image: np.ndarray, pose: Pose) -> np.ndarray:
     """Where a panorama shows something that stands before walls and roofs, or the sky beside them, (H, W) bool; six more views
     look up."""
     return _around(image, pose, (DOWN_DEG, -UP_DEG), (ROOFS_DEG, FEET_DEG), sky=True)
 
 
-def beside_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> np.ndarray:
+def mask_model_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> np.ndarray:
     """Where a panorama of so many pixels (H, W) may show what lies beside a surface, for its pose is off by a little: bool, so
-    far around the edges of all surfaces as the model has them; and where `before_buildings` does not look."""
+    far around the edges of all surfaces as the model has them; and where `mask_building_occluders` does not look."""
     import cv2
 
     rays = _degrees(ROOFS_DEG, FEET_DEG)

@@ -32,30 +32,30 @@ def _none() -> np.ndarray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class Detections:
     """faces, plates (n, 4): boxes x0, y0, x1, y1 in pixels; lines of text, the plates' among them."""
 
     faces: np.ndarray = field(default_factory=_none)
     plates: np.ndarray = field(default_factory=_none)
     lines: Sequence[Line] = ()
 
-    def any(self) -> bool:
+    def has_private_boxes(self) -> bool:
         """Whether there is anything to hide."""
         return len(self.faces) + len(self.plates) > 0
 
-    def scaled(self, across: float, down: float) -> Seen:
+    def rescale(self, across: float, down: float) -> Detections:
         """The same on the picture at another size."""
         both = np.array([across, down])
         lines = [replace(line, corners=line.corners * both) for line in self.lines]
-        return Seen(self.faces * np.tile(both, 2), self.plates * np.tile(both, 2), lines)
+        return Detections(self.faces * np.tile(both, 2), self.plates * np.tile(both, 2), lines)
 
-    def moved(self, across: float, down: float) -> Seen:
+    def translate(self, across: float, down: float) -> Detections:
         """The same on a picture of which this one is a part that begins there."""
         both = np.array([across, down])
         lines = [replace(line, corners=line.corners + both) for line in self.lines]
-        return Seen(self.faces + np.tile(both, 2), self.plates + np.tile(both, 2), lines)
+        return Detections(self.faces + np.tile(both, 2), self.plates + np.tile(both, 2), lines)
 
-    def boxes(self, shape: tuple[int, int]) -> tuple[Box, ...]:
+    def private_boxes(self, shape: tuple[int, int]) -> tuple[Box, ...]:
         """What is to be hidden of a picture (H, W): boxes of whole pixels, faces first."""
         found = []
         for x0, y0, x1, y1 in np.concatenate([self.faces, self.plates]).tolist():
@@ -65,46 +65,46 @@ class Seen:
             found.append((left, top, right, bottom))
         return tuple(found)
 
-    def hidden(self, shape: tuple[int, int]) -> np.ndarray:
+    def private_mask(self, shape: tuple[int, int]) -> np.ndarray:
         """The same as a mask (H, W) bool."""
         mask = np.zeros(shape, bool)
-        for x0, y0, x1, y1 in self.boxes(shape):
+        for x0, y0, x1, y1 in self.private_boxes(shape):
             mask[y0:y1, x0:x1] = True
         return mask
 
 
-def looked_for() -> bool:
+def detectors_available() -> bool:
     """Whether faces, plates and text are looked for here: where the packages that bring the models are installed."""
     return bool(models_digest())
 
 
-def look(image: np.ndarray, low: float = LOW) -> Seen:
+def detect_on_image(image: np.ndarray, plates_top: float = LOW) -> Detections:
     """What there is on a picture (H, W, 3) uint8; plates below the share `low` of its height. Nothing without the models."""
-    if not looked_for():
-        return Seen()
-    plates, lines = find_plates(image, low)
-    return Seen(find_faces(image)[0], plates, lines)
+    if not detectors_available():
+        return Detections()
+    plates, lines = find_plates(image, plates_top)
+    return Detections(find_faces(image)[0], plates, lines)
 
 
-def look_around(image: np.ndarray, low: float = LOW) -> Seen:
+def detect_on_strip(image: np.ndarray, plates_top: float = LOW) -> Detections:
     """The same on a strip (H, W, 3) of a whole panorama, whose left border goes on from its right one: what lies across is
     found whole, and is there at both."""
     width = image.shape[1]
-    seen = look(np.concatenate([image, image[:, :SEAM]], axis=1), low)
+    seen = detect_on_image(np.concatenate([image, image[:, :SEAM]], axis=1), plates_top)
     lines = [line for line in seen.lines if line.box[0] < width]
-    return Seen(_around(seen.faces, width), _around(seen.plates, width), lines)
+    return Detections(_around(seen.faces, width), _around(seen.plates, width), lines)
 
 
-def look_on_panorama(image: np.ndarray, view: tuple[float, float, float, float]) -> Seen:
+def detect_on_panorama(image: np.ndarray, view: tuple[float, float, float, float]) -> Detections:
     """The same on the part `view` of a panorama, as of `facade_core.core.types.Pose`: between UPPERMOST and LOWERMOST."""
     _, top, wide, share = view
     first, middle, last = (
         min(len(image), max(0, round((row - top) / share * len(image)))) for row in (UPPERMOST, HORIZON, LOWERMOST)
     )
     if last == first:
-        return Seen()
-    looked = look_around if wide == 1 else look
-    return looked(image[first:last], (middle - first) / (last - first)).moved(0, first)
+        return Detections()
+    looked = detect_on_strip if wide == 1 else detect_on_image
+    return looked(image[first:last], (middle - first) / (last - first)).translate(0, first)
 
 
 def _around(boxes: np.ndarray, width: int) -> np.ndarray:
@@ -113,12 +113,12 @@ def _around(boxes: np.ndarray, width: int) -> np.ndarray:
     return np.concatenate([own, own[own[:, 2] > width] - np.array([width, 0, width, 0])])
 
 
-def find_plates(image: np.ndarray, low: float = LOW) -> tuple[np.ndarray, list[Line]]:
+def find_plates(image: np.ndarray, plates_top: float = LOW) -> tuple[np.ndarray, list[Line]]:
     """Boxes (n, 4) of the number plates below the share `low` of an image's height, and all its lines of text.
 
     Of a picture of ordinary size the lower part is looked at enlarged as well: plates and many signs of shops are small.
     """
-    lines, first = find_lines(image), round(low * len(image))
+    lines, first = find_lines(image), round(plates_top * len(image))
     closer: list[Line] = []
     if image.size <= 3 * SMALL and first < len(image):
         down = np.array([0, first])

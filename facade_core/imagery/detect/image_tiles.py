@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 
-def tiles(image: np.ndarray, side: int, overlap: int) -> Iterator[tuple[np.ndarray, int, int]]:
+def split_tiles(image: np.ndarray, side: int, overlap: int) -> Iterator[tuple[np.ndarray, int, int]]:
     """Parts (h, w, 3) of an image, at most `side` wide and high, which overlap by at least `overlap` pixels, and the column and
     row at which each begins."""
     for y in _starts(image.shape[0], side, overlap):

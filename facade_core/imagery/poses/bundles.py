@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 
 # Panoramas of a bundle at most: their pictures are held at once, and the equations are solved densely.
 MOST = 12
@@ -43,7 +43,7 @@ def bundles_of(
             found += [tuple(part) for i in range(0, len(group), MOST) if len(part := group[i : i + MOST].tolist()) > 1]
             continue
         _, square = np.unique(np.floor(places[group] / side), axis=0, return_inverse=True)
-        for rows in grouped(square.reshape(-1)).values():
+        for rows in group_rows(square.reshape(-1)).values():
             waiting += [(one, side / 2) for one in _connected(group[rows], pairs)]
     return sorted(found)
 
@@ -51,7 +51,7 @@ def bundles_of(
 def _pairs(wall: np.ndarray, panorama: np.ndarray, days: Sequence[int | None]) -> set[tuple[int, int]]:
     """The panoramas that a wall connects, the smaller first."""
     found = set()
-    for rows in grouped(wall).values():
+    for rows in group_rows(wall).values():
         for one, other in combinations(np.unique(panorama[rows]).tolist(), 2):
             first, second = days[one], days[other]
             if first is None or second is None or abs(first - second) <= APART_DAYS:
@@ -63,5 +63,5 @@ def _connected(members: np.ndarray, pairs: np.ndarray) -> list[np.ndarray]:
     """Panoramas (k,), ascending, by what pairs among them connect; those that are connected to none aside."""
     at = np.searchsorted(members, pairs[np.isin(pairs, members).all(axis=1)])
     graph = coo_array((np.ones(len(at)), (at[:, 0], at[:, 1])), (len(members), len(members)))
-    rows = grouped(connected_components(graph, directed=False)[1])
+    rows = group_rows(connected_components(graph, directed=False)[1])
     return [members[of] for of in rows.values() if len(of) > 1]

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.errors import ImageError
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_from_world, in_view, position, shares
@@ -77,8 +77,8 @@ def panoramas_near(scene: Scene, charts: np.ndarray, poses: Sequence[Pose]) -> l
     reach = REACH_M + 2 * np.hypot(*scene.charts.size[charts].T)
     places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
     place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
-    near = Grouped(place)
-    return [np.sort(panorama[near.of(chart)]) for chart in range(len(charts))]
+    near = RowIndex(place)
+    return [np.sort(panorama[near.rows_with(chart)]) for chart in range(len(charts))]
 
 
 def points_shown(

@@ -8,31 +8,31 @@ from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import ASIDE_M, INSIDE, LIFT_M, hemisphere, spread
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sun import LIFT_M as OFF_M
-from facade_core.street.lighting.sun import REACH_M, SKY_LIGHT, SUN_LIGHT, direction
+from facade_core.street.lighting.sun import RAY_LIFT_M as OFF_M
+from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M, SKY_LIGHT, SUN_LIGHT, sun_direction
 
 # Metres between the places of a wall that are looked from, its border's among them; light is linear between them.
-CELL_M = 3.0
+AMBIENT_CELL_M = 3.0
 # What stands farther than this is haze as bright as the sky above the horizon, and as the ground below it.
-AROUND_M = 40.0
+OCCLUDER_RANGE_M = 40.0
 # Of the light that falls on them ground and all else throw this much back.
-GROUND_BACK, BACK = 0.25, 0.4
+GROUND_ALBEDO, SURFACE_ALBEDO = 0.25, 0.4
 # What stands around sees this much of the sky that its tilt would show it in the open.
-SEES = 0.6
+OCCLUDER_SKY_SHARE = 0.6
 # What lights most walls of a street is held for a light of 1; more and less differ from it as in a picture that has both, which
 # no light brings beyond MOST.
-USUAL, MOST = 0.4, 1.6
+TYPICAL_SKY_SHARE, MAX_AMBIENT_LIGHT = 0.4, 1.6
 
 
-def ambient(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]:
+def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]:
     """How much of the sky's light, and of the sun's thrown back, reaches places of a chart from border to border, both
     (rows, columns) float32 and of what most walls of a street have of the sky's.
 
-    A ray that meets nothing within AROUND_M brings the sky's light. One that meets a surface brings what that throws back of
+    A ray that meets nothing within OCCLUDER_RANGE_M brings the sky's light. One that meets a surface brings what that throws back of
     the sky's, and of the sun's where it lies in it. Nothing farther than REACH_M decides.
     """
     charts, normals = scene.charts, scene.charts.normal()
-    columns, rows = (np.maximum(np.ceil(charts.size[chart] / CELL_M - 1e-6), 1).astype(int) + 1).tolist()
+    columns, rows = (np.maximum(np.ceil(charts.size[chart] / AMBIENT_CELL_M - 1e-6), 1).astype(int) + 1).tolist()
     width, height = charts.size[chart].tolist()
     inset = np.minimum(LIFT_M, 0.5 * charts.size[chart])
     across = np.clip(np.linspace(0, width, columns) + ASIDE_M, inset[0], width - inset[0])
@@ -43,29 +43,29 @@ def ambient(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]
     shape = (len(points), *rays.shape)
     origins, rays = np.broadcast_to(points[:, None], shape), np.broadcast_to(rays, shape)
     depth, met = scene.caster.cast(origins, rays)
-    far, up = depth > AROUND_M, rays[..., 2] >= 0
+    far, up = depth > OCCLUDER_RANGE_M, rays[..., 2] >= 0
     free, land = far & up, far & ~up
     behind = ~far & (np.einsum("prk,prk->pr", normals[met], rays) > 0)
     normal = np.where(land[..., None], [0.0, 0.0, 1.0], normals[met])
-    back = np.where(land | (charts.kind[met] == ChartKind.GROUND), GROUND_BACK, BACK)
-    sky = np.where(free, 1.0, SEES * back * (0.5 + 0.5 * normal[..., 2]))
-    cosine = np.where(free, 0.0, np.maximum(normal @ direction(sun), 0.0))
+    back = np.where(land | (charts.kind[met] == ChartKind.GROUND), GROUND_ALBEDO, SURFACE_ALBEDO)
+    sky = np.where(free, 1.0, OCCLUDER_SKY_SHARE * back * (0.5 + 0.5 * normal[..., 2]))
+    cosine = np.where(free, 0.0, np.maximum(normal @ sun_direction(sun), 0.0))
     asked = ~far & ~behind & (cosine > 0)
-    cosine[asked] *= _in_sun(scene, origins[asked] + depth[asked][:, None] * rays[asked], normal[asked], sun)
+    cosine[asked] *= _is_sunlit(scene, origins[asked] + depth[asked][:, None] * rays[asked], normal[asked], sun)
     thrown = np.where(behind, 0.0, back * cosine)
     light = [np.where(behind, 0.0, sky).mean(axis=1), thrown.mean(axis=1)]
     hidden = behind.mean(axis=1) > INSIDE
     one = (np.zeros(1, np.int64), np.array([rows]), np.array([columns]))
     for share in light:
         spread(share, hidden, *one)
-    above, beside = (share.reshape(rows, columns) / USUAL for share in light)
+    above, beside = (share.reshape(rows, columns) / TYPICAL_SKY_SHARE for share in light)
     whole = above + beside * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
-    shown = MOST / (whole + MOST - 1)
+    shown = MAX_AMBIENT_LIGHT / (whole + MAX_AMBIENT_LIGHT - 1)
     return (above * shown).astype(np.float32), (beside * shown).astype(np.float32)
 
 
-def _in_sun(scene: Scene, places: np.ndarray, normal: np.ndarray, sun: Sun) -> np.ndarray:
+def _is_sunlit(scene: Scene, places: np.ndarray, normal: np.ndarray, sun: Sun) -> np.ndarray:
     """Whether nothing stands between places (n, 3) of surfaces with normals (n, 3) and the sun, (n,) bool."""
-    towards = np.broadcast_to(direction(sun), places.shape)
+    towards = np.broadcast_to(sun_direction(sun), places.shape)
     depth, _ = scene.caster.cast(places + OFF_M * normal, towards)
-    return depth > REACH_M - AROUND_M
+    return depth > MAX_SHADOW_REACH_M - OCCLUDER_RANGE_M

@@ -23,7 +23,7 @@ from facade_core.street.materials.field_kernels import (
     FELT,
     FITTING,
     LAID,
-    NONE,
+    NO_OVERRIDE,
     PANE,
     PLASTER,
     SHEET,
@@ -31,26 +31,26 @@ from facade_core.street.materials.field_kernels import (
     SOIL,
     TILE,
     UNDERSIDE,
-    Field,
-    Own,
-    Surfaces,
+    FieldArrays,
+    MaterialOverride,
+    ChartMaterials,
 )
-from facade_core.street.materials.grain import Grains
-from facade_core.street.materials.grain_file import shipped
-from facade_core.street.materials.procedural import BRICKS, FITTINGS, PLASTERS, SOFFIT, WOODS
-from facade_core.street.materials.roofs import BALLASTS, FELTS, ROOFS, SLATES, TILES
-from facade_core.street.materials.tiled import Material
-from facade_core.street.propagation.render import shade
-from facade_core.street.propagation.sampling import Lights
+from facade_core.street.materials.grain import GrainTables
+from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.procedural import BRICK_PALETTE, METAL_FIXTURE_PALETTE, PLASTER_PALETTE, SOFFIT_COLOUR, WOOD_PALETTE
+from facade_core.street.materials.roofs import ROOF_GRAVEL_PALETTE, FELT_PALETTE, SHEET_METAL_PALETTE, SLATE_PALETTE, ROOF_TILE_PALETTE
+from facade_core.street.materials.tiled_material import TiledMaterial
+from facade_core.street.propagation.render import daylight_grey
+from facade_core.street.propagation.sampling import DaylightGrid
 
 # A roof whose normal leans more than this from the vertical (cosine), by 15 degrees, carries tiles: on flatter ones they leak.
-TILED = 0.966
+MAX_TILED_COSINE = 0.966
 # One that leans less, by 3 degrees, is seldom of sheet metal: these shares of such roofs are of felt and under gravel.
-LEVEL, FELTED, BALLASTED = 0.9986, 0.6, 0.3
+MAX_SHEET_METAL_COSINE, FLAT_FELT_SHARE, FLAT_GRAVEL_SHARE = 0.9986, 0.6, 0.3
 # One that leans so much is a wall, by 6 degrees, whatever its source calls it.
-STEEP = 0.1
+MAX_WALL_COSINE = 0.1
 # What roofs are of by OpenStreetMap's roof:material; others are as where nothing is stated.
-ROOFING = {
+ROOF_MATERIAL_TAGS = {
     SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
     TILE: ("roof_tiles", "tile", "tiles", "clay", "eternit", "concrete_tiles"),
     SLATE: ("slate", "stone"),
@@ -67,11 +67,11 @@ ROOFING = {
     BALLAST: ("gravel", "grit", "pebbles"),
 }
 # A roof in which green or blue is so much over red is of no tiles.
-UNLIKE_TILES = 12
+MIN_COOL_EXCESS = 12
 # A roof whose normal has this much of north in it is under moss, at its worst place.
-NORTHERN, MOSSY = 0.25, 0.55
+MIN_NORTH_COSINE, MAX_MOSS_SHARE = 0.25, 0.55
 # The grain of a material; every third building is of rough plaster.
-GRAIN = {
+MATERIAL_GRAINS = {
     SHEET: grain.METAL,
     TILE: grain.ROOF_TILES,
     SLATE: grain.SLATE,
@@ -83,14 +83,14 @@ GRAIN = {
     UNDERSIDE: grain.PLASTER_FINE,
     FITTING: grain.METAL,
 }
-ROUGH = 1 / 3
+ROUGH_PLASTER_SHARE = 1 / 3
 # Texels of a chart that are painted in one call.
-AT_ONCE = 1 << 16
+PAINT_BATCH_TEXELS = 1 << 16
 # What faces down counts as if it saw this much of the sky in the open.
-LEAST_OPEN = 0.25
+MIN_OPEN_SKY = 0.25
 
 
-class Materials:
+class MaterialField:
     """What charts are made of: a function of the world point, the same wherever it is seen from.
 
     Ground is what `ground` says, or carriageways along the streets; walls take their building's plaster, tilted roofs
@@ -105,24 +105,24 @@ class Materials:
         streets: Sequence[Street],
         *,
         seed: int,
-        roof_material: Material | None = None,
+        roof_material: TiledMaterial | None = None,
         ground: Ground | None = None,
-        grains: Grains | None = None,
+        grains: GrainTables | None = None,
     ) -> None:
         self._scene = scene
         self._ground = Squares(ground or Ground(ways_of(streets)), scene.charts)
         self._step = 1 / scene.placement.texels_per_metre
-        grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
-        self.field = Field(
-            _surfaces(scene, seed, laid=roof_material is not None),
-            NONE,
+        grey = TiledMaterial(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
+        self.field = FieldArrays(
+            _build_surfaces(scene, seed, has_roof_picture=roof_material is not None),
+            NO_OVERRIDE,
             self._ground.of([]),
             (roof_material or grey).mips,
-            grains or shipped(),
+            grains or load_shipped_grains(),
             seed,
         )
 
-    def with_wall(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[Materials, np.ndarray]:
+    def with_wall(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[MaterialField, np.ndarray]:
         """The same with the plaster walls among a building's charts of what its facade shows on its chart, unless a source
         states what they are of; and which charts these are."""
         surfaces = self.field.charts
@@ -135,24 +135,24 @@ class Materials:
             return self, own
         made, example = PLASTER, int(surfaces.grain[own[0]])
         if wall.brick:
-            made, example = BRICK, GRAIN[BRICK]
+            made, example = BRICK, MATERIAL_GRAINS[BRICK]
         found = copy(self)
         colour = wall.colour / surfaces.grey[facade]
-        found.field = self.field._replace(own=Own(np.sort(own).astype(np.int64), made, example, colour))
+        found.field = self.field._replace(own=MaterialOverride(np.sort(own).astype(np.int64), made, example, colour))
         return found, own
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
         out = np.empty((len(chart), 3), np.uint8)
         order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
-        kernels.colour(order, own, points, footprint, *self._near(np.unique(chart)), out)
+        kernels.colour_points(order, own, points, footprint, *self._near(np.unique(chart)), out)
         return out
 
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
         out = np.empty((len(rows), 3), np.uint8)
-        for start in range(0, len(rows), AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, len(rows), PAINT_BATCH_TEXELS):
+            some = slice(start, start + PAINT_BATCH_TEXELS)
             self._paint(chart, rows[some], columns[some], out[some])
         return out
 
@@ -171,8 +171,8 @@ class Materials:
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
         flat = out.reshape(-1, 3)
-        for start in range(0, len(flat), AT_ONCE):
-            part = flat[start : start + AT_ONCE]
+        for start in range(0, len(flat), PAINT_BATCH_TEXELS):
+            part = flat[start : start + PAINT_BATCH_TEXELS]
             rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
             self._paint(chart, rows, columns, part)
         return out
@@ -190,17 +190,17 @@ class Materials:
         step, count = float(self._step[chart]), len(rows)
         points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
         every = np.arange(count), np.full(count, chart), points, np.full(count, step)
-        kernels.colour(*every, *self._near([chart]), out)
+        kernels.colour_points(*every, *self._near([chart]), out)
 
-    def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[Field, Lights]:
+    def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[FieldArrays, DaylightGrid]:
         """The field and the light on some charts."""
         daylight = self._scene.daylight
         daylight.reach(charts)
-        lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
+        lights = DaylightGrid(daylight.place, daylight.columns, daylight.rows, daylight.light)
         return self.field._replace(ground=self._ground.of(charts)), lights
 
 
-def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
+def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> ChartMaterials:
     charts, mesh = scene.charts, scene.mesh
     own = mesh.vertex_chart
     wall = charts.kind[own] == ChartKind.WALL
@@ -211,39 +211,39 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
     roof = charts.kind == ChartKind.ROOF
     # models that were measured from above have steps of roofs as steep roofs; no tile lies on one
-    steep = roof & (np.abs(normal[:, 2]) < STEEP)
+    steep = roof & (np.abs(normal[:, 2]) < MAX_WALL_COSINE)
     made[steep] = PLASTER
     roof &= ~steep
     number = scene.building_numbers[charts.building]
-    made[roof & (normal[:, 2] > TILED)] = SHEET
-    level, lot = roof & (normal[:, 2] > LEVEL), kernels.drawn(number, seed + 83)
-    made[level & (lot < FELTED + BALLASTED)] = BALLAST
-    made[level & (lot < FELTED)] = FELT
-    if laid:
+    made[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SHEET
+    level, lot = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.draw_uniform(number, seed + 83)
+    made[level & (lot < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = BALLAST
+    made[level & (lot < FLAT_FELT_SHARE)] = FELT
+    if has_roof_picture:
         made[roof] = LAID
     if scene.finishes:
         bricks = np.array([one.wall_material == "brick" for one in scene.finishes])
         made[(made == PLASTER) & bricks[charts.building]] = BRICK
-        of = np.array([_roofing(one) for one in scene.finishes])[charts.building]
+        of = np.array([_stated_roof_material(one) for one in scene.finishes])[charts.building]
         known = roof & (made != LAID) & (charts.building >= 0) & (of >= 0)
         made[known] = of[known]
-    grey = shade(normal)
+    grey = daylight_grey(normal)
     tint = np.ones((len(charts), 3))
     palettes = (
-        (SHEET, ROOFS, 5),
-        (TILE, TILES, 19),
-        (SLATE, SLATES, 19),
-        (FELT, FELTS, 5),
-        (BALLAST, BALLASTS, 5),
-        (PLASTER, PLASTERS, 9),
-        (BRICK, BRICKS, 9),
-        (BOARDS, WOODS, 37),
-        (FITTING, FITTINGS, 113),
+        (SHEET, SHEET_METAL_PALETTE, 5),
+        (TILE, ROOF_TILE_PALETTE, 19),
+        (SLATE, SLATE_PALETTE, 19),
+        (FELT, FELT_PALETTE, 5),
+        (BALLAST, ROOF_GRAVEL_PALETTE, 5),
+        (PLASTER, PLASTER_PALETTE, 9),
+        (BRICK, BRICK_PALETTE, 9),
+        (BOARDS, WOOD_PALETTE, 37),
+        (FITTING, METAL_FIXTURE_PALETTE, 113),
     )
     for material, palette, turn in palettes:
         chosen = made == material
-        tint[chosen] = kernels.picked(palette, number[chosen], seed + turn)
-    tint[made == UNDERSIDE] = SOFFIT
+        tint[chosen] = kernels.pick_palette_colours(palette, number[chosen], seed + turn)
+    tint[made == UNDERSIDE] = SOFFIT_COLOUR
     if scene.finishes:
         unknown = (np.nan, np.nan, np.nan)
         stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
@@ -255,23 +255,23 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     start[np.isin(charts.kind, (ChartKind.WINDOW, ChartKind.DOOR))] = 0.0
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
     # a surface sees the sky above the horizon
-    sky = np.maximum(0.5 + 0.5 * normal[:, 2], LEAST_OPEN)
+    sky = np.maximum(0.5 + 0.5 * normal[:, 2], MIN_OPEN_SKY)
     examples = np.zeros(len(charts), np.int64)
-    for material, example in GRAIN.items():
+    for material, example in MATERIAL_GRAINS.items():
         examples[made == material] = example
-    rendered = (made == PLASTER) & (kernels.drawn(number, seed + 73) < ROUGH)
+    rendered = (made == PLASTER) & (kernels.draw_uniform(number, seed + 73) < ROUGH_PLASTER_SHARE)
     examples[rendered] = grain.PLASTER_ROUGH
-    mossy = np.where(normal[:, 1] > NORTHERN, MOSSY * kernels.drawn(number, seed + 79), 0.0)
-    return Surfaces(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy)
+    mossy = np.where(normal[:, 1] > MIN_NORTH_COSINE, MAX_MOSS_SHARE * kernels.draw_uniform(number, seed + 79), 0.0)
+    return ChartMaterials(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy)
 
 
-def _roofing(finish: Finish) -> int:
+def _stated_roof_material(finish: Finish) -> int:
     """What a roof is of by what is stated of it, -1 where that says nothing; in a colour that no tile has it is sheet metal."""
-    for made, names in ROOFING.items():
+    for made, names in ROOF_MATERIAL_TAGS.items():
         if finish.roof_material in names:
             return made
     if finish.roof_material is None and finish.roof_colour is not None:
         red, green, blue = finish.roof_colour
-        if green > red + UNLIKE_TILES or blue > red + UNLIKE_TILES:
+        if green > red + MIN_COOL_EXCESS or blue > red + MIN_COOL_EXCESS:
             return SHEET
     return -1

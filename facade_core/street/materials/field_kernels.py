@@ -13,40 +13,40 @@ from facade_core.core.hash_uniform import hash_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.daylight import LEAST
 from facade_core.geometry.ground.shapes import Drawn
-from facade_core.street.materials.grain import Grains, add_grain
-from facade_core.street.materials.ground_kernels import level, soil
+from facade_core.street.materials.grain import GrainTables, add_grain
+from facade_core.street.materials.ground_kernels import to_byte, ground_colour
 from facade_core.street.materials.procedural import (
-    FLASHING,
-    FRAME,
-    GLASS,
-    MORTAR,
-    SKY,
+    FLASHING_COLOUR,
+    FRAME_COLOUR,
+    GLASS_COLOUR,
+    MORTAR_COLOUR,
+    REFLECTED_SKY_COLOUR,
     add_weather,
-    brick,
-    fitting,
-    framed,
-    glass,
-    plaster,
-    soffit,
-    wood,
+    brick_tone,
+    metal_fixture_colour,
+    frame_share,
+    glass_reflection,
+    plaster_tone,
+    soffit_tone,
+    wood_tone,
 )
-from facade_core.street.materials.roofs import MOSS, ballast, felt, moss, roofing, slates, tiling
-from facade_core.street.materials.tiled import Mips, laid_at
-from facade_core.street.propagation.sampling import Lights, lit
+from facade_core.street.materials.roofs import MOSS_COLOUR, roof_gravel_tone, felt_tone, moss_share, sheet_metal_tone, slate_tone, roof_tile_tone
+from facade_core.street.materials.tiled_material import MipLevels, sample_mip_levels
+from facade_core.street.propagation.sampling import DaylightGrid, interpolate_light
 
 # What a chart is made of.
 SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT, BALLAST, FITTING = range(13)
 # Of a colour, this much goes where no sky is seen.
-SHADOW = 0.65
+OCCLUSION_LOSS = 0.65
 # Seams of sheets run down a roof that falls by more than this a metre, and northwards on others.
-FLAT = 0.05
+MIN_ROOF_FALL = 0.05
 # The lower edge of a pane in a roof lies less than this below its upper one, for a metre along it.
-STEEP = -0.95
+ROOF_PANE_AXIS_Z = -0.95
 # Places that are worked out together.
-PIECE = 256
+BATCH_POINTS = 256
 
 
-class Surfaces(NamedTuple):
+class ChartMaterials(NamedTuple):
     """All charts, n of them, as the kernel reads them.
 
     origin, axis_u, axis_v (n, 3), size (n, 2): their frames, as in `Charts`;
@@ -73,7 +73,7 @@ class Surfaces(NamedTuple):
     mossy: np.ndarray
 
 
-class Own(NamedTuple):
+class MaterialOverride(NamedTuple):
     """A material that some charts have in place of theirs: charts (k,) int64, ascending; made and grain as of
     `Surfaces`; colour (3,) in a light of 1."""
 
@@ -84,46 +84,46 @@ class Own(NamedTuple):
 
 
 # No chart has another.
-NONE = Own(np.zeros(0, np.int64), 0, 0, np.zeros(3))
+NO_OVERRIDE = MaterialOverride(np.zeros(0, np.int64), 0, 0, np.zeros(3))
 
 
-class Field(NamedTuple):
+class FieldArrays(NamedTuple):
     """All that a colour is made of but the light: charts, a material that some have in place of theirs, the ground, a material
     for roofs, examples of grain, chance.
 
     ground: of the charts that are asked for, at least.
     """
 
-    charts: Surfaces
-    own: Own
+    charts: ChartMaterials
+    own: MaterialOverride
     ground: Drawn
-    roof: Mips
-    grains: Grains
+    roof: MipLevels
+    grains: GrainTables
     seed: int
 
 
 @njit(cache=True, nogil=True)
-def colour(
+def colour_points(
     order: np.ndarray,
     chart: np.ndarray,
     places: np.ndarray,
     footprint: np.ndarray,
-    field: Field,
-    lights: Lights,
+    field: FieldArrays,
+    lights: DaylightGrid,
     out: np.ndarray,
 ) -> None:
     """Colours (n, 3) of places (n, 3) on charts (n,); order (n,) has those of one chart behind each other."""
-    points, side, piece = np.empty((3, PIECE)), np.empty(PIECE), np.empty((PIECE, 3), np.uint8)
+    points, side, piece = np.empty((3, BATCH_POINTS)), np.empty(BATCH_POINTS), np.empty((BATCH_POINTS, 3), np.uint8)
     start = 0
     while start < len(order):
         own, count = chart[order[start]], 0
-        while count < PIECE and start + count < len(order) and chart[order[start + count]] == own:
+        while count < BATCH_POINTS and start + count < len(order) and chart[order[start + count]] == own:
             k = order[start + count]
             for axis in range(3):
                 points[axis, count] = places[k, axis]
             side[count] = footprint[k]
             count += 1
-        _paint(own, points[:, :count], side[:count], field, lights, piece[:count])
+        _colour_batch(own, points[:, :count], side[:count], field, lights, piece[:count])
         for k in range(count):
             for band in range(3):
                 out[order[start + k], band] = piece[k, band]
@@ -131,7 +131,7 @@ def colour(
 
 
 @njit(cache=True)
-def _first_from(numbers: np.ndarray, number: int) -> int:
+def _lower_bound(numbers: np.ndarray, number: int) -> int:
     """The place of the first of ascending numbers that is not less than one; numba's own search takes longer to compile."""
     low, high = 0, len(numbers)
     while low < high:
@@ -144,7 +144,7 @@ def _first_from(numbers: np.ndarray, number: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: Lights, out: np.ndarray) -> None:
+def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArrays, lights: DaylightGrid, out: np.ndarray) -> None:
     """Colours (n, 3) of places (3, n) of one chart: all that asks for any comes here, so that a place has one colour."""
     charts, seed = field.charts, field.seed
     n = len(side)
@@ -158,85 +158,85 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         x[k] = right * axis_u[0] + down * axis_u[1] + off * axis_u[2]
         y[k] = right * axis_v[0] + down * axis_v[1] + off * axis_v[2]
     for k in range(n):
-        clear = (lit(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - LEAST) / (1 - LEAST)
-        light[k] = 1 - SHADOW * max(1 - clear / charts.open[c], 0.0)
+        clear = (interpolate_light(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - LEAST) / (1 - LEAST)
+        light[k] = 1 - OCCLUSION_LOSS * max(1 - clear / charts.open[c], 0.0)
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
     made, grey, example = int(charts.made[c]), charts.grey[c], charts.grain[c]
-    tint, own = charts.tint[c], _first_from(field.own.charts, c)
+    tint, own = charts.tint[c], _lower_bound(field.own.charts, c)
     if own < len(field.own.charts) and field.own.charts[own] == c:
         made, example, tint = field.own.made, field.own.grain, field.own.colour * grey
     if made == SOIL:
-        soil(field.ground.square[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
+        ground_colour(field.ground.square[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
     if made == LAID:
         for k in range(n):
-            laid = laid_at(roof, x[k], y[k], side[k])
+            laid = sample_mip_levels(roof, x[k], y[k], side[k])
             for band in range(3):
-                out[k, band] = level(laid[band] * grey * light[k])
+                out[k, band] = to_byte(laid[band] * grey * light[k])
         return
     if made == PANE:
-        glass(x, y, size[1], side, seed, tone)
-        framed(x, y, size[0], size[1], side, other)
-        frame = FLASHING if axis_v[2] > STEEP else FRAME
+        glass_reflection(x, y, size[1], side, seed, tone)
+        frame_share(x, y, size[0], size[1], side, other)
+        frame = FLASHING_COLOUR if axis_v[2] > ROOF_PANE_AXIS_Z else FRAME_COLOUR
         for k in range(n):
             for band in range(3):
-                pane = GLASS[band] + tone[k] * (SKY[band] - GLASS[band])
-                out[k, band] = level((pane + other[k] * (frame[band] - pane)) * grey * light[k])
+                pane = GLASS_COLOUR[band] + tone[k] * (REFLECTED_SKY_COLOUR[band] - GLASS_COLOUR[band])
+                out[k, band] = to_byte((pane + other[k] * (frame[band] - pane)) * grey * light[k])
         return
-    mixed, share = MORTAR, 0.0
+    mixed, share = MORTAR_COLOUR, 0.0
     if made in (SHEET, FELT, BALLAST):
-        if abs(axis_v[2]) < FLAT:
+        if abs(axis_v[2]) < MIN_ROOF_FALL:
             x, y = east, north
         if made == SHEET:
-            roofing(x, y, side, seed, tone)
+            sheet_metal_tone(x, y, side, seed, tone)
         elif made == BALLAST:
-            ballast(x, y, side, seed, tone)
+            roof_gravel_tone(x, y, side, seed, tone)
         else:
-            felt(x, y, side, seed, tone)
+            felt_tone(x, y, side, seed, tone)
     elif made in (TILE, SLATE):
         if made == TILE:
-            tiling(x, y, side, seed, tone)
+            roof_tile_tone(x, y, side, seed, tone)
         else:
-            slates(x, y, side, seed, tone)
+            slate_tone(x, y, side, seed, tone)
         if charts.mossy[c] > 0:
-            mixed, share = MOSS, charts.mossy[c]
-            moss(x, y, side, share, seed, other)
+            mixed, share = MOSS_COLOUR, charts.mossy[c]
+            moss_share(x, y, side, share, seed, other)
     elif made in (PLASTER, BRICK):
         for k in range(n):
             north[k] = points[2, k] - charts.foot[c]
         if made == PLASTER:
-            plaster(x, y, north, side, seed, tone)
+            plaster_tone(x, y, north, side, seed, tone)
         else:
             share = 1.0
-            brick(x, y, north, side, seed, other, tone)
+            brick_tone(x, y, north, side, seed, other, tone)
         for k in range(n):
             east[k] = y[k] - start[1]
         add_weather(x, y, north, east, side, seed, tone)
     elif made == BOARDS:
-        wood(x, y, side, seed, tone)
+        wood_tone(x, y, side, seed, tone)
         x, y = y, x  # the example's boards lie
     elif made == FITTING:
         for k in range(n):
             east[k], north[k] = x[k] - start[0], y[k] - start[1]
-        fitting(x, y, east, north, size[0], size[1], side, seed, tone)
+        metal_fixture_colour(x, y, east, north, size[0], size[1], side, seed, tone)
     else:
-        soffit(x, y, side, seed, tone)
+        soffit_tone(x, y, side, seed, tone)
     add_grain(x, y, side, field.grains, example, 1.0, seed + 71, tone)
     if share > 0:
         for k in range(n):
             for band in range(3):
                 mean = tint[band] + other[k] * (mixed[band] * grey - tint[band])
-                out[k, band] = level(tone[k] * mean * light[k])
+                out[k, band] = to_byte(tone[k] * mean * light[k])
         return
     for k in range(n):
         for band in range(3):
-            out[k, band] = level(tone[k] * tint[band] * light[k])
+            out[k, band] = to_byte(tone[k] * tint[band] * light[k])
 
 
 @njit(cache=True)
-def picked(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
+def pick_palette_colours(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
     """One colour of a palette (k, 3) for each number (n,), by chance: (n, 3)."""
     out = np.empty((len(number), 3))
     for i in range(len(number)):
@@ -247,7 +247,7 @@ def picked(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def drawn(number: np.ndarray, seed: int) -> np.ndarray:
+def draw_uniform(number: np.ndarray, seed: int) -> np.ndarray:
     """0..1 by chance for each number (n,)."""
     out = np.empty(len(number))
     for i in range(len(number)):

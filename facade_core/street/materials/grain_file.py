@@ -14,26 +14,26 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.errors import ModelError
-from facade_core.street.materials.grain import NAMES, PIXELS, TAKEN, Example, Grain, Grains, grains
+from facade_core.street.materials.grain import EXAMPLE_NAMES, TILE_PIXELS, DEFAULT_EXAMPLES, GrainExample, Grain, GrainTables, build_grain_tables
 
-SHIPPED = Path(__file__).parent / "models" / "materials.npz"
-FORMAT = 1
+SHIPPED_EXAMPLES = Path(__file__).parent / "models" / "materials.npz"
+EXAMPLE_FORMAT = 1
 _REMEDY = "fetch both files again or run `streetloom train materials`"
 
 
-def save(examples: Mapping[str, Example], path: Path, **told: Any) -> None:
+def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: Any) -> None:
     """Write examples of all NAMES, and beside them a record with the checksum and what else is told."""
-    own = [examples[name] for name in NAMES]
-    arrays = {field: np.array([getattr(example, field) for example in own]) for field in Example._fields}
+    own = [examples[name] for name in EXAMPLE_NAMES]
+    arrays = {field: np.array([getattr(example, field) for example in own]) for field in GrainExample._fields}
     held = io.BytesIO()
     np.savez_compressed(held, **arrays)  # type: ignore[arg-type]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(held.getvalue())
-    record = {"format": FORMAT, "sha256": hashlib.sha256(held.getvalue()).hexdigest(), "names": list(NAMES), **told}
+    record = {"format": EXAMPLE_FORMAT, "sha256": hashlib.sha256(held.getvalue()).hexdigest(), "names": list(EXAMPLE_NAMES), **details}
     path.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
-def load(path: Path = SHIPPED) -> dict[str, Example]:
+def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
     """The examples of a file, by name. Raises ModelError where it is none, or not that of its record."""
     record = path.with_suffix(".json")
     try:
@@ -42,28 +42,28 @@ def load(path: Path = SHIPPED) -> dict[str, Example]:
         raise ModelError(f"{error.filename}: cannot be read ({error.strerror}); {_REMEDY}") from error
     except ValueError as error:
         raise ModelError(f"{record}: not valid JSON ({error}); {_REMEDY}") from error
-    if not isinstance(told, dict) or told.get("format") != FORMAT or told.get("names") != list(NAMES):
+    if not isinstance(told, dict) or told.get("format") != EXAMPLE_FORMAT or told.get("names") != list(EXAMPLE_NAMES):
         raise ModelError(f"{record}: of another version; {_REMEDY}")
     if told.get("sha256") != hashlib.sha256(content).hexdigest():
         raise ModelError(f"{path}: checksum differs from {record.name}; {_REMEDY}")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
-            arrays = {field: file[field] for field in Example._fields}
+            arrays = {field: file[field] for field in GrainExample._fields}
     except (ValueError, KeyError, zipfile.BadZipFile) as error:
         raise ModelError(f"{path}: holds no examples ({error}); {_REMEDY}") from error
-    if arrays["tile"].shape != (len(NAMES), PIXELS, PIXELS):
+    if arrays["tile"].shape != (len(EXAMPLE_NAMES), TILE_PIXELS, TILE_PIXELS):
         raise ModelError(f"{path}: of another version; {_REMEDY}")
-    return {name: Example(*(arrays[field][k] for field in Example._fields)) for k, name in enumerate(NAMES)}
+    return {name: GrainExample(*(arrays[field][k] for field in GrainExample._fields)) for k, name in enumerate(EXAMPLE_NAMES)}
 
 
 @lru_cache(maxsize=1)
-def shipped() -> Grains:
+def load_shipped_grains() -> GrainTables:
     """All that has grain by the examples that come with the package, for kernels."""
-    return with_own({})
+    return load_grains({})
 
 
-def with_own(own: Mapping[str, Example]) -> Grains:
+def load_grains(block_examples: Mapping[str, GrainExample]) -> GrainTables:
     """The same with a block's own examples, by name, in their places."""
-    examples = load()
-    taken = {name: Grain(examples[example], weight) for name, (example, weight) in TAKEN.items()}
-    return grains([Grain(own[name], coloured=True) if name in own else one for name, one in taken.items()])
+    examples = load_examples()
+    taken = {name: Grain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
+    return build_grain_tables([Grain(block_examples[name], coloured=True) if name in block_examples else one for name, one in taken.items()])

@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.hash_uniform import ACROSS, DOWN, SEED, mixed, row_of
+from facade_core.core.hash_uniform import COLUMN_FACTOR, ROW_FACTOR, SEED_FACTOR, hash_to_uniform, hash_row
 from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True, inline="always")
-def _rise(middle: float, length: float) -> float:
+def _smoothstep_integral(middle: float, length: float) -> float:
     """The integral of 3 t^2 - 2 t^3 over a piece of 0..1, of which it is exact in middle and length."""
     return length * (middle * middle * (3 - 2 * middle) + 0.25 * length * length * (1 - 2 * middle))
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> float:
+def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> float:
     """Lattice noise around 0, -0.5..0.5, smooth from corner to corner of its cells: its mean over a box about x, y.
 
     All in cells. A box of more than one cell is taken as one, and fades until two.
@@ -32,21 +32,21 @@ def _noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> flo
     # of the box, what lies in the cell where it begins, and in the next
     right, below = max(x + 0.5 * wide - x0 - 1, 0.0), max(y + 0.5 * high - y0 - 1, 0.0)
     left, above = wide - right, high - below
-    rise, fall = _rise(x - 0.5 * wide - x0 + 0.5 * left, left), _rise(0.5 * right, right)
+    rise, fall = _smoothstep_integral(x - 0.5 * wide - x0 + 0.5 * left, left), _smoothstep_integral(0.5 * right, right)
     u0, u1, u2 = left - rise, rise + right - fall, fall
-    rise, fall = _rise(y - 0.5 * high - y0 + 0.5 * above, above), _rise(0.5 * below, below)
+    rise, fall = _smoothstep_integral(y - 0.5 * high - y0 + 0.5 * above, above), _smoothstep_integral(0.5 * below, below)
     v0, v1, v2 = above - rise, rise + below - fall, fall
-    a0, b0 = np.uint64(np.int64(x0)) * ACROSS, row_of(y0, seed)
-    a1, b1 = a0 + ACROSS, b0 + DOWN
-    a2, b2 = a1 + ACROSS, b1 + DOWN
-    total = v0 * (u0 * mixed(a0 + b0) + u1 * mixed(a1 + b0) + u2 * mixed(a2 + b0))
-    total += v1 * (u0 * mixed(a0 + b1) + u1 * mixed(a1 + b1) + u2 * mixed(a2 + b1))
-    total += v2 * (u0 * mixed(a0 + b2) + u1 * mixed(a1 + b2) + u2 * mixed(a2 + b2))
+    a0, b0 = np.uint64(np.int64(x0)) * COLUMN_FACTOR, hash_row(y0, seed)
+    a1, b1 = a0 + COLUMN_FACTOR, b0 + ROW_FACTOR
+    a2, b2 = a1 + COLUMN_FACTOR, b1 + ROW_FACTOR
+    total = v0 * (u0 * hash_to_uniform(a0 + b0) + u1 * hash_to_uniform(a1 + b0) + u2 * hash_to_uniform(a2 + b0))
+    total += v1 * (u0 * hash_to_uniform(a0 + b1) + u1 * hash_to_uniform(a1 + b1) + u2 * hash_to_uniform(a2 + b1))
+    total += v2 * (u0 * hash_to_uniform(a0 + b2) + u1 * hash_to_uniform(a1 + b2) + u2 * hash_to_uniform(a2 + b2))
     return fade * (total / (wide * high) - 0.5)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def covered(at: float, wide: float, first: float, width: float) -> float:
+def stripe_share(at: float, wide: float, first: float, width: float) -> float:
     """Of a piece `wide` about a place, the share on marks that begin at `first` and are `width` wide, one a unit."""
     low, high = at - 0.5 * wide - first, at + 0.5 * wide - first
     start, end = np.floor(low), np.floor(high)
@@ -54,16 +54,16 @@ def covered(at: float, wide: float, first: float, width: float) -> float:
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def bonded(column: float, row: float, wide: float, high: float, joint: float, across: float, down: float) -> float:
+def running_bond_share(column: float, row: float, wide: float, high: float, joint: float, across: float, down: float) -> float:
     """The share of a footprint that lies on no joint of a running bond, of which odd courses begin half a stone further.
 
     Place and footprint in stones; joint: its width, metres; across, down: stones to the metre.
     """
     beside, below = 0.5 * joint * across, 0.5 * joint * down
-    even = covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
-    odd = covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
-    clear = even * covered(column, wide, beside, 1 - 2 * beside)
-    return clear + odd * covered(column, wide, 0.5 + beside, 1 - 2 * beside)
+    even = stripe_share(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
+    odd = stripe_share(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
+    clear = even * stripe_share(column, wide, beside, 1 - 2 * beside)
+    return clear + odd * stripe_share(column, wide, 0.5 + beside, 1 - 2 * beside)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -71,9 +71,9 @@ def add_noise(
     x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
 ) -> None:
     """Add weight times noise around 0, -1..1, with cells of a width and height."""
-    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
-        out[k] += 2 * weight * _noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
+        out[k] += 2 * weight * _lattice_noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -84,7 +84,7 @@ def add_tones(
 
     A footprint of more than one of them is taken as one, and fades until two.
     """
-    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
         wide, high = side[k] * across, side[k] * down
         fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
@@ -97,9 +97,9 @@ def add_tones(
         beside = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
         under = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
         a, b = (
-            np.uint64(np.int64(x0)) * ACROSS + row_of(y0, own),
-            np.uint64(np.int64(x1)) * ACROSS + row_of(y0 + 1, own),
+            np.uint64(np.int64(x0)) * COLUMN_FACTOR + hash_row(y0, own),
+            np.uint64(np.int64(x1)) * COLUMN_FACTOR + hash_row(y0 + 1, own),
         )
-        upper = (1 - beside) * mixed(a) + beside * mixed(a + ACROSS)
-        tone = (1 - lower) * upper + lower * ((1 - under) * mixed(b) + under * mixed(b + ACROSS))
+        upper = (1 - beside) * hash_to_uniform(a) + beside * hash_to_uniform(a + COLUMN_FACTOR)
+        tone = (1 - lower) * upper + lower * ((1 - under) * hash_to_uniform(b) + under * hash_to_uniform(b + COLUMN_FACTOR))
         out[k] += weight * fade * (tone - 0.5)

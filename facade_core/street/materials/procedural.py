@@ -11,10 +11,10 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SURFACES
 from facade_core.street.materials import grain
-from facade_core.street.materials.patterns import add_noise, add_tones, bonded, covered
+from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
 
 # Muted Nordic plasters.
-PLASTERS = np.array(
+PLASTER_PALETTE = np.array(
     [
         [214, 196, 160],
         [206, 178, 140],
@@ -27,24 +27,24 @@ PLASTERS = np.array(
     np.float64,
 )
 # Zinc new and weathered, and what is painted over it.
-FITTINGS = np.array(
+METAL_FIXTURE_PALETTE = np.array(
     [[142, 146, 150], [122, 126, 130], [104, 108, 110], [88, 84, 80], [150, 148, 142], [84, 74, 66]], np.float64
 )
-WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
+WOOD_PALETTE = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
 # The colours of a tone of 1.
-SOFFIT = np.array([172.0, 170.28, 166.84])
-ASPHALT, PAVING = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
+SOFFIT_COLOUR = np.array([172.0, 170.28, 166.84])
+ASPHALT_COLOUR, PAVING_COLOUR = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
 # What ground is made of: surfaces, and leaves over them. The mean tone of each, whose grain it has, -1 for none, and the colour
 # of a tone of 1 where no picture gives it.
 GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK, LEAVES = range(8)
 assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
-MEANS = np.array([138.0, 98.0, 148.0, 140.0, 112.0, 96.0, 98.0, 96.0])
-GRAINS = np.array([grain.GRAVEL, grain.ASPHALT, grain.SLABS, grain.SETTS, grain.GRASS, -1, grain.ASPHALT, -1])
-COLOURS = np.array(
+MEAN_TONES = np.array([138.0, 98.0, 148.0, 140.0, 112.0, 96.0, 98.0, 96.0])
+SURFACE_GRAINS = np.array([grain.GRAVEL, grain.ASPHALT, grain.SLABS, grain.SETTS, grain.GRASS, -1, grain.ASPHALT, -1])
+SURFACE_COLOURS = np.array(
     [
         [1.05, 0.96, 0.82],
-        ASPHALT,
-        PAVING,
+        ASPHALT_COLOUR,
+        PAVING_COLOUR,
         [1.0, 0.985, 0.97],
         [0.8, 0.92, 0.46],
         [0.62, 0.78, 0.86],
@@ -53,12 +53,12 @@ COLOURS = np.array(
     ]
 )
 # Fired clay and sand-lime of walls, and the mortar between.
-BRICKS = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]], np.float64)
-MORTAR = np.array([168.0, 162.0, 150.0])
+BRICK_PALETTE = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]], np.float64)
+MORTAR_COLOUR = np.array([168.0, 162.0, 150.0])
 # A pane's colour where it shows no sky, and where it shows nothing else.
-GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
+GLASS_COLOUR, REFLECTED_SKY_COLOUR = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
 # What is around a pane, upright and in a roof, of a tone of 1: so wide, and from the second width on a post in the middle.
-FRAME, FLASHING, FRAME_M, POST_FROM_M, POST_M = (
+FRAME_COLOUR, FLASHING_COLOUR, FRAME_M, MIN_WIDTH_WITH_POST_M, POST_M = (
     np.array([206.0, 204.0, 198.0]),
     np.array([70.0, 72.0, 76.0]),
     0.065,
@@ -68,7 +68,7 @@ FRAME, FLASHING, FRAME_M, POST_FROM_M, POST_M = (
 # Width and length of a slab; width of a board.
 SLAB_M, BOARD_M = (0.6, 0.4), (0.12, 1e9)
 # How far streaks run down from a wall's upper edge, and how far up its foot is splashed.
-STREAKS_M, SPLASHES_M = 5.0, 1.2
+STREAK_LENGTH_M, SPLASH_HEIGHT_M = 5.0, 1.2
 # The width of a sett across a street and its length.
 SETT_M = (0.21, 0.15)
 # A brick with its joint, a course high, and the joint.
@@ -76,7 +76,7 @@ BRICK_M, JOINT_M = (0.25, 0.078), 0.011
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def asphalt(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def asphalt_tone(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Carriageway: worn asphalt, lighter in the wheel tracks; aside: from the centreline."""
     for k in range(len(x)):
         track = (aside[k] - 1.7) / 0.5
@@ -89,7 +89,7 @@ def asphalt(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def paving(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def paving_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Pavement of slabs, 0.6 x 0.4 m in running bond, with darker joints, 4 cm wide."""
     out[:] = 148
     for number, cell in enumerate((0.2, 1.5, 6.0)):
@@ -98,7 +98,7 @@ def paving(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
     across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        clear = bonded(column, row, wide, high, 0.04, across, down)
+        clear = running_bond_share(column, row, wide, high, 0.04, across, down)
         out[k] *= 0.86 + 0.14 * clear
 
 
@@ -114,24 +114,24 @@ def add_weather(
     top, foot = np.inf, np.inf
     for k in range(len(x)):
         top, foot = min(top, below[k]), min(foot, above[k])
-    if top < STREAKS_M:
+    if top < STREAK_LENGTH_M:
         add_noise(x, y, side, (0.16, 5.0), 0.5, seed + 97, near)
         add_noise(x, y, side, (0.5, 9.0), 0.5, seed + 98, near)
         for k in range(len(x)):
-            run = max(1 - max(below[k], 0.0) / STREAKS_M, 0.0)
+            run = max(1 - max(below[k], 0.0) / STREAK_LENGTH_M, 0.0)
             out[k] -= 0.3 * max(near[k] - 0.12, 0.0) * run * run * run
-    if foot < SPLASHES_M:
+    if foot < SPLASH_HEIGHT_M:
         for k in range(len(x)):
             near[k] = 0.25
         add_noise(x, y, side, (0.45, 0.3), 0.5, seed + 99, near)
         add_noise(x, y, side, (2.2, 4.0), 0.5, seed + 100, near)
         for k in range(len(x)):
-            wet = max(1 - max(above[k], 0.0) / SPLASHES_M, 0.0)
+            wet = max(1 - max(above[k], 0.0) / SPLASH_HEIGHT_M, 0.0)
             out[k] -= 0.26 * max(near[k], 0.0) * wet * wet
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def plaster_tone(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Bare rendered wall, dirtier near the ground; above: its building's foot."""
     for k in range(len(x)):
         dirt = max(1 - max(above[k], 0.0) / 11.2, 0.0)  # to its 16th power: nearly exp(-above / 0.7)
@@ -144,20 +144,20 @@ def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, s
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def brick(
+def brick_tone(
     x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, mortar: np.ndarray, out: np.ndarray
 ) -> None:
     """Wall of bricks in running bond, dirtier near the ground; mortar gets the share of the joints; above: as plaster's."""
-    plaster(x, y, above, side, seed, out)
+    plaster_tone(x, y, above, side, seed, out)
     add_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
     across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        mortar[k] = 1 - bonded(column, row, wide, high, JOINT_M, across, down)
+        mortar[k] = 1 - running_bond_share(column, row, wide, high, JOINT_M, across, down)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def glass(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def glass_reflection(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Window pane: dark, with more sky in it towards its top; height: the pane's, y: down from its top. A share of SKY."""
     out[:] = 0.0
     add_noise(x, y, side, (0.7, 0.7), 0.5, seed + 31, out)
@@ -168,9 +168,9 @@ def glass(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def framed(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndarray, out: np.ndarray) -> None:
+def frame_share(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndarray, out: np.ndarray) -> None:
     """The share of a pane's places that is frame; wide, high: the whole pane, x and y from its upper left."""
-    post = 0.5 * POST_M if wide > POST_FROM_M else -1e9
+    post = 0.5 * POST_M if wide > MIN_WIDTH_WITH_POST_M else -1e9
     for k in range(len(x)):
         across = (min(x[k], wide - x[k]) - FRAME_M) / side[k] + 0.5
         down = (min(y[k], high - y[k]) - FRAME_M) / side[k] + 0.5
@@ -180,16 +180,16 @@ def framed(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndar
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def wood(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def wood_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Door of upright boards 0.12 m wide."""
     for k in range(len(x)):
-        out[k] = 1 - 0.35 * covered(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
+        out[k] = 1 - 0.35 * stripe_share(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
     add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
     add_tones(x, y, side, BOARD_M, 0.24, seed + 43, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def soffit(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def soffit_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Grey plaster of what is seen from below."""
     out[:] = 1.0
     for number, cell in enumerate((0.3, 1.5, 5.0)):
@@ -197,7 +197,7 @@ def soffit(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fitting(
+def metal_fixture_colour(
     x: np.ndarray,
     y: np.ndarray,
     right: np.ndarray,
@@ -219,7 +219,7 @@ def fitting(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def setts_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Granite setts in courses across the street, of which x runs along; joints darker."""
     out[:] = 140
     add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
@@ -228,29 +228,29 @@ def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nda
     right, up = 1 / SETT_M[0], 1 / SETT_M[1]
     for k in range(len(x)):
         column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
-        out[k] *= 0.68 + 0.32 * bonded(column, row, wide, high, 0.024, right, up)
+        out[k] *= 0.68 + 0.32 * running_bond_share(column, row, wide, high, 0.024, right, up)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def ground(
+def ground_tone(
     made: int,
     x: np.ndarray,
     y: np.ndarray,
     aside: np.ndarray,
     side: np.ndarray,
-    grains: grain.Grains,
+    grains: grain.GrainTables,
     seed: int,
     out: np.ndarray,
 ) -> None:
     """What a surface is like, 0..255."""
     if made in (TAR, TRACK):
-        asphalt(x, y, aside, side, seed, out)
+        asphalt_tone(x, y, aside, side, seed, out)
     elif made == SLABS:
-        paving(x, y, side, seed, out)
+        paving_tone(x, y, side, seed, out)
     elif made == SETTS:
-        setts(x, y, side, seed, out)
+        setts_tone(x, y, side, seed, out)
     else:
-        out[:] = MEANS[made]
+        out[:] = MEAN_TONES[made]
     if made == GRAVEL:
         for number, cell in enumerate((0.9, 5.0)):
             add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
@@ -262,5 +262,5 @@ def ground(
         add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
     elif made == LEAVES:
         add_noise(x, y, side, (0.12, 0.12), 30.0, seed + 83, out)
-    if GRAINS[made] >= 0:
-        grain.add_grain(x, y, side, grains, GRAINS[made], MEANS[made], seed + 71, out)
+    if SURFACE_GRAINS[made] >= 0:
+        grain.add_grain(x, y, side, grains, SURFACE_GRAINS[made], MEAN_TONES[made], seed + 71, out)

@@ -8,25 +8,25 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 
 # Metres that openings lie back, and that a balcony's slab and a sill stand out; how high these two are, metres.
-BACK_M, SLAB_M, SILL_M = 0.15, 0.45, 0.07
-SLAB_HIGH_M, SILL_HIGH_M = 0.25, 0.07
+OPENING_DEPTH_M, BALCONY_DEPTH_M, SILL_DEPTH_M = 0.15, 0.45, 0.07
+BALCONY_SLAB_HEIGHT_M, SILL_HEIGHT_M = 0.25, 0.07
 # No shadow is longer than so many times what casts it.
-LONGEST = 2.5
+MAX_SHADOW_RATIO = 2.5
 # Metres over which a shadow's edge fades beside what casts it, and so much more for each metre from there.
-EDGE_M, FADES = 0.012, 0.12
+EDGE_WIDTH_M, EDGE_SPREAD = 0.012, 0.12
 # Metres around a texel whose brightness tells whether it is in the shade already.
-AROUND_M = 1.6
+SHADE_WINDOW_M = 1.6
 
 
-def depth_of(labels: np.ndarray, density: float) -> np.ndarray:
+def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
     """Metres (h, w) float32 that the texels of a facade with labels (h, w) stand out."""
     depth = np.where(
         np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR, FacadeClass.SHOP, FacadeClass.BALCONY)),
-        np.float32(-BACK_M),
+        np.float32(-OPENING_DEPTH_M),
         np.float32(0),
     )
     wall = labels == FacadeClass.WALL
-    for name, high, out in ((FacadeClass.BALCONY, SLAB_HIGH_M, SLAB_M), (FacadeClass.WINDOW, SILL_HIGH_M, SILL_M)):
+    for name, high, out in ((FacadeClass.BALCONY, BALCONY_SLAB_HEIGHT_M, BALCONY_DEPTH_M), (FacadeClass.WINDOW, SILL_HEIGHT_M, SILL_DEPTH_M)):
         here, rows = labels == name, max(1, round(high * density))
         if name == FacadeClass.BALCONY:  # its lowest rows: below it is something else
             depth[:-rows][here[:-rows] & ~here[rows:]] = out
@@ -46,11 +46,11 @@ def cast_shadows(
     """
     import cv2
 
-    depth = depth_of(labels, density)
-    right, down = np.clip(towards[:2] / towards[2], -LONGEST, LONGEST)
-    shadow: np.ndarray = cv2.blur(_shadows(depth, float(right), float(down), float(density)), (3, 3))
+    depth = relief_depth(labels, density)
+    right, down = np.clip(towards[:2] / towards[2], -MAX_SHADOW_RATIO, MAX_SHADOW_RATIO)
+    shadow: np.ndarray = cv2.blur(_trace_shadows(depth, float(right), float(down), float(density)), (3, 3))
     grey = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY).astype(np.float32)
-    side = 2 * round(AROUND_M * density / 2) + 1
+    side = 2 * round(SHADE_WINDOW_M * density / 2) + 1
     back = depth < 0
     for own in (back, ~back):
         weight = own.astype(np.float32)
@@ -63,7 +63,7 @@ def cast_shadows(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _shadows(depth: np.ndarray, right: float, down: float, density: float) -> np.ndarray:
+def _trace_shadows(depth: np.ndarray, right: float, down: float, density: float) -> np.ndarray:
     """Shadows (h, w) float32 of depths (h, w) float32, metres, where the sun is so far aside and down for each metre out."""
     height, width = depth.shape
     highest = depth[0, 0]
@@ -80,7 +80,7 @@ def _shadows(depth: np.ndarray, right: float, down: float, density: float) -> np
                 y, x = row + round(rise * down * density), column + round(rise * right * density)
                 if y < 0 or y >= height or x < 0 or x >= width:
                     break
-                found = max(found, (depth[y, x] - own - rise) / (EDGE_M + FADES * rise))
+                found = max(found, (depth[y, x] - own - rise) / (EDGE_WIDTH_M + EDGE_SPREAD * rise))
                 rise += least
             shadow[row, column] = min(found, 1.0)
     return shadow

@@ -7,60 +7,60 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.hash_uniform import ACROSS, SEED, mixed, row_of
+from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_to_uniform, hash_row
 from facade_core.core.numba_cache import njit
-from facade_core.street.materials.patterns import add_noise, add_tones, bonded, covered
+from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
 
 # Muted Nordic roofs: sheet metal, clay, slate, bitumen felt and gravel.
-ROOFS = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
-TILES = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
-SLATES = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
-FELTS = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 104]], np.float64)
-BALLASTS = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)
+SHEET_METAL_PALETTE = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
+ROOF_TILE_PALETTE = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
+SLATE_PALETTE = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
+FELT_PALETTE = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 104]], np.float64)
+ROOF_GRAVEL_PALETTE = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)
 # Of a tone of 1.
-MOSS = np.array([82.0, 88.0, 54.0])
+MOSS_COLOUR = np.array([82.0, 88.0, 54.0])
 # Width and visible length of a roof tile; width of a sheet of metal.
 TILE_M, SHEET_M = (0.24, 0.34), 0.6
 # Width and visible length of a slate, and the gap.
-SLATE_M, GAP_M = (0.25, 0.2), 0.008
+SLATE_M, SLATE_GAP_M = (0.25, 0.2), 0.008
 # A sheet of roofing felt, wide and long, and its lap; cells of which a share has a mended place; cells and weights of what says
 # how deep water stands.
-FELT_M, LAP_M, MENDED_M, MENDED = (1.0, 8.0), 0.05, 5.0, 0.3
-POOLS_M, POOLS = (5.3, 2.2, 0.7), (0.7, 0.36, 0.12)
+FELT_M, FELT_LAP_M, PATCH_CELL_M, PATCH_SHARE = (1.0, 8.0), 0.05, 5.0, 0.3
+POOL_CELLS_M, POOL_WEIGHTS = (5.3, 2.2, 0.7), (0.7, 0.36, 0.12)
 # Of that this is the shore, over so much of it; the shares of a roof under dried pools and at their shores.
-SHORE, SHORE_WIDE, POOLED, SHORES = 0.3, 0.16, 0.146, 0.073
+SHORE_DEPTH, SHORE_WIDTH, MEAN_POOL_SHARE, MEAN_SHORE_SHARE = 0.3, 0.16, 0.146, 0.073
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def roofing(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def sheet_metal_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Sheet-metal roof with standing seams every 0.6 m."""
     for k in range(len(x)):
-        out[k] = 1 - 0.12 * covered(x[k] / SHEET_M, side[k] / SHEET_M, -0.04 / SHEET_M, 0.08 / SHEET_M)
+        out[k] = 1 - 0.12 * stripe_share(x[k] / SHEET_M, side[k] / SHEET_M, -0.04 / SHEET_M, 0.08 / SHEET_M)
     add_noise(x, y, side, (0.8, 0.8), 0.05, seed + 7, out)
     add_noise(x, y, side, (5.0, 5.0), 0.05, seed + 8, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def tiling(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def roof_tile_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Tilted roof of clay tiles in rows that overlap down the slope."""
     across, down = 1 / TILE_M[0], 1 / TILE_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
         # highest in a tile's middle, and half a tile further in odd rows: a wave of cubics, nearly a cosine
-        even = covered(0.5 * row, 0.5 * high, 0.0, 0.5)
+        even = stripe_share(0.5 * row, 0.5 * high, 0.0, 0.5)
         away = 2 * abs(column - np.floor(column + 0.5))
         wave = 1 - 2 * away * away * (3 - 2 * away)
         # of which the mean over a part w of it is sin(pi w) / (pi w) as high, up to the whole
         square = min(wide * wide, 1.0)
         wave *= (1 - square) * (1 - 0.6449 * square + 0.19 * square * square)
-        out[k] = 1 + 0.05 * (1 - 2 * even) * wave - 0.22 * covered(row, high, 0.86, 0.14)
+        out[k] = 1 + 0.05 * (1 - 2 * even) * wave - 0.22 * stripe_share(row, high, 0.86, 0.14)
     add_tones(x, y, side, TILE_M, 0.10, seed + 23, out)
     add_noise(x, y, side, (0.8, 0.8), 0.04, seed + 29, out)
     add_noise(x, y, side, (5.0, 5.0), 0.04, seed + 30, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def slates(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def slate_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Tilted roof of slates, no two of one grey; the lower edge of each casts a thin shadow."""
     out[:] = 1.0
     add_noise(x, y, side, (1.6, 1.1), 0.06, seed + 91, out)
@@ -69,77 +69,77 @@ def slates(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
     across, down = 1 / SLATE_M[0], 1 / SLATE_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        clear = bonded(column, row, wide, high, GAP_M, across, down)
-        out[k] *= (0.62 + 0.38 * clear) * (1 - 0.2 * covered(row, high, 0.9, 0.1))
+        clear = running_bond_share(column, row, wide, high, SLATE_GAP_M, across, down)
+        out[k] *= (0.62 + 0.38 * clear) * (1 - 0.2 * stripe_share(row, high, 0.9, 0.1))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def felt(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def felt_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Roof of bitumen felt: sheets that lap, no two of one grey, mended places, and where water stood. Sheets run along y."""
     out[:] = 1.0
     add_noise(x, y, side, (1.7, 1.7), 0.04, seed + 95, out)
     add_noise(x, y, side, (6.0, 6.0), 0.05, seed + 96, out)
     add_tones(y, x, side, (FELT_M[1], FELT_M[0]), 0.11, seed + 101, out)
-    add_mended(x, y, side, seed + 102, out)
-    add_pools(x, y, side, seed + 105, out)
+    add_patches(x, y, side, seed + 102, out)
+    add_pool_stains(x, y, side, seed + 105, out)
     across, down = 1 / FELT_M[1], 1 / FELT_M[0]
     for k in range(len(x)):
-        clear = bonded(y[k] * across, x[k] * down, side[k] * across, side[k] * down, LAP_M, across, down)
+        clear = running_bond_share(y[k] * across, x[k] * down, side[k] * across, side[k] * down, FELT_LAP_M, across, down)
         out[k] *= 0.84 + 0.16 * clear
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def ballast(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def roof_gravel_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Flat roof under gravel: thinner here and there, and where water stood."""
     out[:] = 1.0
     add_noise(x, y, side, (0.9, 0.9), 0.05, seed + 108, out)
     add_noise(x, y, side, (7.0, 7.0), 0.08, seed + 109, out)
-    add_pools(x, y, side, seed + 105, out)
+    add_pool_stains(x, y, side, seed + 105, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_mended(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Add the tones of mended places, -0.12..0.12: rectangles, one a cell at most, which chance puts well within it.
 
     A footprint that could reach a neighbouring cell's is too large to show any: they fade until half a cell.
     """
-    own = np.uint64(seed) * SEED
+    own = np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
-        u, v = x[k] / MENDED_M, y[k] / MENDED_M
+        u, v = x[k] / PATCH_CELL_M, y[k] / PATCH_CELL_M
         column, row = np.floor(u), np.floor(v)
-        h = np.uint64(np.int64(column)) * ACROSS + row_of(row, own)
-        some = np.float64(mixed(h) < MENDED)
-        wide, long = 0.12 + 0.3 * mixed(h + np.uint64(1)), 0.1 + 0.25 * mixed(h + np.uint64(2))
-        left, low = 0.1 + (0.8 - wide) * mixed(h + np.uint64(3)), 0.1 + (0.8 - long) * mixed(h + np.uint64(4))
-        size = side[k] / MENDED_M
+        h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_row(row, own)
+        some = np.float64(hash_to_uniform(h) < PATCH_SHARE)
+        wide, long = 0.12 + 0.3 * hash_to_uniform(h + np.uint64(1)), 0.1 + 0.25 * hash_to_uniform(h + np.uint64(2))
+        left, low = 0.1 + (0.8 - wide) * hash_to_uniform(h + np.uint64(3)), 0.1 + (0.8 - long) * hash_to_uniform(h + np.uint64(4))
+        size = side[k] / PATCH_CELL_M
         u, v = u - column, v - row
         beside = max(min(u + 0.5 * size, left + wide) - max(u - 0.5 * size, left), 0.0)
         below = max(min(v + 0.5 * size, low + long) - max(v - 0.5 * size, low), 0.0)
         fade = min(max(2.0 - 4.0 * size, 0.0), 1.0)
-        out[k] += fade * some * 0.24 * (mixed(h + np.uint64(5)) - 0.5) * beside * below / (size * size)
+        out[k] += fade * some * 0.24 * (hash_to_uniform(h + np.uint64(5)) - 0.5) * beside * below / (size * size)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_pools(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+def add_pool_stains(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Add what pools leave when they dry, on a flat roof: darker where water stood, pale silt along its edge.
 
     A footprint as wide as a shore has the mean of all the roof.
     """
     depth = np.zeros(len(x))
     for number in range(3):
-        add_noise(x, y, side, (POOLS_M[number], POOLS_M[number]), POOLS[number], seed + number, depth)
+        add_noise(x, y, side, (POOL_CELLS_M[number], POOL_CELLS_M[number]), POOL_WEIGHTS[number], seed + number, depth)
     for k in range(len(x)):
-        wet = min(max((depth[k] - SHORE) / SHORE_WIDE, 0.0), 1.0)
+        wet = min(max((depth[k] - SHORE_DEPTH) / SHORE_WIDTH, 0.0), 1.0)
         fine = min(max(2.0 - 2.0 * side[k], 0.0), 1.0)
-        pooled, shore = POOLED + fine * (wet - POOLED), SHORES + fine * (4 * wet * (1 - wet) - SHORES)
+        pooled, shore = MEAN_POOL_SHARE + fine * (wet - MEAN_POOL_SHARE), MEAN_SHORE_SHARE + fine * (4 * wet * (1 - wet) - MEAN_SHORE_SHARE)
         out[k] += 0.09 * shore - 0.1 * pooled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def moss(x: np.ndarray, y: np.ndarray, side: np.ndarray, most: float, seed: int, out: np.ndarray) -> None:
+def moss_share(x: np.ndarray, y: np.ndarray, side: np.ndarray, max_share: float, seed: int, out: np.ndarray) -> None:
     """The share of a roof under moss, in cushions along the courses; most: of the worst place."""
     out[:] = -0.25
     add_noise(x, y, side, (2.6, 1.7), 0.75, seed + 59, out)
     add_noise(x, y, side, (0.3, 0.22), 0.45, seed + 60, out)
     for k in range(len(x)):
-        out[k] = most * min(max(2 * out[k], 0.0), 1.0)
+        out[k] = max_share * min(max(2 * out[k], 0.0), 1.0)

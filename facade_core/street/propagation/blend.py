@@ -14,9 +14,9 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-LOW, HIGH = 0.3, 0.7
+MIN_WEIGHT, MAX_WEIGHT = 0.3, 0.7
 # Distances up to this many millimetres fit 16 bits.
-SHORT_MM = 65_535
+MAX_UINT16_MM = 65_535
 
 
 class BlendState(NamedTuple):
@@ -38,19 +38,19 @@ class BlendState(NamedTuple):
     top_colour: np.ndarray
 
     @classmethod
-    def empty(cls, total: int, *, farthest: int = SHORT_MM) -> BlendState:
+    def empty(cls, total: int, *, farthest: int = MAX_UINT16_MM) -> BlendState:
         """`farthest` is the largest d in mm that a view may have."""
         return cls(
             views=np.zeros(total, np.uint16),
             distance=np.zeros(total, np.int32),
             colour=np.zeros((total, 3), np.int32),
-            top_distance=np.zeros((total, 3), np.uint16 if farthest <= SHORT_MM else np.int32),
+            top_distance=np.zeros((total, 3), np.uint16 if farthest <= MAX_UINT16_MM else np.int32),
             top_colour=np.zeros((total, 3, 3), np.uint8),
         )
 
 
 @njit(cache=True, inline="always")
-def stands_in(state: BlendState, t: int, d: int, view: int) -> bool:
+def is_fallback_view(state: BlendState, t: int, d: int, view: int) -> bool:
     """Whether a view beyond the gate would be what texel t shows. Called from numba kernels."""
     if state.views[t] > 0:
         return False
@@ -64,7 +64,7 @@ def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np
     kernels."""
     n = int(state.views[t])
     if not proper:
-        if stands_in(state, t, d, view):
+        if is_fallback_view(state, t, d, view):
             state.distance[t] = view + 1
             state.top_distance[t, 0] = d
             for c in range(3):
@@ -99,7 +99,7 @@ def add_views(
         add_view(state, texel[i], d[i], proper[i], view[i], rgb[i])
 
 
-def blend(state: BlendState, texels: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
+def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
     """Eq. 1 of some texels: colour (t, 3) uint8, rounded to nearest, and how many views made it (t,) uint16."""
     chosen = BlendState(*(array[texels] for array in state))
     out = np.zeros((len(chosen.views), 3), np.uint8)
@@ -135,8 +135,8 @@ def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
         whole = 1.0 / state.distance[t]
         for k in range(min(n, 3)):
             # the weight of share d / sum d, 1 at the upper clamp and 0 at the lower one
-            beyond = min(max(np.int64(state.top_distance[t, k]) * whole, 1.0 - HIGH), 1.0 - LOW) - (1.0 - HIGH)
-            change = -1.0 / (HIGH - LOW) * beyond
+            beyond = min(max(np.int64(state.top_distance[t, k]) * whole, 1.0 - MAX_WEIGHT), 1.0 - MIN_WEIGHT) - (1.0 - MAX_WEIGHT)
+            change = -1.0 / (MAX_WEIGHT - MIN_WEIGHT) * beyond
             total += change
             r += change * state.top_colour[t, k, 0]
             g += change * state.top_colour[t, k, 1]

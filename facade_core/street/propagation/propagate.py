@@ -14,16 +14,16 @@ from facade_core.geometry.equirectangular import basis
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.visible_tiles import TILE, Facing, mark_tiles
-from facade_core.street.propagation.blend import BlendState, add_view, blend_texel, stands_in
+from facade_core.street.propagation.blend import BlendState, add_view, blend_texel, is_fallback_view
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Texels seen flatter than this hold no detail: a panorama pixel would cover metres of them.
-GRAZING = 0.02
+MIN_FACING_COSINE = 0.02
 # A view is proper within this many viewpoint spacings along the street (ADR 0010).
 GATE_SPACINGS = 1.5
 
 
-class View(NamedTuple):
+class TranslatedPanorama(NamedTuple):
     """A translated panorama.
 
     id: of its viewpoint;
@@ -42,11 +42,11 @@ class View(NamedTuple):
 
 def propagate(
     scene: Scene,
-    atlas: TexelBuffer,
+    buffer: TexelBuffer,
     viewpoint: Viewpoint,
     rgb: np.ndarray,
     *,
-    seen: np.ndarray | None = None,
+    charts_seen: np.ndarray | None = None,
     threads: int = 1,
 ) -> None:
     """Blend a translated panorama `rgb` (h, w, 3) uint8 into the window's writable charts, in place.
@@ -57,21 +57,21 @@ def propagate(
     panorama's chart image where it is at hand. The result is the same for any number of threads.
     Raises GeometryError for a window made for a shorter visibility range.
     """
-    if seen is None:
-        seen = scene.look(viewpoint, rgb.shape[1])[2]
-    held = np.intersect1d(seen[seen >= 0], atlas.writable)
+    if charts_seen is None:
+        charts_seen = scene.look(viewpoint, rgb.shape[1])[2]
+    held = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
     if len(held) == 0:
         return
-    if 1000 * scene.visibility_range > np.iinfo(atlas.state.top_distance.dtype).max:
+    if 1000 * scene.visibility_range > np.iinfo(buffer.state.top_distance.dtype).max:
         raise GeometryError(
             f"the window holds views to 65 m and the scene's reach {scene.visibility_range} m; "
             "give Window.of the scene's visibility_range"
         )
-    facing, surface, camera, marked = _before(scene, atlas, viewpoint, held, seen)
-    view = View(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
+    facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, held, charts_seen)
+    view = TranslatedPanorama(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
 
     def walk(first: int) -> None:
-        _propagate(atlas.state, atlas.colour, atlas.provenance, facing, view, marked, first, threads)
+        _blend_tiles(buffer.state, buffer.colour, buffer.provenance, facing, view, marked, first, threads)
 
     if threads == 1:
         walk(0)
@@ -80,48 +80,48 @@ def propagate(
         list(pool.map(walk, range(threads)))
 
 
-def mark_first_visible(scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, seen: np.ndarray) -> None:
+def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: np.ndarray) -> None:
     """Count the viewpoint as a view of the bare texels that it is the first to see, of the window's writable charts, in place.
 
     For translators that answer with a field: what such a texel shows depends on no view, and
-    `facade_core.street.surfaces.paint` gives it. Which texels a viewpoint sees is as `propagate` has it, at any distance along
+    `facade_core.street.surfaces.paint_visible_texels` gives it. Which texels a viewpoint sees is as `propagate` has it, at any distance along
     the street; seen (h, w) int32 is the panorama's chart image.
     """
-    held = np.intersect1d(seen[seen >= 0], atlas.writable)
+    held = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
     if len(held):
-        facing, surface, camera, marked = _before(scene, atlas, viewpoint, held, seen)
-        _see(atlas.state.views, atlas.provenance, facing, camera, surface, marked)
+        facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, held, charts_seen)
+        _mark_tiles(buffer.state.views, buffer.provenance, facing, camera, surface, marked)
 
 
-def _before(
-    scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, held: np.ndarray, seen: np.ndarray
+def _facing_charts(
+    scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, visible: np.ndarray, charts_seen: np.ndarray
 ) -> tuple[Facing, np.ndarray, np.ndarray, np.ndarray]:
     """The charts `held` (k,) before a viewpoint; the surface of each pixel (h, w), -1 nothing; the camera's rotation; and which
     tiles of the charts its pixels can fall on."""
     charts, placement = scene.charts, scene.placement
     place = np.full(len(charts), -1, np.int64)
-    place[held] = np.arange(len(held))
-    origin, normal = charts.origin[held] - viewpoint.position, charts.normal()[held]
+    place[visible] = np.arange(len(visible))
+    origin, normal = charts.origin[visible] - viewpoint.position, charts.normal()[visible]
     # texels farther than this are out of range, or seen too flat or from behind
-    farthest = np.clip(-np.einsum("ij,ij->i", normal, origin) / GRAZING, 0, scene.visibility_range)
+    farthest = np.clip(-np.einsum("ij,ij->i", normal, origin) / MIN_FACING_COSINE, 0, scene.visibility_range)
     facing = Facing(
         origin,
-        charts.axis_u[held],
-        charts.axis_v[held],
+        charts.axis_u[visible],
+        charts.axis_v[visible],
         normal,
         farthest,
-        1.0 / placement.texels_per_metre[held],
-        placement.width[held].astype(np.int64),
-        placement.height[held].astype(np.int64),
-        charts.surface[held],
-        atlas.rasters.offset[held],
+        1.0 / placement.texels_per_metre[visible],
+        placement.width[visible].astype(np.int64),
+        placement.height[visible].astype(np.int64),
+        charts.surface[visible],
+        buffer.rasters.offset[visible],
     )
-    surface, camera = np.where(seen >= 0, charts.surface[seen], -1), basis(viewpoint.forward)
-    return facing, surface, camera, mark_tiles(seen, surface, place, camera, facing)
+    surface, camera = np.where(charts_seen >= 0, charts.surface[charts_seen], -1), basis(viewpoint.forward)
+    return facing, surface, camera, mark_tiles(charts_seen, surface, place, camera, facing)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _turn(right: float, ahead: float) -> float:
+def _fast_atan2(right: float, ahead: float) -> float:
     """atan2(right, ahead) to 3e-10 rad, without a branch: rows of it are worked out side by side."""
     a, b = abs(right), abs(ahead)
     small, large = min(a, b), max(a, b)
@@ -143,7 +143,7 @@ def _turn(right: float, ahead: float) -> float:
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _aim(
+def _project_row(
     origin: np.ndarray,
     step: np.ndarray,
     columns: int,
@@ -159,17 +159,17 @@ def _aim(
         right, down, ahead = origin[0] + i * step[0], origin[1] + i * step[1], origin[2] + i * step[2]
         flat = right * right + ahead * ahead
         depth[i], level[i] = ahead, flat
-        column_at[i] = (_turn(right, ahead) * (0.5 / np.pi) + 0.5) * columns
-        row_at[i] = (0.5 + _turn(down, np.sqrt(flat)) * (1.0 / np.pi)) * rows
+        column_at[i] = (_fast_atan2(right, ahead) * (0.5 / np.pi) + 0.5) * columns
+        row_at[i] = (0.5 + _fast_atan2(down, np.sqrt(flat)) * (1.0 / np.pi)) * rows
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _propagate(
+def _blend_tiles(
     state: BlendState,
     resolved: np.ndarray,
     provenance: np.ndarray,
     charts: Facing,
-    view: View,
+    view: TranslatedPanorama,
     marked: np.ndarray,
     part: int,
     parts: int,
@@ -200,7 +200,7 @@ def _propagate(
                     x, y = (left + 0.5) * step, (j + 0.5) * step
                     for axis in range(3):
                         first[axis] = o[axis] + x * u[axis] + y * v[axis]
-                    _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)
+                    _project_row(first, along, columns, rows, columns_at, rows_at, depths, levels)
                     for k in range(min(TILE, width[c] - left)):
                         down = first[1] + k * along[1]
                         squared = levels[k] + down * down
@@ -208,7 +208,7 @@ def _propagate(
                             continue
                         d = int(abs(depths[k]) * 1000 + 0.5)
                         t = offset[c] + j * width[c] + left + k
-                        if d > gate and not stands_in(state, t, d, view.id):
+                        if d > gate and not is_fallback_view(state, t, d, view.id):
                             continue
                         column_at, row_at = columns_at[k], rows_at[k]
                         # comparisons instead of remainders and floors: they are the slowest of all that is done here
@@ -242,7 +242,7 @@ def _propagate(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _see(
+def _mark_tiles(
     views: np.ndarray,
     provenance: np.ndarray,
     charts: Facing,
@@ -276,7 +276,7 @@ def _see(
                     x, y = (left + 0.5) * step, (j + 0.5) * step
                     for axis in range(3):
                         first[axis] = o[axis] + x * u[axis] + y * v[axis]
-                    _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)
+                    _project_row(first, along, columns, rows, columns_at, rows_at, depths, levels)
                     for k in range(wide):
                         if provenance[t + k] != Provenance.UNSEEN or views[t + k]:
                             continue

@@ -11,14 +11,14 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import GATE_SPACINGS
-from facade_core.street.propagation.sampling import Gate, Lights, Pixels, Sheets, shade_pixels
+from facade_core.street.propagation.sampling import ViewGate, DaylightGrid, PanoramaPixels, ChartTexels, shade_pixels
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Soft daylight: a hemisphere of sky plus a low sun from the south-west.
-SUN = np.array([-0.45, -0.6, 0.66])
-AMBIENT = 0.72
+SUN_DIRECTION = np.array([-0.45, -0.6, 0.66])
+AMBIENT_LIGHT = 0.72
 # Grey of geometry beyond the visibility range: it is neither read nor written.
-BEYOND = 160
+OUT_OF_RANGE_GREY = 160
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class Panorama:
     points: np.ndarray
 
 
-def shade(normals: np.ndarray) -> np.ndarray:
+def daylight_grey(normals: np.ndarray) -> np.ndarray:
     """Grey of a white surface under the soft daylight, (...,) in 0..1, for unit normals (..., 3)."""
     sky = 0.5 + 0.5 * normals[..., 2]
-    sun = np.clip(normals @ (SUN / np.linalg.norm(SUN)), 0, 1)
-    return np.clip(AMBIENT + 0.12 * sky + 0.16 * sun, 0, 1)
+    sun = np.clip(normals @ (SUN_DIRECTION / np.linalg.norm(SUN_DIRECTION)), 0, 1)
+    return np.clip(AMBIENT_LIGHT + 0.12 * sky + 0.16 * sun, 0, 1)
 
 
-def render(scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
+def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
     """Render a viewpoint with the texels that the window `atlas` holds; size = (height, width) pixels, width = 2 height.
 
     A texel of provenance 0, and every chart that the window does not hold, counts as untextured; so does what only a stand-in
@@ -60,14 +60,14 @@ def render(scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, size: tuple[i
             f"an equirectangular panorama is twice as wide as high, not {width} x {height}; change the size"
         )
     rays, depth, chart = scene.look(viewpoint, width)
-    charts, placement, rasters = scene.charts, scene.placement, atlas.rasters
+    charts, placement, rasters = scene.charts, scene.placement, buffer.rasters
     normal = charts.normal()
     daylight = scene.daylight
     daylight.reach(np.unique(chart[chart != MISS]))
     rgb = np.zeros((height, width, 3), np.uint8)
-    rgb[np.isfinite(depth) & (chart == MISS)] = BEYOND
+    rgb[np.isfinite(depth) & (chart == MISS)] = OUT_OF_RANGE_GREY
     textured = np.zeros((height, width), bool)
-    sheets = Sheets(
+    sheets = ChartTexels(
         charts.origin,
         charts.axis_u,
         charts.axis_v,
@@ -76,12 +76,12 @@ def render(scene: Scene, atlas: TexelBuffer, viewpoint: Viewpoint, size: tuple[i
         rasters.offset,
         placement.width,
         placement.height,
-        255 * shade(normal),
+        255 * daylight_grey(normal),
     )
-    lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
-    pixels = Pixels(rays, depth, chart)
-    gate = Gate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
-    texels = (atlas.colour, atlas.provenance, atlas.state.views)
+    lights = DaylightGrid(daylight.place, daylight.columns, daylight.rows, daylight.light)
+    pixels = PanoramaPixels(rays, depth, chart)
+    gate = ViewGate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
+    texels = (buffer.colour, buffer.provenance, buffer.state.views)
     shade_pixels(pixels, viewpoint.position, sheets, lights, *texels, gate, rgb, textured)
     points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
     return Panorama(viewpoint, rgb, textured, depth, chart, points)

@@ -10,10 +10,10 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
 
 # Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
-MOST_SAMPLES = 16
+MAX_SAMPLES = 16
 
 
-class Pixels(NamedTuple):
+class PanoramaPixels(NamedTuple):
     """What a panorama's pixels show.
 
     rays (h, w, 3): unit directions;
@@ -26,7 +26,7 @@ class Pixels(NamedTuple):
     chart: np.ndarray
 
 
-class Sheets(NamedTuple):
+class ChartTexels(NamedTuple):
     """All charts, n of them, and where the window has their texels.
 
     origin, axis_u, axis_v, normal (n, 3);
@@ -47,14 +47,14 @@ class Sheets(NamedTuple):
     grey: np.ndarray
 
 
-class Gate(NamedTuple):
+class ViewGate(NamedTuple):
     """Which views of texels are proper for a viewpoint: forward (2,), its street's direction; metres along it."""
 
     forward: np.ndarray
     metres: float
 
 
-class Lights(NamedTuple):
+class DaylightGrid(NamedTuple):
     """`Daylight` that has every chart in view: place, columns, rows (n,) and light (k,)."""
 
     place: np.ndarray
@@ -64,7 +64,7 @@ class Lights(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
+def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
     """Light at the shares x, y of a chart's sides, linear between the places where it is known. Called from numba kernels."""
     u = min(max(x, 0.0), 1.0) * (columns - 1)
     v = min(max(y, 0.0), 1.0) * (rows - 1)
@@ -76,7 +76,7 @@ def lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndar
 
 
 @njit(cache=True, inline="always")
-def _known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
+def _is_known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
     """Whether a texel shows what it is; where the view is near, not by a stand-in."""
     if near and provenance[texel] == Provenance.TRANSLATED and texel < len(views) and views[texel] == 0:
         return False
@@ -85,14 +85,14 @@ def _known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) ->
 
 @njit(cache=True, nogil=True)
 def shade_pixels(
-    pixels: Pixels,
+    pixels: PanoramaPixels,
     camera: np.ndarray,
-    charts: Sheets,
-    lights: Lights,
+    charts: ChartTexels,
+    lights: DaylightGrid,
     atlas: np.ndarray,
     provenance: np.ndarray,
     views: np.ndarray,
-    gate: Gate,
+    gate: ViewGate,
     rgb: np.ndarray,
     textured: np.ndarray,
 ) -> None:
@@ -141,14 +141,14 @@ def shade_pixels(
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
             onward = t * (rays[r, c, 0] * gate.forward[0] + rays[r, c, 1] * gate.forward[1])
             near = abs(onward) <= gate.metres
-            bare = int(grey[k] * lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
+            bare = int(grey[k] * interpolate_light(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
             rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = bare
             first = offset[k]
             if first < 0:
                 continue
             w, h = width[k], height[k]
-            across = min(max(int(np.ceil(np.sqrt(ax * ax + ay * ay))), 1), MOST_SAMPLES)
-            along = min(max(int(np.ceil(np.sqrt(bx * bx + by * by))), 1), MOST_SAMPLES)
+            across = min(max(int(np.ceil(np.sqrt(ax * ax + ay * ay))), 1), MAX_SAMPLES)
+            along = min(max(int(np.ceil(np.sqrt(bx * bx + by * by))), 1), MAX_SAMPLES)
             known, red, green, blue = 0.0, 0.0, 0.0, 0.0
             if across == 1 and along == 1:
                 total = 1.0
@@ -158,7 +158,7 @@ def shade_pixels(
                     row = min(max(v0 + dv, 0), h - 1)
                     for du in range(2):
                         texel = first + row * w + min(max(u0 + du, 0), w - 1)
-                        if _known(provenance, views, texel, near):
+                        if _is_known(provenance, views, texel, near):
                             weight = (1.0 - abs(u - u0 - du)) * (1.0 - abs(v - v0 - dv))
                             known += weight
                             red += weight * atlas[texel, 0]
@@ -173,7 +173,7 @@ def shade_pixels(
                         column = int(np.floor(x + share_right * ax + share_down * bx))
                         row = int(np.floor(y + share_right * ay + share_down * by))
                         texel = first + min(max(row, 0), h - 1) * w + min(max(column, 0), w - 1)
-                        if _known(provenance, views, texel, near):
+                        if _is_known(provenance, views, texel, near):
                             known += 1.0
                             red += atlas[texel, 0]
                             green += atlas[texel, 1]

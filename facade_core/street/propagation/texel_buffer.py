@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.atlas.rasters import Rasters
+from facade_core.atlas.rasters import TexelLayout
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.chart_packing import Placement
 from facade_core.street.propagation.blend import BlendState
@@ -23,24 +23,24 @@ class TexelBuffer:
     state: of the writable texels only.
     """
 
-    rasters: Rasters
+    rasters: TexelLayout
     writable: np.ndarray
     colour: np.ndarray
     provenance: np.ndarray
     state: BlendState
 
     @staticmethod
-    def layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[Rasters, np.ndarray]:
+    def layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[TexelLayout, np.ndarray]:
         """Layout of a window that writes some charts and only reads others; chart ids may repeat."""
         write = np.unique(np.fromiter(writable, np.int64))
         read = np.setdiff1d(np.fromiter(readable, np.int64), write)
-        return Rasters.of(placement, np.concatenate([write, read])), write
+        return TexelLayout.of(placement, np.concatenate([write, read])), write
 
     @classmethod
     def of(
         cls,
         placement: Placement,
-        rasters: Rasters,
+        rasters: TexelLayout,
         writable: np.ndarray,
         seed: np.ndarray,
         evidence: np.ndarray,

@@ -9,12 +9,12 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 
 # Side of the kernel.
-SIDE = 7
-TAPS = SIDE * SIDE
+KERNEL_SIZE = 7
+TAP_COUNT = KERNEL_SIZE * KERNEL_SIZE
 
 
 @lru_cache(maxsize=8)
-def taps(height: int) -> tuple[np.ndarray, np.ndarray]:
+def kernel_taps(height: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows and column offsets (height, TAPS) float32 of the kernel's taps, row by row of the kernel, in pixels.
 
     The kernel is a patch of the sphere: the pixels around a place at the equator, moved along the meridian to the row's
@@ -23,7 +23,7 @@ def taps(height: int) -> tuple[np.ndarray, np.ndarray]:
     """
     step = np.pi / height
     latitude = (0.5 - (np.arange(height) + 0.5) / height)[:, None, None] * np.pi
-    place = (np.arange(SIDE) - SIDE // 2) * step
+    place = (np.arange(KERNEL_SIZE) - KERNEL_SIZE // 2) * step
     down, right = place[None, :, None], place[None, None, :]
     x = np.cos(down) * np.sin(right)
     y, z = -np.sin(down), np.cos(down) * np.cos(right)
@@ -31,24 +31,24 @@ def taps(height: int) -> tuple[np.ndarray, np.ndarray]:
     ahead = z * np.cos(latitude) - y * np.sin(latitude)
     rows = (0.5 - np.arcsin(np.clip(up, -1, 1)) / np.pi) * height - 0.5
     columns = np.arctan2(np.broadcast_to(x, up.shape), ahead) / step
-    return rows.reshape(height, TAPS).astype(np.float32), columns.reshape(height, TAPS).astype(np.float32)
+    return rows.reshape(height, TAP_COUNT).astype(np.float32), columns.reshape(height, TAP_COUNT).astype(np.float32)
 
 
-def gather(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> np.ndarray:
+def gather_taps(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> np.ndarray:
     """What the taps of some rows and columns see of a whole panorama `image` (bands, h, 2 h) float32.
 
     rows: first and last + 1; columns likewise, all without: the first may be negative and the last beyond the width, since
     columns wrap at +-180 degrees. Bilinear. Returns (bands * TAPS, rows, columns) float32.
     """
     left, right = columns or (0, image.shape[2])
-    at, aside = taps(image.shape[1])
-    out = np.empty((len(image) * TAPS, rows[1] - rows[0], right - left), np.float32)
-    _gather(image, at[slice(*rows)], aside[slice(*rows)], left, out)
+    at, aside = kernel_taps(image.shape[1])
+    out = np.empty((len(image) * TAP_COUNT, rows[1] - rows[0], right - left), np.float32)
+    _gather_rows(image, at[slice(*rows)], aside[slice(*rows)], left, out)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _gather(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, left: int, out: np.ndarray) -> None:
+def _gather_rows(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, left: int, out: np.ndarray) -> None:
     bands, height, width = image.shape
     count = out.shape[2]
     line = np.empty(count + 1, np.float32)
@@ -66,6 +66,6 @@ def _gather(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, left: int,
                     line[c] = upper[start + c] + (lower[start + c] - upper[start + c]) * below
                 for c in range(width - start, count + 1):  # around at +-180 degrees
                     line[c] = upper[start + c - width] + (lower[start + c - width] - upper[start + c - width]) * below
-                target = out[band * TAPS + k, r]
+                target = out[band * TAP_COUNT + k, r]
                 for c in range(count):
                     target[c] = line[c] + (line[c + 1] - line[c]) * right

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 # Blocks of EfficientNet-Lite0 whose mean outputs are a picture's features: strides 4, 8, 16 and 32.
-BLOCKS = (2, 4, 10, 15)
+FEATURE_BLOCKS = (2, 4, 10, 15)
 
 
 @lru_cache(maxsize=1)
@@ -24,8 +24,8 @@ def _network() -> Any:
     return network.eval()
 
 
-def features(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Features (n, 496) float64 of pictures (h, w, 3) uint8: of each of BLOCKS, scaled to unit length together."""
+def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Features (n, 496) float64 of pictures (h, w, 3) uint8: of each of FEATURE_BLOCKS, scaled to unit length together."""
     import torch
     from torch.nn import functional
 
@@ -37,7 +37,7 @@ def features(pictures: Sequence[np.ndarray]) -> np.ndarray:
             x = functional.relu6(network.stem((x - 127.0) / 128.0))
             for number, block in enumerate(network.blocks):
                 x = block(x)
-                if number in BLOCKS:
+                if number in FEATURE_BLOCKS:
                     mean = x.mean((2, 3))[0]
                     means.append(mean / mean.norm().clamp_min(1e-6))
         found.append(torch.cat(means).double().numpy())

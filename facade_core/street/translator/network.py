@@ -14,28 +14,28 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from facade_core.street.translator.equirectangular_taps import SIDE, TAPS, taps
+from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, kernel_taps
 
-BLOCKS = 9
+RESIDUAL_BLOCKS = 9
 # Outputs of the encoder that patches are compared at: the input, both strides, the first and the fifth residual block.
-COMPARED = 5
-_COMPARED_BLOCKS = (0, 4)
-_FEATURES = 256
+FEATURE_OUTPUTS = 5
+_FEATURE_BLOCKS = (0, 4)
+_EMBEDDING_SIZE = 256
 # Slope of the rectifier below zero; share of a residual block that is added; of the last layer's weights at the start.
-SLOPE, RESIDUAL, FAINT = 0.2, 0.2, 0.3
+LEAKY_SLOPE, RESIDUAL_SHARE, LAST_LAYER_SCALE = 0.2, 0.2, 0.3
 
 
-def pad(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
+def pad_edges(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
     """Repeat the edges, or at the sides go round."""
     x = functional.pad(x, (margin, margin, 0, 0), mode="circular" if wraps else "replicate")
     return functional.pad(x, (0, 0, margin, margin), mode="replicate")
 
 
-def _rectified(x: Tensor) -> Tensor:
-    return functional.leaky_relu(x, SLOPE)
+def _leaky_relu(x: Tensor) -> Tensor:
+    return functional.leaky_relu(x, LEAKY_SLOPE)
 
 
-class Convolution(nn.Module):
+class PaddedConvolution(nn.Module):
     """A convolution that keeps the size, or divides it by its stride."""
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
@@ -43,21 +43,21 @@ class Convolution(nn.Module):
         self.weights = nn.Conv2d(inputs, outputs, 3, stride)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
-        return self.weights(pad(x, 1, wraps=wraps))
+        return self.weights(pad_edges(x, 1, wraps=wraps))
 
 
-class Block(nn.Module):
+class ResidualBlock(nn.Module):
     """A residual block of two convolutions, of which a fifth is added: nine of them unnormalised would grow out of hand."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.first, self.second = Convolution(width, width), Convolution(width, width)
+        self.first, self.second = PaddedConvolution(width, width), PaddedConvolution(width, width)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
-        return x + RESIDUAL * self.second(_rectified(self.first(x, wraps)), wraps)
+        return x + RESIDUAL_SHARE * self.second(_leaky_relu(self.first(x, wraps)), wraps)
 
 
-class Widening(nn.Module):
+class UpsamplingConvolution(nn.Module):
     """A fractionally strided convolution: twice the size. Blurred by 1 2 1, without which it leaves a chequered pattern."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
@@ -65,7 +65,7 @@ class Widening(nn.Module):
         self.weights = nn.ConvTranspose2d(inputs, outputs, 3, 2, padding=1, output_padding=1)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
-        x = self.weights(pad(x, 1, wraps=wraps))[..., 1:-1, 1:-1]
+        x = self.weights(pad_edges(x, 1, wraps=wraps))[..., 1:-1, 1:-1]
         return functional.avg_pool2d(functional.avg_pool2d(x, 2, 1), 2, 1)
 
 
@@ -80,10 +80,10 @@ class Generator(nn.Module):
     def __init__(self, width: int, *, bands: int = 3, equirectangular: bool = True) -> None:
         super().__init__()
         self.width, self.bands, self.equirectangular = width, bands, equirectangular
-        self.first = nn.Conv2d(bands * TAPS, width, 1)
-        self.narrowing = nn.ModuleList([Convolution(width, 2 * width, 2), Convolution(2 * width, 4 * width, 2)])
-        self.blocks = nn.ModuleList([Block(4 * width) for _ in range(BLOCKS)])
-        self.widening = nn.ModuleList([Widening(4 * width, 2 * width), Widening(2 * width, width)])
+        self.first = nn.Conv2d(bands * TAP_COUNT, width, 1)
+        self.narrowing = nn.ModuleList([PaddedConvolution(width, 2 * width, 2), PaddedConvolution(2 * width, 4 * width, 2)])
+        self.blocks = nn.ModuleList([ResidualBlock(4 * width) for _ in range(RESIDUAL_BLOCKS)])
+        self.widening = nn.ModuleList([UpsamplingConvolution(4 * width, 2 * width), UpsamplingConvolution(2 * width, width)])
         self.last = nn.Conv2d(width, 3, 7)
 
     def forward(self, x: Tensor, place: Sequence[tuple[int, int]], wraps: bool = False) -> Tensor:
@@ -92,45 +92,45 @@ class Generator(nn.Module):
     def entry(self, x: Tensor, place: Sequence[tuple[int, int]]) -> Tensor:
         """What the taps of the first convolution see, (n, bands * TAPS, h, w)."""
         if not self.equirectangular:
-            padded = pad(x, SIDE // 2, wraps=False)
-            return functional.unfold(padded, SIDE).view(len(x), -1, *x.shape[2:])
-        return torch.cat([_entry(image[None], *at) for image, at in zip(x, place, strict=True)])
+            padded = pad_edges(x, KERNEL_SIZE // 2, wraps=False)
+            return functional.unfold(padded, KERNEL_SIZE).view(len(x), -1, *x.shape[2:])
+        return torch.cat([_gather_image(image[None], *at) for image, at in zip(x, place, strict=True)])
 
-    def blocks_of(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = BLOCKS) -> Tensor:
+    def blocks_of(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = RESIDUAL_BLOCKS) -> Tensor:
         """The output of residual block `last`; what patches are compared at is appended to `features`."""
-        x = _rectified(self.first(entry))
+        x = _leaky_relu(self.first(entry))
         for layer in self.narrowing:
-            x = _rectified(layer(x, wraps))
+            x = _leaky_relu(layer(x, wraps))
             features.append(x)
         for number, block in enumerate(self.blocks[:last]):
             x = block(x, wraps)
-            if number in _COMPARED_BLOCKS:
+            if number in _FEATURE_BLOCKS:
                 features.append(x)
         return x
 
     def decode(self, x: Tensor, wraps: bool) -> Tensor:
         for layer in self.widening:
-            x = _rectified(layer(x, wraps))
-        return torch.tanh(self.last(pad(x, SIDE // 2, wraps=wraps)))
+            x = _leaky_relu(layer(x, wraps))
+        return torch.tanh(self.last(pad_edges(x, KERNEL_SIZE // 2, wraps=wraps)))
 
     def encode(self, x: Tensor, place: Sequence[tuple[int, int]]) -> list[Tensor]:
-        """Features at the COMPARED outputs."""
+        """Features at the FEATURE_OUTPUTS outputs."""
         features = [x]
-        self.blocks_of(self.entry(x, place), False, features, _COMPARED_BLOCKS[-1] + 1)
+        self.blocks_of(self.entry(x, place), False, features, _FEATURE_BLOCKS[-1] + 1)
         return features
 
 
-def _entry(image: Tensor, top: int, panorama_height: int) -> Tensor:
+def _gather_image(image: Tensor, top: int, panorama_height: int) -> Tensor:
     """The taps of one image (1, bands, h, w), a part of a panorama of the given height from row `top` on."""
     _, bands, height, width = image.shape
-    rows, columns = (torch.from_numpy(part[top : top + height]).to(image.device) for part in taps(panorama_height))
+    rows, columns = (torch.from_numpy(part[top : top + height]).to(image.device) for part in kernel_taps(panorama_height))
     # the grid in -1..1 over the image's outer edges: (h * TAPS, w)
-    y = ((rows - top + 0.5) / height * 2 - 1)[..., None].expand(height, TAPS, width)
+    y = ((rows - top + 0.5) / height * 2 - 1)[..., None].expand(height, TAP_COUNT, width)
     across = torch.arange(width, device=image.device)
     x = (columns[..., None] + across + 0.5) / width * 2 - 1
-    grid = torch.stack([x, y], -1).reshape(1, height * TAPS, width, 2).to(image.dtype)
+    grid = torch.stack([x, y], -1).reshape(1, height * TAP_COUNT, width, 2).to(image.dtype)
     seen = functional.grid_sample(image, grid, mode="bilinear", padding_mode="border", align_corners=False)
-    return seen.reshape(bands, height, TAPS, width).permute(0, 2, 1, 3).reshape(1, bands * TAPS, height, width)
+    return seen.reshape(bands, height, TAP_COUNT, width).permute(0, 2, 1, 3).reshape(1, bands * TAP_COUNT, height, width)
 
 
 class Discriminator(nn.Module):
@@ -148,14 +148,14 @@ class Discriminator(nn.Module):
         return self.layers(x)
 
 
-class Patches(nn.Module):
-    """Features of places into unit vectors that can be compared: two layers for each of the COMPARED outputs."""
+class PatchEmbedding(nn.Module):
+    """Features of places into unit vectors that can be compared: two layers for each of the FEATURE_OUTPUTS outputs."""
 
     def __init__(self, width: int, bands: int = 3) -> None:
         super().__init__()
         sizes = (bands, 2 * width, 4 * width, 4 * width, 4 * width)
         self.layers = nn.ModuleList(
-            [nn.Sequential(nn.Linear(n, _FEATURES), nn.ReLU(), nn.Linear(_FEATURES, _FEATURES)) for n in sizes]
+            [nn.Sequential(nn.Linear(n, _EMBEDDING_SIZE), nn.ReLU(), nn.Linear(_EMBEDDING_SIZE, _EMBEDDING_SIZE)) for n in sizes]
         )
 
     def forward(self, features: Sequence[Tensor], where: Sequence[Tensor]) -> list[Tensor]:
@@ -167,19 +167,19 @@ class Patches(nn.Module):
         return found
 
 
-def initialise(network: nn.Module, generator: torch.Generator) -> None:
+def initialise_weights(network: nn.Module, generator: torch.Generator) -> None:
     """Weights that keep the spread of activations, zero biases; a generator starts near grey."""
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
-            nn.init.kaiming_normal_(layer.weight, a=SLOPE, generator=generator)
+            nn.init.kaiming_normal_(layer.weight, a=LEAKY_SLOPE, generator=generator)
             if layer.bias is not None:
                 nn.init.zeros_(layer.bias)
     if isinstance(network, Generator):
         with torch.no_grad():
-            network.last.weight.mul_(FAINT)
+            network.last.weight.mul_(LAST_LAYER_SCALE)
 
 
-def as_input(image: np.ndarray) -> Tensor:
+def image_to_tensor(image: np.ndarray) -> Tensor:
     """(h, w, bands) or (n, h, w, bands) uint8 into (n, bands, h, w) in -1..1."""
     batch = image if image.ndim == 4 else image[None]
     return torch.from_numpy(np.ascontiguousarray(batch)).permute(0, 3, 1, 2).float() / 127.5 - 1

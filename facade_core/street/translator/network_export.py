@@ -9,35 +9,35 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.street.translator.equirectangular_taps import TAPS
-from facade_core.street.translator.neural import TRANSLATOR_VERSION, load, write
-from facade_core.street.translator.training_steps import Course
+from facade_core.street.translator.equirectangular_taps import TAP_COUNT
+from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION, load_translator, write_translator
+from facade_core.street.translator.training_steps import TrainingRecipe
 
 # Weights smaller than this stay in single precision: there is nothing to save.
-_HALVED = 1024
+_MIN_HALVED_SIZE = 1024
 
 
-def save(weights: Mapping[str, Any], course: Course, path: Path, record: Mapping[str, Any]) -> None:
+def save_generator(weights: Mapping[str, Any], recipe: TrainingRecipe, path: Path, record: Mapping[str, Any]) -> None:
     """Write a trained generator as ONNX and, beside it, the .json that it is checked against; weights in half precision."""
-    write(halved(to_onnx(weights, course)), path, {"version": TRANSLATOR_VERSION, "width": course.width, **record})
-    load(path)
+    write_translator(store_half_precision(export_onnx(weights, recipe)), path, {"version": TRANSLATOR_VERSION, "width": recipe.width, **record})
+    load_translator(path)
 
 
-def to_onnx(weights: Mapping[str, Any], course: Course) -> bytes:
+def export_onnx(weights: Mapping[str, Any], recipe: TrainingRecipe) -> bytes:
     """The generator as an ONNX file: input seen (1, 3 TAPS, h, w) float32 in -1..1, what the taps of the first convolution see
     of rows of a whole panorama; output rgb (1, 3, h, w) in -1..1. h and w are multiples of 4."""
     import torch
     from torch import nn
 
-    from facade_core.street.translator.network import BLOCKS, Generator
+    from facade_core.street.translator.network import RESIDUAL_BLOCKS, Generator
 
     class Bands(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            self.generator = Generator(course.width, bands=course.bands, equirectangular=course.equirectangular)
+            self.generator = Generator(recipe.width, bands=recipe.bands, equirectangular=recipe.equirectangular)
 
         def forward(self, seen: torch.Tensor) -> torch.Tensor:
-            return self.generator.decode(self.generator.blocks_of(seen, True, [], BLOCKS), True)
+            return self.generator.decode(self.generator.blocks_of(seen, True, [], RESIDUAL_BLOCKS), True)
 
     network = Bands()
     network.generator.load_state_dict(weights)
@@ -45,7 +45,7 @@ def to_onnx(weights: Mapping[str, Any], course: Course) -> bytes:
     content = io.BytesIO()
     torch.onnx.export(
         network,
-        (torch.zeros(1, course.bands * TAPS, 16, 32),),
+        (torch.zeros(1, recipe.bands * TAP_COUNT, 16, 32),),
         content,
         input_names=["seen"],
         output_names=["rgb"],
@@ -56,7 +56,7 @@ def to_onnx(weights: Mapping[str, Any], course: Course) -> bytes:
     return content.getvalue()
 
 
-def halved(content: bytes) -> bytes:
+def store_half_precision(content: bytes) -> bytes:
     """The same network with its large weights stored in half precision; it computes in single precision as before."""
     import onnx
     from onnx import numpy_helper
@@ -65,7 +65,7 @@ def halved(content: bytes) -> bytes:
     casts = []
     for weight in model.graph.initializer:
         value = numpy_helper.to_array(weight)
-        if value.dtype != np.float32 or value.size < _HALVED:
+        if value.dtype != np.float32 or value.size < _MIN_HALVED_SIZE:
             continue
         name = weight.name
         weight.CopyFrom(numpy_helper.from_array(value.astype(np.float16), f"{name}.half"))

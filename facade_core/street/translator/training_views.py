@@ -12,20 +12,20 @@ from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import render, shade
+from facade_core.street.propagation.render import render, daylight_grey
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Widths that panoramas are looked at: windows of a facade are as large in one as those of a nearer facade in the other.
-WIDTHS = (512, 1024)
+PANORAMA_WIDTHS = (512, 1024)
 # Rows of a panorama, as shares of its height, that show the street: zenith and what carries cameras lie beyond. The
 # lowest row shows ground 1 m off under a camera at 2.5 m.
-USED = (0.1, 0.88)
+USED_ROWS = (0.1, 0.88)
 # What renderings without texture range between.
-_GREYS = (110, 240)
+_GREY_RANGE = (110, 240)
 
 
 @dataclass(frozen=True, slots=True)
-class Rendering:
+class TrainingRendering:
     """A viewpoint without texture: grey (h, w) uint8; textured (h, w) bool, where earlier viewpoints left texture."""
 
     grey: np.ndarray
@@ -33,7 +33,7 @@ class Rendering:
 
 
 @dataclass(frozen=True, slots=True)
-class Crop:
+class TrainingCrop:
     """A part of a panorama: image (h, w, 3) uint8; textured (h, w) bool; place, its first row and the panorama's height."""
 
     image: np.ndarray
@@ -42,34 +42,34 @@ class Crop:
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class TrainingPair:
     """A viewpoint of a street without texture and with it: bare; image (h, w, 3) uint8 of its size; true (h, w) bool, where the
     image is to be learnt from."""
 
-    bare: Rendering
+    bare: TrainingRendering
     image: np.ndarray
     true: np.ndarray
 
 
-def sequence(
+def render_sequence(
     scene: Scene,
-    own: Sequence[Viewpoint],
+    viewpoints: Sequence[Viewpoint],
     *,
     furniture: Mesh | None = None,
     relief: dict[int, np.ndarray] | None = None,
-) -> list[Rendering]:
+) -> list[TrainingRendering]:
     """Render viewpoints of one street in their order, each knowing what those before it textured.
 
     relief: grey (h, w) uint8 of charts that are not plain, of their rasters' size. Furniture stands in the pictures and has no
     texture.
     """
-    width = max(WIDTHS)
+    width = max(PANORAMA_WIDTHS)
     size = (width // 2, width)
-    charts = np.unique(np.concatenate([scene.seen(viewpoint, width) for viewpoint in own]))
-    plain, textured = _window(scene, charts, relief or {}), _window(scene, charts, {})
+    charts = np.unique(np.concatenate([scene.seen(viewpoint, width) for viewpoint in viewpoints]))
+    plain, textured = _make_buffer(scene, charts, relief or {}), _make_buffer(scene, charts, {})
     caster = RayCaster(furniture) if furniture else None
     found = []
-    for viewpoint in own:
+    for viewpoint in viewpoints:
         panorama = render(scene, plain, viewpoint, size)
         known = render(scene, textured, viewpoint, size).textured
         grey = panorama.rgb[..., 0].copy()
@@ -77,15 +77,15 @@ def sequence(
             rays = scene.look(viewpoint, width)[0]
             distance, body = caster.cast(viewpoint.position, rays)
             before = (body != MISS) & (distance < panorama.depth)
-            light = 255 * shade(_normals(furniture))
+            light = 255 * daylight_grey(_triangle_normals(furniture))
             grey[before] = light[body[before]]
             known[before] = False
-        propagate(scene, textured, viewpoint, panorama.rgb, seen=panorama.chart)
-        found.append(Rendering(grey, known))
+        propagate(scene, textured, viewpoint, panorama.rgb, charts_seen=panorama.chart)
+        found.append(TrainingRendering(grey, known))
     return found
 
 
-def _window(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> TexelBuffer:
+def _make_buffer(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> TexelBuffer:
     """A window of charts, some of which are known from the start."""
     rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
     colour, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
@@ -95,47 +95,47 @@ def _window(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> T
     return TexelBuffer.of(scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range)
 
 
-def _normals(mesh: Mesh) -> np.ndarray:
+def _triangle_normals(mesh: Mesh) -> np.ndarray:
     a, b, c = (mesh.vertices[mesh.triangles[:, corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
 
 
-def rendered_crop(renderings: Sequence[Rendering], size: tuple[int, int], rng: np.random.Generator) -> Crop:
-    """A random crop of size (h, w) of a random rendering at one of WIDTHS, mirrored or not; textured is random too: what the
+def crop_rendering(renderings: Sequence[TrainingRendering], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
+    """A random crop of size (h, w) of a random rendering at one of PANORAMA_WIDTHS, mirrored or not; textured is random too: what the
     engine knew, all of it, or nothing."""
     import cv2
 
     chosen = renderings[int(rng.integers(len(renderings)))]
-    width = WIDTHS[int(rng.integers(len(WIDTHS)))]
+    width = PANORAMA_WIDTHS[int(rng.integers(len(PANORAMA_WIDTHS)))]
     shape = (width, width // 2)
     grey = cv2.resize(chosen.grey, shape, interpolation=cv2.INTER_AREA)
     known = cv2.resize(chosen.textured.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
     if rng.random() < 0.25:
         known = np.zeros_like(known)
-    return _crop(np.repeat(grey[..., None], 3, 2), known, size, rng)
+    return _cut_crop(np.repeat(grey[..., None], 3, 2), known, size, rng)
 
 
-def real_crop(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.random.Generator) -> Crop:
+def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
     """A random crop of size (h, w) of a random panorama (h, w, 3) uint8: turned, mirrored, in other light."""
     import cv2
 
     chosen = panoramas[int(rng.integers(len(panoramas)))]
-    width = WIDTHS[int(rng.integers(len(WIDTHS)))]
+    width = PANORAMA_WIDTHS[int(rng.integers(len(PANORAMA_WIDTHS)))]
     image = cv2.resize(chosen, (width, width // 2), interpolation=cv2.INTER_AREA)
-    crop = _crop(image, np.zeros(image.shape[:2], bool), size, rng)
+    crop = _cut_crop(image, np.zeros(image.shape[:2], bool), size, rng)
     light = rng.uniform(0.85, 1.15) * rng.uniform(0.95, 1.05, 3)
-    return Crop(np.clip(crop.image * light, 0, 255).astype(np.uint8), crop.textured, crop.place)
+    return TrainingCrop(np.clip(crop.image * light, 0, 255).astype(np.uint8), crop.textured, crop.place)
 
 
-def paired_crop(
-    pairs: Sequence[Pair], size: tuple[int, int], rng: np.random.Generator
-) -> tuple[Crop, np.ndarray, np.ndarray]:
-    """A random crop of a random pair at one of WIDTHS, mirrored or not: bare, its image (h, w, 3) uint8, where that is true."""
+def crop_pair(
+    pairs: Sequence[TrainingPair], size: tuple[int, int], rng: np.random.Generator
+) -> tuple[TrainingCrop, np.ndarray, np.ndarray]:
+    """A random crop of a random pair at one of PANORAMA_WIDTHS, mirrored or not: bare, its image (h, w, 3) uint8, where that is true."""
     import cv2
 
     chosen = pairs[int(rng.integers(len(pairs)))]
-    width = WIDTHS[int(rng.integers(len(WIDTHS)))]
+    width = PANORAMA_WIDTHS[int(rng.integers(len(PANORAMA_WIDTHS)))]
     shape = (width, width // 2)
     grey, image = (cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.bare.grey, chosen.image))
     known, true = (
@@ -144,12 +144,12 @@ def paired_crop(
     )
     if rng.random() < 0.25:
         known = np.zeros_like(known)
-    crop = _crop(np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(true, 255, 0)]), known & true, size, rng)
+    crop = _cut_crop(np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(true, 255, 0)]), known & true, size, rng)
     grey, image, true = crop.image[..., :3], crop.image[..., 3:6], crop.image[..., 6] > 0
-    return Crop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), true
+    return TrainingCrop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), true
 
 
-def bare(photo: np.ndarray) -> np.ndarray:
+def imitate_rendering(photo: np.ndarray) -> np.ndarray:
     """A real crop (h, w, 3) uint8 as a rendering without texture might show it: (h, w) uint8, its light without its detail, the
     sky black."""
     import cv2
@@ -161,17 +161,17 @@ def bare(photo: np.ndarray) -> np.ndarray:
     sky = bright & np.isin(parts, np.unique(parts[0][bright[0]]))
     rest = smooth[~sky] if (~sky).any() else smooth
     low, high = np.percentile(rest, [2, 98])
-    out = np.clip(_GREYS[0] + (smooth - low) * ((_GREYS[1] - _GREYS[0]) / max(high - low, 1)), *_GREYS).astype(np.uint8)
+    out = np.clip(_GREY_RANGE[0] + (smooth - low) * ((_GREY_RANGE[1] - _GREY_RANGE[0]) / max(high - low, 1)), *_GREY_RANGE).astype(np.uint8)
     out[sky] = 0
     return out
 
 
-def _crop(image: np.ndarray, known: np.ndarray, size: tuple[int, int], rng: np.random.Generator) -> Crop:
+def _cut_crop(image: np.ndarray, known: np.ndarray, size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
     height, width = image.shape[:2]
-    first, last = (round(share * height) for share in USED)
+    first, last = (round(share * height) for share in USED_ROWS)
     top = int(rng.integers(first, max(last - size[0], first) + 1))
     columns = (int(rng.integers(width)) + np.arange(size[1])) % width
     if rng.random() < 0.5:
         columns = columns[::-1]
     rows = slice(top, top + size[0])
-    return Crop(image[rows][:, columns], known[rows][:, columns], (top, height))
+    return TrainingCrop(image[rows][:, columns], known[rows][:, columns], (top, height))

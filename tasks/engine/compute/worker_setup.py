@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import FacadeError
 from tasks.engine.outcome import machine_error, machine_fault

@@ -13,11 +13,10 @@ from typing import Any
 import icechunk
 import numpy as np
 
-from catalogs.block import Block
-from facade_core.atlas.arrays import FORMAT, OF_STAGE, clear_rasters, resize_arrays
-from facade_core.atlas.journal import Record, forget_record, latest_digests, read_records
-from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters
-from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
+from catalogs.block.reader import Block
+from facade_core.atlas.arrays import STORE_FORMAT, clear_rasters, resize_arrays
+from facade_core.atlas.journal import Record, clear_record
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, read_format
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
@@ -56,7 +55,7 @@ def why_anew(run: Run, group: StoreGroup) -> str | None:
     if "key" not in group.attrs:
         return None
     held = group.attrs.get("made_for")
-    if not isinstance(held, dict) or format_of(group) != FORMAT or held.get("pages") != made_for(run)["pages"]:
+    if not isinstance(held, dict) or read_format(group) != STORE_FORMAT or held.get("pages") != made_for(run)["pages"]:
         return "another version of Streetloom made the store"
     changed = []
     if held["texels_per_metre"] != run.texture.texels_per_metre:
@@ -132,36 +131,10 @@ def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[
     session = open_repository(run.store).writable_session(BRANCH)
     group = open_root(session)
     for index, charts in units.items():
-        forget_record(group, stage, index)
+        clear_record(group, stage, index)
         if charts:
             clear_rasters(group, plan.scene.spec, plan.scene.placement, charts, stage)
     commit(session, f"{len(units)} {stage} are due again")
-
-
-def forget_texels_of(run: Run, plan: Plan, street: int) -> None:
-    """Clear what a street that failed left of itself before: texels that no record of another street has the digest of. Streets
-    that wrote there earlier are due again, as theirs were overwritten."""
-    session = open_repository(run.store).writable_session(BRANCH)
-    group, placement = open_root(session), plan.scene.placement
-    charts = plan.charts_of_street(street)
-    charts = charts[plan.writable[charts]]
-    others = np.setdiff1d(plan.streets_of_charts(charts)[:, 0], [street])
-    records = dict(zip(others.tolist(), read_records(group, "streets", others), strict=True))
-    rasters = Rasters.of(placement, charts)
-    colour, views = (read_rasters(group[array.path], placement, rasters) for array in OF_STAGE["streets"])
-    known = chart_digests(np.zeros_like(colour), np.zeros_like(views), placement, rasters, plan.ids)
-    known |= latest_digests([], list(records.values()))
-    found = chart_digests(colour, views, placement, rasters, plan.ids)
-    stale = {name for name, digest in found.items() if digest != known[name]}
-    if not stale:
-        return
-    clear_rasters(
-        group, plan.scene.spec, placement, [c for c in charts.tolist() if f"{plan.ids[c]:016x}" in stale], "streets"
-    )
-    for other, record in records.items():
-        if record and not stale.isdisjoint(record["digests"]):
-            forget_record(group, "streets", other)
-    commit(session, f"street {plan.streets[street].id} failed: what it left is cleared")
 
 
 def _staying(old: Plan, new: Plan) -> dict[int, int]:

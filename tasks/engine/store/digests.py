@@ -8,10 +8,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from facade_core.atlas.arrays import OF_STAGE
+from facade_core.atlas.arrays import STAGE_ARRAYS
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters
-from facade_core.atlas.stored_files import ENCODING, encoded_digest, encoded_of
+from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters
+from facade_core.atlas.stored_files import FILE_STAGES, stored_file_digest, unit_files
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 
@@ -28,8 +28,8 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
     writers = [one for one in _last_writers(group) if one[0] in chart_of]
     for name, stage, unit, digest in _spread(sorted(writers), sample):
-        one = Rasters.of(plan.scene.placement, [chart_of[name]])
-        colour, source = (read_rasters(group[array.path], plan.scene.placement, one) for array in OF_STAGE[stage][:2])
+        one = TexelLayout.of(plan.scene.placement, [chart_of[name]])
+        colour, source = (read_rasters(group[array.path], plan.scene.placement, one) for array in STAGE_ARRAYS[stage][:2])
         if chart_digests(colour, source, plan.scene.placement, one, plan.ids)[name] != digest:
             found[stage].add(unit)
     pictures = [
@@ -41,11 +41,11 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
         if picture_digest(group["panoramas/rgb"][viewpoint]) != digest:
             found["viewpoints"].add(viewpoint)
             found["streets"].add(plan.viewpoints[viewpoint].street)
-    for stage in ENCODING:
-        files = [(unit, encoded_of(stage, unit, record)) for unit, record in enumerate(read_journal(group, stage))]
+    for stage in FILE_STAGES:
+        files = [(unit, unit_files(stage, unit, record)) for unit, record in enumerate(read_journal(group, stage))]
         for unit, wanted in _spread([one for one in files if one[1]], sample):
             for path, digest in wanted.items():
-                if path in group and encoded_digest(np.asarray(group[path][:]).tobytes()) != digest:
+                if path in group and stored_file_digest(np.asarray(group[path][:]).tobytes()) != digest:
                     found[stage].add(unit)
     return {stage: sorted(units) for stage, units in found.items()}
 
@@ -55,7 +55,7 @@ def _last_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
     where that unit is due again."""
     found: dict[tuple[str, str], tuple[int, str]] = {}
     due: set[tuple[str, str]] = set()
-    for stage in OF_STAGE:
+    for stage in STAGE_ARRAYS:
         records = [(i, record) for i, record in enumerate(read_journal(group, stage)) if record]
         for unit, record in sorted(records, key=lambda one: (one[1].get("wave", 0), one[1]["unit"])):
             for chart, digest in record.get("digests", {}).items():

@@ -10,15 +10,15 @@ from collections.abc import Iterable, Mapping, Sequence
 import icechunk
 import numpy as np
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from facade_core.atlas.arrays import clear_rasters
-from facade_core.atlas.integrity import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
-from facade_core.atlas.journal import Record, forget_record, read_journal, unit_key
+from facade_core.atlas.integrity import find_broken_tags, list_chunks, has_all_files, roll_back_to_readable, find_unreadable_chunks
+from facade_core.atlas.journal import Record, clear_record, read_journal, unit_key
 from facade_core.atlas.rasters import picture_digest
-from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_table, root_of_any_format
-from facade_core.atlas.stored_files import ENCODING, FOLDERS, encoded_of
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_table, open_root_of_any_format
+from facade_core.atlas.stored_files import FILE_STAGES, FOLDERS, unit_files
 from facade_core.core.errors import FormatError
-from facade_core.core.grouping import Grouped
+from facade_core.core.grouping import RowIndex
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import placement_of, read_plan, read_table
@@ -65,12 +65,12 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
         "streets": _over_other_viewpoints(session, records["streets"], records["viewpoints"], viewpoints),
         "surfaces": _without_texels(session, records["surfaces"]),
     }
-    for stage in ENCODING:
+    for stage in FILE_STAGES:
         lost = set(found.get(stage, ()))
         found[stage] = [
             unit
             for unit, record in enumerate(records[stage])
-            if unit in lost or not all(path in group for path in encoded_of(stage, unit, record))
+            if unit in lost or not all(path in group for path in unit_files(stage, unit, record))
         ]
     return {stage: units for stage, units in found.items() if units}
 
@@ -99,7 +99,7 @@ def mend(run: Run) -> list[str]:
 def _mend(run: Run, *, thorough: bool) -> list[str]:
     """thorough: every chunk is read, whatever sizes say, and compared with its record."""
     said = []
-    if back := stand_on_readable(run.store, _read_plan_tables):
+    if back := roll_back_to_readable(run.store, _read_plan_tables):
         said.append(
             f"{run.store}: the newest snapshot cannot be read ({back.reason}); the run goes on from that of "
             f"{back.made:%Y-%m-%d %H:%M:%S} UTC, and what was made since is due again"
@@ -118,13 +118,13 @@ def _mend(run: Run, *, thorough: bool) -> list[str]:
         return said
     due: dict[str, set[int]] = {}
     plan: Plan | None = None
-    if thorough or not is_whole(repository, run.store):
-        for tag in broken_tags(repository, run.store):
+    if thorough or not has_all_files(repository, run.store):
+        for tag in find_broken_tags(repository, run.store):
             repository.delete_tag(tag)
             said.append(
                 f"{run.store}: tag {tag} cannot be read and is removed; the street stands in the newest snapshot"
             )
-        if lost := unreadable(session):
+        if lost := find_unreadable_chunks(session):
             plan = read_plan(session)
             due = give_up(group, plan, lost)
         if thorough:
@@ -160,7 +160,7 @@ def _forget(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
     due.setdefault("streets", set()).update(units_of_charts(plan, charts)["streets"])
     for stage in STAGES:
         for unit in sorted(due.get(stage, ())):
-            forget_record(group, stage, unit)
+            clear_record(group, stage, unit)
     clear_rasters(group, plan.scene.spec, plan.scene.placement, sorted(set(charts)), "facades")
     names = _names(plan)
     told = []
@@ -187,7 +187,7 @@ def _names(plan: Plan) -> dict[str, Sequence[str]]:
 
 def _read_plan_tables(session: icechunk.Session) -> None:
     """Read what of a snapshot cannot be made again unit by unit."""
-    group = root_of_any_format(session)
+    group = open_root_of_any_format(session)
     for name, table in group.groups():
         if name not in MADE:
             for _, array in table.arrays():
@@ -204,7 +204,7 @@ def _done(record: Record | None) -> bool:
 
 def _without_panorama(session: icechunk.Session, group: StoreGroup, records: Records) -> list[int]:
     """Viewpoints that are done, and no panorama is listed. One that is black has no chunk: its record says so."""
-    there = {chunk[0] for chunk in chunks_of(session, "panoramas/rgb")}
+    there = {chunk[0] for chunk in list_chunks(session, "panoramas/rgb")}
     black = ""
     found = []
     for viewpoint, record in enumerate(records):
@@ -232,7 +232,7 @@ def _without_seeds(session: icechunk.Session, records: Records) -> list[int]:
     if not made:
         return []
     ids = open_table(session, "charts").id.values.tolist()
-    table, there = read_table(session, "charts"), chunks_of(session, "atlas/seed_evidence")
+    table, there = read_table(session, "charts"), list_chunks(session, "atlas/seed_evidence")
     placement = placement_of(table, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
     return sorted(
         made[f"{ids[chart]:016x}"]
@@ -253,7 +253,7 @@ def _without_texels(session: icechunk.Session, records: Records) -> list[int]:
 
 def _charts_without(session: icechunk.Session, array: str, charts: Iterable[int]) -> set[int]:
     """Those of some charts of which a chunk of an array over the pages is not listed."""
-    table, there = read_table(session, "charts"), chunks_of(session, array)
+    table, there = read_table(session, "charts"), list_chunks(session, array)
     placement = placement_of(table, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
     chunk, gutter = table["chunk"], table["gutter"]
     return {c for c in charts if not there.issuperset(map(tuple, placement.chunks(c, chunk, gutter).tolist()))}
@@ -265,13 +265,13 @@ def _over_other_viewpoints(
     """Streets that are done, and one of whose viewpoints is not, or is another than the street was made of; none that were made
     of a field."""
     street_of = open_table(session, "viewpoints").street.values
-    viewpoints_of, away = Grouped(street_of), set(lost)
+    viewpoints_of, away = RowIndex(street_of), set(lost)
     held = [None if i in away or not _done(record) else record for i, record in enumerate(viewpoints)]
     found = []
     for street, record in enumerate(streets):
         if record is None or not _done(record) or not record.get("chain"):
             continue
-        keys = [one["key"] if (one := held[v]) else None for v in viewpoints_of.of(street).tolist()]
+        keys = [one["key"] if (one := held[v]) else None for v in viewpoints_of.rows_with(street).tolist()]
         if None in keys or record["chain"] != unit_key(keys):
             found.append(street)
     return found

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catalogs.published.files import amiss
-from catalogs.published.places import Folder
+from catalogs.published.file_list import amiss
+from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
-from facade_core.atlas.integrity import DAMAGE, is_whole
+from facade_core.atlas.integrity import DAMAGE_ERRORS, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
@@ -23,8 +23,8 @@ from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code, version_of
 from tasks.engine.store.carry_over import has_all_stages
 from tasks.engine.store.integrity import find_wounds, is_suspect
+from tasks.engine.unit_key import parts_of
 from tasks.stages.order import KINDS, read_journals
-from tasks.stages.shared.key_parts import parts_of
 
 # In a run's folder: the path of its block file, from there where it lies within.
 SOURCE = "source"
@@ -97,9 +97,9 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         records = [record for journal in journals.values() for record in journal]
         if not all(record and record["status"] == "done" for record in records):
             return None
-        if is_suspect(run.folder) or find_wounds(session) or not is_whole(repository, run.store):
+        if is_suspect(run.folder) or find_wounds(session) or not has_all_files(repository, run.store):
             return None
-    except (StoreError, *DAMAGE):
+    except (StoreError, *DAMAGE_ERRORS):
         return None
     summary = snapshot_in(run.folder, session.snapshot_id).outcome()
     told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]

@@ -7,17 +7,17 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from facade_core.atlas.arrays import OF_STAGE
-from facade_core.atlas.integrity import Coordinates
+from facade_core.atlas.arrays import STAGE_ARRAYS
+from facade_core.atlas.integrity import ChunkCoordinates
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.stored_files import ENCODING, FOLDERS, encoded_of
+from facade_core.atlas.stored_files import FILE_STAGES, FOLDERS, unit_files
 from facade_core.core.zarr_types import StoreArray, StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.stages.order import STAGES
 from tasks.stages.surfaces.stage import parts_of_block
 
 
-def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinates] | None]) -> dict[str, set[int]]:
+def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[ChunkCoordinates] | None]) -> dict[str, set[int]]:
     """Empty the chunks that cannot be read; returns the units that they were of, by stage.
 
     lost: chunks by the path of their array; None where all are lost.
@@ -34,13 +34,13 @@ def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinat
         elif folder == "exemplars":
             due["exemplars"].add(int(name.partition("/")[0]))
         elif folder not in FOLDERS:
-            writers = [stage for stage, arrays in OF_STAGE.items() if path in (array.path for array in arrays)]
+            writers = [stage for stage, arrays in STAGE_ARRAYS.items() if path in (array.path for array in arrays)]
             for stage, found in units_of_charts(plan, _charts_at(plan, chunks)).items():
                 due[stage].update(found if stage in writers else ())
         _empty(group, path, array, chunks)
-    for stage in ENCODING if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
+    for stage in FILE_STAGES if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
         for unit, record in enumerate(read_journal(group, stage)):  # of which every chunk can be read by now
-            if not lost.keys().isdisjoint(encoded_of(stage, unit, record)):
+            if not lost.keys().isdisjoint(unit_files(stage, unit, record)):
                 due[stage].add(unit)
     return {stage: due[stage] for stage in STAGES if due[stage]}
 
@@ -62,7 +62,7 @@ def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
     }
 
 
-def _charts_at(plan: Plan, chunks: Sequence[Coordinates] | None) -> list[int]:
+def _charts_at(plan: Plan, chunks: Sequence[ChunkCoordinates] | None) -> list[int]:
     """The charts of which something lies in some chunks of the atlas."""
     spec, placement = plan.scene.spec, plan.scene.placement
     if chunks is None:
@@ -75,7 +75,7 @@ def _charts_at(plan: Plan, chunks: Sequence[Coordinates] | None) -> list[int]:
     ]
 
 
-def _empty(group: StoreGroup, path: str, array: StoreArray, chunks: Sequence[Coordinates] | None) -> None:
+def _empty(group: StoreGroup, path: str, array: StoreArray, chunks: Sequence[ChunkCoordinates] | None) -> None:
     if chunks is not None:
         for chunk in chunks:
             array.set_block_selection(chunk, array.fill_value)

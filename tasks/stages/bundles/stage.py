@@ -4,27 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
 
-from catalogs.block import Block
-from catalogs.readers.pictures.poses import day_of
+from catalogs.block.reader import Block
+from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.poses import parse_day
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import STREET
 from facade_core.imagery.poses.bundles import LEAST_SEEN, bundles_of
-from facade_core.imagery.poses.joint_refinement import Alone
+from facade_core.imagery.poses.joint_refinement import WIDEST, Alone
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan, Sightings
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage, same_name
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
+from tasks.engine.unit_key import parts_key
 from tasks.stages.bundles.worker import Member, bundle_unit
-from tasks.stages.poses.stage import refined
-from tasks.stages.shared.key_parts import bundle_key
-from tasks.stages.shared.memory import bundle_memory
+from tasks.stages.poses.stage import pose_memory
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
+from tasks.stages.shared.memory import LIBRARY_BYTES
+from tasks.stages.shared.refined_poses import select_pose
+
+# Bytes kept of each panorama of a bundle.
+KEPT_PANORAMA = WIDEST * WIDEST // 2 * 3
 
 
 def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -45,7 +54,7 @@ def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 def bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
     """The panoramas that are refined together, by the block and the poses that are given."""
-    days = [_number(day_of(panorama.captured)) for panorama in block.panoramas]
+    days = [_number(parse_day(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
     seen = _on_streets(plan)
     return bundles_of(seen.facade, seen.panorama, seen.seen, places, days)
@@ -71,7 +80,7 @@ def _on_streets(plan: Plan) -> Sightings:
 def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
     """A panorama as it was refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
-    return Alone(refined(plan.poses[panorama], record), None if spread is None else np.array(spread))
+    return Alone(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
 
 
 def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
@@ -93,6 +102,33 @@ def _number(day: str | None) -> int | None:
 
 def _again(change: Change) -> dict[int, int]:
     return same_name(change.records["bundles"], names_of_bundles(change.after, change.block))
+
+
+def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequence[int]) -> str:
+    """Of panoramas that are refined together on some charts."""
+    places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
+    around = (
+        plan.things.within(places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M)
+        if len(members)
+        else []
+    )
+    return parts_key(
+        stage_code("bundles"),
+        settings=run.texture.texels_per_metre,
+        pose=[pose_numbers(one.given) for one in members],
+        panoramas=[[one.path.name, file_digest(one.path), *refined_pose_parts(one.alone)] for one in members],
+        geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
+    )
+
+
+def refined_pose_parts(one: Alone) -> list[Any]:
+    return [pose_numbers(one.pose), None if one.spread is None else one.spread.tolist()]
+
+
+def bundle_memory(paths: Sequence[Path]) -> int:
+    """Of panoramas that are refined together: each is read in turn, and kept small."""
+    widest = max((pose_memory(path) for path in paths), default=LIBRARY_BYTES)
+    return widest + len(paths) * KEPT_PANORAMA
 
 
 BUNDLES = Stage(

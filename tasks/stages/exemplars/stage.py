@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
+from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.folders import picture_and_label_map
+from facade_core.core.types import Models
 from facade_core.core.zarr_types import StoreGroup, group_at
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage, same_key_or_name
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
+from tasks.engine.unit_key import parts_key
 from tasks.stages.exemplars.worker import exemplar_unit
-from tasks.stages.shared.key_parts import exemplar_key
-from tasks.stages.shared.memory import exemplar_memory
+from tasks.stages.shared.images import LONGEST_EXEMPLAR
+from tasks.stages.shared.key_parts import model_parts
+from tasks.stages.shared.memory import (
+    FACADE_TEXEL,
+    LIBRARY_BYTES,
+    PICTURE_PIXEL,
+    decoding_bytes,
+    detection_bytes,
+    kept_pixels,
+)
 
 
 def exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -43,6 +57,24 @@ def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
             dimension_names=array.metadata.dimension_names,
             overwrite=True,
         )
+
+
+def exemplar_key(run: Run, path: Path) -> str:
+    return parts_key(
+        stage_code("exemplars"),
+        settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
+        picture=[path.stem, *map(file_digest, picture_and_label_map(path))],
+        **model_parts(Models(parser=run.models.parser)),  # an exemplar is parsed and not completed
+    )
+
+
+def exemplar_memory(path: Path) -> int:
+    kept = min(kept_pixels([path]), LONGEST_EXEMPLAR**2)
+    return (
+        LIBRARY_BYTES
+        + detection_bytes()
+        + max(decoding_bytes([path]) + kept * PICTURE_PIXEL, kept * (FACADE_TEXEL + PICTURE_PIXEL))
+    )
 
 
 EXEMPLARS = Stage(

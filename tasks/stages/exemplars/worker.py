@@ -9,15 +9,15 @@ import numpy as np
 
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.store import open_root
-from facade_core.core.atlas_spec import Array
+from facade_core.core.atlas_spec import ArraySpec
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
 from facade_core.core.resizing import resized_with_labels
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.occlusion_overlay import draw_cut
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
-from facade_core.imagery.detect.detection import look, looked_for
-from facade_core.imagery.privacy import shielded
+from facade_core.imagery.detect.detection import detect_on_image, detectors_available
+from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.no_data import no_data
 from facade_core.plan.exemplar_style import look_of
 from tasks.engine.context import unit_seed, worker_name
@@ -25,13 +25,13 @@ from tasks.engine.run import Run
 from tasks.engine.unit import Piece
 from tasks.stages.shared.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
 
-IMAGE = Array(
+IMAGE = ArraySpec(
     "image", ("row", "column", "band"), "uint8", "exemplar at the block's density or coarser, without what hid it"
 )
-PREVIEW = Array(
+PREVIEW = ArraySpec(
     "preview", ("preview_row", "preview_column", "band"), "uint8", "picture as given: cut off dark, made anew tinted"
 )
-LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
+LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
 
 
 def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -41,7 +41,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
     hidden = picture.hidden | no_data(picture.rgb)
-    private = look(picture.rgb).hidden(hidden.shape)
+    private = detect_on_image(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
     seed = unit_seed(run, unit.name, "exemplar")
     prepared = prepare_exemplar(
@@ -82,7 +82,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
         "look": look_of(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
-        "looked": looked_for(),
+        "looked": detectors_available(),
         "worker": worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
@@ -93,8 +93,8 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
 def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
     """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
     x0, y0, x1, y1 = prepared.box
-    shown = shielded(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
-    shown[y0:y1, x0:x1] = shielded(prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel)
+    shown = apply_privacy(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
+    shown[y0:y1, x0:x1] = apply_privacy(prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel)
     return draw_cut(shown, prepared.occluded, prepared.box)
 
 

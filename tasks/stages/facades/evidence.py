@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from catalogs.readers.pictures.opening import LEAST_SIDE
+from catalogs.readers.pictures.opening import MIN_SIDE_PX
 from facade_core.core.errors import ImageError
 from facade_core.core.resizing import resized
 from facade_core.core.types import Box, Pose
-from facade_core.imagery.detect.detection import Seen, look, look_on_panorama
+from facade_core.imagery.detect.detection import Detections, detect_on_image, detect_on_panorama
 from facade_core.imagery.rectify.change_detection import compare
 from facade_core.imagery.rectify.crop import below_foot, cut_to_facade
 from facade_core.imagery.rectify.fusion import View, as_one, fuse_views
@@ -69,7 +69,7 @@ class Evidence:
     clean: bool = False
     outside: np.ndarray | None = None
     captured: str | None = None
-    seen: Seen = field(default_factory=Seen)
+    seen: Detections = field(default_factory=Detections)
     fit: Fit | None = None
     before: Before | None = None
 
@@ -102,7 +102,7 @@ class Photo(NamedTuple):
     image: np.ndarray
     hidden: np.ndarray
     outside: np.ndarray
-    seen: Seen
+    seen: Detections
     fit: Fit
 
 
@@ -129,7 +129,7 @@ def evidence_of(
             hidden,
             ~hidden,
             imagery.photo.name,
-            masked=photo.seen.boxes(size),
+            masked=photo.seen.private_boxes(size),
             outside=photo.outside,
             captured=capture_date(imagery.photo),
             seen=photo.seen,
@@ -236,7 +236,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
     import cv2
 
     if rectified:
-        picture = read_whole(path, least=LEAST_SIDE)
+        picture = read_whole(path, least=MIN_SIDE_PX)
         image, hidden = picture.rgb, picture.hidden | no_data(picture.rgb)
     else:
         found, _ = rectified_photo(path)
@@ -247,14 +247,14 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
         for mask in (cut.hidden, cut.outside)
     )
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
-    seen = look(cut.image).scaled(across, down)
+    seen = detect_on_image(cut.image).rescale(across, down)
     fit = Fit(cut.hidden.size / image[..., 0].size, cut.found, across / down)
     return Photo(resized(cut.image, size), hidden, outside, seen, fit)
 
 
 def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     """A photo as taken from the street, rectified, and its size (h, w) as it was read. Raises ImageError with its name."""
-    picture = read_whole(path, least=LEAST_SIDE)
+    picture = read_whole(path, least=MIN_SIDE_PX)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = focal_length(path)
     try:
@@ -269,7 +269,7 @@ def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int],
     that there are on the panorama."""
     image = read_panorama(path)
     seen = _seen_on(path, pose)
-    private = seen.hidden(image.shape[:2]) if seen.any() else None
+    private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
     view = rectify_view(plan.scene, chart, image, pose, size, private)
     if not view.seen.any():
         return view
@@ -278,15 +278,15 @@ def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int],
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
 
 
-def _seen_on(path: Path, pose: Pose) -> Seen:
+def _seen_on(path: Path, pose: Pose) -> Detections:
     """The faces, plates and text on a panorama; the facades that it shows share them."""
     state = path.stat()
     return _looked_at(path, state.st_size, state.st_mtime_ns, pose.view)
 
 
 @lru_cache(maxsize=64)
-def _looked_at(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Seen:
-    return look_on_panorama(read_panorama(path), view)
+def _looked_at(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Detections:
+    return detect_on_panorama(read_panorama(path), view)
 
 
 def _widened(hidden: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from catalogs.features import file_stem
 from facade_core.core.types import AS_FOUND, Corrected, Pose
@@ -52,17 +51,7 @@ class Imagery:
         return (*(source for source, given in there.items() if given), "none")
 
 
-class Taken(NamedTuple):
-    """A panorama near a piece of ground: its file and pose, the factors to the common exposure, and the squares of ground
-    that it shows, as of `facade_core.cameras.Ground`."""
-
-    path: Path
-    pose: Pose
-    factor: tuple[float, ...]
-    squares: tuple[tuple[int, ...], ...]
-
-
-def imagery_of(
+def collect_imagery(
     names: Sequence[str],
     photos: Mapping[str, Path],
     rectified: bool,

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import shapely
 
-from catalogs.block import Block
 from catalogs.block.part import ENTRANCE_M, Part
-from catalogs.readers.pictures.poses import day_of
+from catalogs.block.reader import Block
+from catalogs.readers.pictures.poses import parse_day
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.refined_poses import read_posed
-from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, encoded_of, forget_encoded
+from facade_core.atlas.refined_poses import read_refined_poses
+from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files, unit_files
 from facade_core.core.name_hash import number_of
 from facade_core.core.types import Street
 from facade_core.core.zarr_types import StoreGroup
@@ -24,12 +24,19 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage
 from tasks.engine.unit import Unit
 from tasks.stages.facades.captures import Captures, captures_of
-from tasks.stages.facades.imagery import Imagery, imagery_of
+from tasks.stages.facades.imagery import Imagery, collect_imagery
+from tasks.stages.facades.keys import add_building_part, facade_keys
 from tasks.stages.facades.worker import facade_unit
-from tasks.stages.poses.stage import is_refused, refined
 from tasks.stages.shared.facade_corrections import corrected_of
-from tasks.stages.shared.key_parts import facade_keys, with_house
-from tasks.stages.shared.memory import facade_memory
+from tasks.stages.shared.memory import (
+    FACADE_TEXEL,
+    LIBRARY_BYTES,
+    PICTURE_PIXEL,
+    decoding_bytes,
+    detection_bytes,
+    kept_pixels,
+)
+from tasks.stages.shared.refined_poses import is_refused, select_pose
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 SHOP_M = 15.0
@@ -51,7 +58,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
         *first, last = keys[index]
         if pictures.exemplar is not None:
             # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
-            last = with_house(last, [keys[other][-2] for other in beside])
+            last = add_building_part(last, [keys[other][-2] for other in beside])
         units.append(
             Unit(
                 index,
@@ -87,11 +94,15 @@ def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, 
 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
     """The pictures that there are of every facade, with the exemplar chosen for it."""
-    poses = read_posed(group)
+    poses = read_refined_poses(group)
     shown = panoramas_of(plan, block)
     panoramas, earlier = (
         [
-            [(block.panoramas[p].path, refined(plan.poses[p], poses[p])) for p in of_one if not is_refused(poses[p])]
+            [
+                (block.panoramas[p].path, select_pose(plan.poses[p], poses[p]))
+                for p in of_one
+                if not is_refused(poses[p])
+            ]
             for of_one in of_all
         ]
         for of_all in ([one.newest for one in shown], [one.before for one in shown])
@@ -105,7 +116,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     )
     chosen |= _chosen_by_people(plan, block, read_journal(group, "exemplars")) if chosen else {}
     own = plan.textured[plan.facades.chart].tolist()
-    return imagery_of(
+    return collect_imagery(
         plan.facades.id,
         block.photos,
         block.photos_rectified,
@@ -133,7 +144,7 @@ def _chosen_by_people(plan: Plan, block: Block, records: Records) -> dict[int, t
 
 def panoramas_of(plan: Plan, block: Block) -> list[Captures]:
     """The panoramas that each facade is taken from."""
-    days = {index: day for index, one in enumerate(block.panoramas) if (day := day_of(one.captured))}
+    days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
     return [captures_of(plan.sightings.of(facade).tolist(), days) for facade in range(len(plan.facades))]
 
 
@@ -247,12 +258,20 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
         if records[index] is None and name in keys:
             records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
     # files stay where they are; those that no record tells of do not: of facades that are gone, or have no variations now
-    told = {path for index, record in enumerate(records) for path in encoded_of("facades", index, record)}
+    told = {path for index, record in enumerate(records) for path in unit_files("facades", index, record)}
     for folder in (HIERARCHIES, EARLIER):
-        forget_encoded(
+        delete_stored_files(
             change.group, folder, {path.rpartition("/")[2] for path in told if path.startswith(f"{folder}/")}
         )
     return records
+
+
+def facade_memory(texels: int, imagery: Imagery) -> int:
+    panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
+    tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
+    kept = max(kept_pixels(pictures) for pictures in tried)
+    least = LIBRARY_BYTES + (detection_bytes() if kept else 0)
+    return least + max(texels * FACADE_TEXEL, *map(decoding_bytes, tried)) + kept * PICTURE_PIXEL
 
 
 FACADES = Stage(

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import earlier_path, encoded_digest, hierarchy_path, write_encoded
+from facade_core.atlas.stored_files import earlier_path, stored_file_digest, hierarchy_path, write_stored_file
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
@@ -26,9 +26,9 @@ from facade_core.facade.texture.ground_floor import without_shops
 from facade_core.facade.texture.retargeting import Style, style_of
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.geometry.walls import STREET
-from facade_core.imagery.detect.detection import looked_for
+from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
-from facade_core.imagery.privacy import shielded
+from facade_core.imagery.privacy import apply_privacy
 from facade_core.parsing.confidence import share_of
 from facade_core.plan.facade_walls import wall_of
 from facade_core.plan.plan import Plan
@@ -134,15 +134,15 @@ def _written(
     if result is not None:
         begun = time.time()
         density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
-        evidence = shielded(result.evidence, result.occluded, run.privacy, density)
+        evidence = apply_privacy(result.evidence, result.occluded, run.privacy, density)
         digests = _write(group, plan, facade, result, evidence, made.confidence)
         seconds["write"] = time.time() - begun
         about |= _summary(result) | {"digests": digests}
         if result.hierarchy is not None:
             about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
-            about["variation_digest"] = encoded_digest(result.hierarchy.to_bytes())
+            about["variation_digest"] = stored_file_digest(result.hierarchy.to_bytes())
         if imagery.sources()[made.depth] in ("photo", "panoramas"):
-            about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
+            about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
         if made.before is not None:
             about |= _change(group, plan, facade, made.before)
         if made.fit is not None:
@@ -163,8 +163,8 @@ def _change(group: StoreGroup, plan: Plan, facade: int, before: Before) -> dict[
         file = BytesIO()
         Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
         path = earlier_path(int(plan.ids[plan.facades.chart[facade]]))
-        write_encoded(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
-        told |= {"before_file": path, "before_digest": encoded_digest(file.getvalue())}
+        write_stored_file(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
+        told |= {"before_file": path, "before_digest": stored_file_digest(file.getvalue())}
     return told
 
 
@@ -205,7 +205,7 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
                         evidence.hidden | texels_of(said.hide, size),
                         kept=texels_of(said.keep, size),
                         outside=evidence.outside,
-                        private=evidence.seen.hidden(size),
+                        private=evidence.seen.private_mask(size),
                         clean=evidence.clean,
                         entrances=[
                             (place - along) / width for place in imagery.entrances if along < place < along + width
@@ -281,7 +281,7 @@ def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[
 
 def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
     """The names of shops on a facade's own photo; None where there is no photo or names are not looked for."""
-    if source != "photo" or not looked_for():
+    if source != "photo" or not detectors_available():
         return None
     seen = evidence.seen
     return "; ".join(shop_names(seen.lines, result.labels, result.occluded, seen.plates, texels_per_metre))
@@ -292,7 +292,7 @@ def _write(
 ) -> dict[str, str]:
     """Write a facade's rasters, with what may be shown (h, w, 3) of its evidence, and hierarchy; returns its chart's digest."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])
-    rasters = Rasters.of(scene.placement, [chart])
+    rasters = TexelLayout.of(scene.placement, [chart])
     seed = result.image.reshape(-1, 3)
     evidence = result.provenance.reshape(-1)
     arrays = {
@@ -307,7 +307,7 @@ def _write(
             "facade_maps/confidence": confidence.reshape(-1),
         }
         path = hierarchy_path(int(plan.ids[chart]))
-        write_encoded(group, path, result.hierarchy.to_bytes(), f"variations of {plan.facades.id[facade]}")
+        write_stored_file(group, path, result.hierarchy.to_bytes(), f"variations of {plan.facades.id[facade]}")
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
     return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)

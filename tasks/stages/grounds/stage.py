@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from catalogs.block import Block
+from collections.abc import Sequence
+from pathlib import Path
+
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
@@ -10,11 +13,21 @@ from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage, same_name
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
+from tasks.engine.unit_key import parts_key
 from tasks.stages.grounds.worker import ground_unit
-from tasks.stages.shared.key_parts import ground_key
-from tasks.stages.shared.memory import ground_memory
+from tasks.stages.shared.key_parts import panorama_parts
+from tasks.stages.shared.memory import (
+    CAMERA_PIXEL,
+    GROUND_TEXEL,
+    LIBRARY_BYTES,
+    VIEW_TEXEL,
+    detection_bytes,
+    kept_pixels,
+)
 from tasks.stages.shared.nearby_panoramas import cameras_of_block
+from tasks.stages.shared.surface_panorama import PosedPanorama
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
@@ -62,6 +75,24 @@ def _again(change: Change) -> dict[int, int]:
         if record and record["unit"] not in shown and record["unit"] in of_chart:
             change.stays.pop(of_chart[record["unit"]], None)
     return again
+
+
+def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[PosedPanorama]) -> str:
+    """Of a piece of ground that some panoramas are near."""
+    return parts_key(
+        stage_code("grounds"),
+        settings=run.texture.texels_per_metre,
+        geometry=f"{plan.ids[chart]:016x}",
+        **panorama_parts(plan, {one: [chart] for one in taken}),
+    )
+
+
+def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
+    """Of a piece of ground of so many texels, from so many panoramas."""
+    kept = kept_pixels(pictures)
+    return (
+        LIBRARY_BYTES + detection_bytes() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
+    )
 
 
 GROUNDS = Stage(

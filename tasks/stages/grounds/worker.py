@@ -8,7 +8,7 @@ from typing import Any, cast
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.imagery.cameras.ground import fuse_ground_view
-from facade_core.imagery.cameras.occluder_masks import in_the_way
+from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import refusal
 from tasks.engine.run import Run
@@ -23,7 +23,7 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     chart, taken = unit.arguments
     plan = plan_of_run(run)
     refused: list[Exception] = []
-    cameras, used = cameras_of(taken, in_the_way, refused)
+    cameras, used = cameras_of(taken, mask_ground_occluders, refused)
     read = time.time()
     found = fuse_ground_view(plan.scene, chart, cameras) if cameras else None
     digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})

@@ -16,7 +16,7 @@ from tasks.stages.shared.images import image_size
 from tasks.stages.shared.materials import under_aerial
 
 if TYPE_CHECKING:
-    from catalogs.block import Block
+    from catalogs.block.reader import Block
 
 
 def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan:

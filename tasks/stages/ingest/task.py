@@ -15,8 +15,8 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.block.corrections import OF_BUILDINGS
 from catalogs.features import file_stem
-from facade_core.atlas.arrays import FORMAT, create_arrays
-from facade_core.atlas.store import BRANCH, commit, format_of, new_root, open_repository, root_of_any_format
+from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
+from facade_core.atlas.store import BRANCH, commit, read_format, create_root, open_repository, open_root_of_any_format
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import predecessors
@@ -34,7 +34,7 @@ from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
 from tasks.stages.shared.facade_corrections import corrected_of, facades_by_place
 
 if TYPE_CHECKING:
-    from catalogs.block import Block
+    from catalogs.block.reader import Block
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
-    root = root_of_any_format(session)
-    skipped, anew = root.attrs.get("key") == run.key and format_of(root) == FORMAT and has_all_stages(root), None
+    root = open_root_of_any_format(session)
+    skipped, anew = root.attrs.get("key") == run.key and read_format(root) == STORE_FORMAT and has_all_stages(root), None
     if skipped:
         plan = read_plan(session)
     else:
@@ -84,7 +84,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
         require_room(run.local, room_for(plan, run.texture.panorama_width, stored=run.local == run.folder))
         if last is None:
             anew = why_anew(run, root)
-            root = new_root(session)
+            root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.refused]
         set_aside += [("building", "all buildings", reason) for reason in no_facade(plan)]

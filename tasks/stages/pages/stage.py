@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from catalogs.block import Block
+import numpy as np
+
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.stored_files import PAGES as FOLDER
-from facade_core.atlas.stored_files import forget_encoded
+from facade_core.atlas.stored_files import delete_stored_files
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage, same_name
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
+from tasks.engine.unit_key import parts_key
 from tasks.stages.pages.worker import page_unit
-from tasks.stages.shared.memory import page_memory
-from tasks.stages.shared.published_keys import page_keys
+from tasks.stages.shared.key_parts import all_chart_ids
+from tasks.stages.shared.memory import LIBRARY_BYTES
+
+# Bytes per texel of a page: means of ever larger squares, as floats.
+PAGE_TEXEL = 40
 
 
 def page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -31,8 +38,23 @@ def _names(plan: Plan) -> list[str]:
 
 def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """Pages stay where they are; those that are gone take their pictures along."""
-    forget_encoded(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
+    delete_stored_files(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
     return records
+
+
+def page_memory(texels: int) -> int:
+    return LIBRARY_BYTES + texels * PAGE_TEXEL
+
+
+def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
+    """The key of every page. digests: those of charts, by their ids."""
+    placement, spec = plan.scene.placement, plan.scene.spec
+    by_page: list[list[int]] = [[] for _ in range(spec.pages)]
+    for chart in np.flatnonzero(plan.own).tolist():
+        by_page[placement.page[chart]].append(chart)
+    code, names = stage_code("pages"), all_chart_ids(plan)
+    place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
+    return [parts_key(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page]
 
 
 PAGES = Stage(

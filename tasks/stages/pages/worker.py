@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import encoded_digest, page_path, write_encoded
+from facade_core.atlas.stored_files import stored_file_digest, page_path, write_stored_file
 from facade_core.export.models.pages import between_charts
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
@@ -32,13 +32,13 @@ def page_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     buffer = io.BytesIO()
     Image.fromarray(colour).save(buffer, "JPEG", quality=QUALITY, subsampling=0)
     data = buffer.getvalue()
-    write_encoded(group, page_path(unit.index), data, f"page {unit.index} of the atlas, JPEG")
+    write_stored_file(group, page_path(unit.index), data, f"page {unit.index} of the atlas, JPEG")
     record: Record = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
         "bytes": len(data),
-        "digest": encoded_digest(data),
+        "digest": stored_file_digest(data),
         "worker": worker_name(),
         "started": start,
         "seconds": {"page": round(time.time() - start, 4)},

@@ -13,13 +13,13 @@ import numpy as np
 from facade_core.atlas.journal import Record, read_journal, read_records
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
-    encoded_digest,
+    stored_file_digest,
     page_path,
     picture_path,
-    read_checked,
-    read_encoded,
+    read_verified_array,
+    read_stored_file,
     tile_paths,
-    write_encoded,
+    write_stored_file,
 )
 from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
@@ -99,8 +99,8 @@ def _written(group: StoreGroup, unit: Unit, data: bytes) -> Record:
     name = unit.arguments[0]
     path = picture_path(name)
     if data:
-        write_encoded(group, path, data, f"picture of {unit.name}")
-        return {"file": name, "bytes": len(data), "digest": encoded_digest(data)}  # type: ignore[typeddict-item]
+        write_stored_file(group, path, data, f"picture of {unit.name}")
+        return {"file": name, "bytes": len(data), "digest": stored_file_digest(data)}  # type: ignore[typeddict-item]
     if path in group:
         del group[path]
     return {}  # type: ignore[typeddict-item]
@@ -113,7 +113,7 @@ def _on_pages(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dic
     place = plan.scene.placement
     pages = np.unique(place.page[charts])
     for page, record in zip(pages.tolist(), read_records(group, "pages", pages), strict=True):
-        data = read_encoded(group, page_path(page), _done(record, f"page {page:04}")["digest"])
+        data = read_stored_file(group, page_path(page), _done(record, f"page {page:04}")["digest"])
         with Image.open(BytesIO(data)) as image:
             colour = np.asarray(image.convert("RGB"))
         yield {
@@ -129,7 +129,7 @@ def _coarse(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[
     for tile, record in zip(tiles_of(plan), read_journal(group, "tiles"), strict=True):
         if np.isin(tile.charts, charts).any():
             digest = _done(record, f"tile {tile.path}")["coarse"]
-            yield coarse_rasters(texels, tile.charts, read_checked(group, tile_paths(tile.path)[1], digest))
+            yield coarse_rasters(texels, tile.charts, read_verified_array(group, tile_paths(tile.path)[1], digest))
 
 
 def _done(record: Record | None, what: str) -> Record:

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import shapely
 
-from catalogs.block import Block
-from facade_core.atlas.journal import Record
-from facade_core.core.types import Pose
+from catalogs.block.reader import Block
+from catalogs.file_digest import file_digest
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.poses.outlines import REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage, same_key_or_name
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
+from tasks.engine.unit_key import parts_key
 from tasks.stages.poses.worker import pose_unit
-from tasks.stages.shared.key_parts import pose_key
-from tasks.stages.shared.memory import pose_memory
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
+from tasks.stages.shared.memory import LIBRARY_BYTES, decoding_bytes, kept_pixels
+
+# Bytes per pixel of a panorama whose pose is refined: the picture, and edges of it at a smaller size.
+POSE_PIXEL = 24
 
 
 def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -38,22 +44,25 @@ def heights_carried(block: Block) -> list[bool]:
     return [pose.z is None or i in beside for i, pose in enumerate(poses)]
 
 
-def refined(pose: Pose, record: Record | None) -> Pose:
-    """The pose of a panorama as its record has it; the given one where it was not refined."""
-    if record is None or record["status"] != "done":
-        return pose
-    x, y, z, heading, pitch, roll = record["pose"]
-    return Pose(x, y, z, heading, pitch, roll, pose.view)
-
-
-def is_refused(record: Record | None) -> bool:
-    """Whether a panorama could not be placed: nothing is taken from it."""
-    return record is not None and record["status"] == "failed"
-
-
 def _again(change: Change) -> dict[int, int]:
     units = pose_units(change.run, change.block, change.after, change.group)
     return same_key_or_name(change.records["poses"], units)
+
+
+def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> str:
+    pose = plan.poses[panorama]
+    place = np.array([pose.x, pose.y, pose.z])
+    return parts_key(
+        stage_code("poses"),
+        settings=run.texture.texels_per_metre,
+        picture=[path.name, file_digest(path)],
+        pose=[*pose_numbers(pose), carried],
+        geometry=plan.things.within(place - POSE_SURROUNDINGS_M, place + POSE_SURROUNDINGS_M),
+    )
+
+
+def pose_memory(path: Path) -> int:
+    return LIBRARY_BYTES + decoding_bytes([path]) + kept_pixels([path]) * POSE_PIXEL
 
 
 POSES = Stage(

@@ -15,20 +15,19 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.block.sources import sources_of
-from catalogs.published.files import amiss, predecessor_of, write_files
+from catalogs.published.file_list import amiss, predecessor_of, write_files
+from catalogs.published.folders import Folder, local_side
 from catalogs.published.items import write_items
-from catalogs.published.made import Made
-from catalogs.published.places import Folder, local_side
+from catalogs.published.reuse import Made
 from catalogs.published.s3 import S3Folder
-from catalogs.published.sent import send
 from catalogs.published.snapshot import Snapshot, current_if_any, make_current, pointer_tag, snapshot_in
+from catalogs.published.upload import send
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
-from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_root
+from facade_core.atlas.store import BRANCH, commit, expire_snapshots, open_repository, open_root
 from tasks.engine.progress import advance, begin_stage
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.store.commits import standing_tags
 from tasks.engine.store.integrity import suspect
 from tasks.published.aside import Aside
 from tasks.published.attribution import attribution_of
@@ -41,6 +40,7 @@ from tasks.published.report import write_block_report
 from tasks.published.rows import rows_of, write_masked, write_summary
 from tasks.published.stored import stored_block
 from tasks.published.tiles import WrittenTile, write_model, write_overview, write_tiles
+from tasks.stages.streets.tags import street_tags
 
 log = logging.getLogger(__name__)
 
@@ -123,7 +123,9 @@ def _forget_history(run: Run, last: Snapshot | None) -> None:
     try:
         with last.alone() if last else nullcontext(True) as nobody:
             if nobody:
-                expire(open_repository(run.store), READ_FOR if isinstance(run.folder, S3Folder) else timedelta())
+                expire_snapshots(
+                    open_repository(run.store), READ_FOR if isinstance(run.folder, S3Folder) else timedelta()
+                )
     except icechunk.IcechunkError as error:  # an earlier snapshot is damaged: what is published does not depend on it
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
@@ -186,6 +188,6 @@ def _write(
             published=published,
         )
     advance("publish", 1)
-    tags = standing_tags(block.group)
+    tags = street_tags(block.group)
     write_files(snapshot.folder, predecessor, tags, made=made.of, known=made.linked, failed=aside.failed)
     return aside

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.corrections import OF_FACADES, Corrections
-from catalogs.frames import LONLAT, between
+from catalogs.frames import LONLAT, coordinate_transform
 from facade_core.core.types import Corrected
 from facade_core.plan.plan import Plan
 
@@ -44,7 +44,7 @@ def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> di
     middle = shapely.STRtree(shapely.points(feet))
     found = {}
     for id, one, (longitude, latitude) in placed:
-        x, y = between(LONLAT, crs)(np.array([longitude]), np.array([latitude]))
+        x, y = coordinate_transform(LONLAT, crs)(np.array([longitude]), np.array([latitude]))
         near = middle.query(shapely.points(x[0], y[0]), predicate="dwithin", distance=PLACE_M).tolist()
         alike = [f for f in near if one.width is None or abs(float(facades.width[f]) / one.width - 1) <= ALIKE]
         if alike:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.readers.pictures.days import day_taken
-from catalogs.readers.pictures.folders import labels_beside
-from catalogs.readers.pictures.opening import LEAST_SIDE, Picture, opened, read_picture
+from catalogs.readers.pictures.days import exif_capture_date
+from catalogs.readers.pictures.folders import label_map_path
+from catalogs.readers.pictures.opening import MIN_SIDE_PX, Picture, open_picture, read_picture
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
 from tasks.engine.outcome import refusing
@@ -26,7 +26,7 @@ LONGEST_EXEMPLAR = 2000
 
 def image_size(path: Path) -> tuple[int, int]:
     """Rows and columns of an image file, from its header."""
-    with opened(path) as image:
+    with open_picture(path) as image:
         return image.height, image.width
 
 
@@ -34,7 +34,7 @@ def focal_length(path: Path) -> float | None:
     """The focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None where that is not told."""
     from PIL import ExifTags
 
-    with opened(path) as image:
+    with open_picture(path) as image:
         diagonal = math.hypot(image.width, image.height)
         try:
             told = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
@@ -45,8 +45,8 @@ def focal_length(path: Path) -> float | None:
 
 def capture_date(path: Path) -> str | None:
     """The day that a picture was taken, as "2024-05-17", from its EXIF; None where that does not tell."""
-    with opened(path) as image:
-        return day_taken(image)
+    with open_picture(path) as image:
+        return exif_capture_date(image)
 
 
 def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:
@@ -80,12 +80,12 @@ def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 def read_whole(path: Path, *, least: int = 1) -> Picture:
     """A picture of at most MOST_PIXELS; a larger one is reduced as it is read, to the scale that comes with it."""
-    return read_picture(path, most=MOST_PIXELS, least=least)
+    return read_picture(path, max_pixels=MOST_PIXELS, min_side=least)
 
 
 def read_exemplar_picture(path: Path) -> Picture:
     """An exemplar, reduced to what can be prepared from it."""
-    return read_picture(path, longest=LONGEST_EXEMPLAR, least=LEAST_SIDE)
+    return read_picture(path, max_side=LONGEST_EXEMPLAR, min_side=MIN_SIDE_PX)
 
 
 def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
@@ -95,10 +95,10 @@ def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
     """
     import cv2
 
-    beside = labels_beside(path)
+    beside = label_map_path(path)
     if beside is None:
         return None
-    with opened(beside) as image:
+    with open_picture(beside) as image:
         labels = np.asarray(image if image.mode in ("L", "P") else image.convert("L"))
     known = np.isin(np.unique(labels), [*range(len(CLASSES)), UNKNOWN]).all()
     if (

@@ -17,10 +17,10 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.overhead_view import Aerial as Sampler
 from facade_core.geometry.overhead_view import shown_from_above
 from facade_core.plan.plan import Plan
-from facade_core.street.materials.field import Materials
-from facade_core.street.materials.grain import Grains, learn
-from facade_core.street.materials.grain_file import with_own
-from facade_core.street.materials.tiled import Material
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.grain import GrainTables, learn_grain
+from facade_core.street.materials.grain_file import load_grains
+from facade_core.street.materials.tiled_material import TiledMaterial
 from tasks.engine.run import Run
 from tasks.stages.shared.images import read_whole
 
@@ -47,25 +47,25 @@ def sampler(run: Run) -> Sampler | None:
 
 def materials(
     plan: Plan, seed: int, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture] = ()
-) -> Materials:
+) -> MaterialField:
     """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given;
     pictures: those of other materials."""
     laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), own_grains(pictures)
-    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
+    return MaterialField(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
 
 
-def own_grains(pictures: Sequence[MaterialPicture]) -> Grains | None:
+def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     """The grain of all materials with that of a block's pictures, by what makes those that are shipped; None without any."""
     examples = {}
     for name, path, metres in pictures:
         try:
-            examples[name] = learn(read_whole(path).rgb, metres)
+            examples[name] = learn_grain(read_whole(path).rgb, metres)
         except InputError as error:
             raise InputError(f"texture.materials: {path}: {error}") from error
-    return with_own(examples) if examples else None
+    return load_grains(examples) if examples else None
 
 
-def field_of(group: StoreGroup, plan: Plan) -> Materials | None:
+def field_of(group: StoreGroup, plan: Plan) -> MaterialField | None:
     """What the translator of a stored block answers with, as its ingest noted; None where that is pictures."""
     if group.attrs["translator"] == "neural":
         return None
@@ -79,13 +79,13 @@ def field_of(group: StoreGroup, plan: Plan) -> Materials | None:
     )
 
 
-def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> Material | None:
+def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> TiledMaterial | None:
     """The material that roofs take, None where none is given."""
     if roofs is None:
         return None
     path, metres_per_pixel = roofs
     try:
         picture = read_whole(path)
-        return Material.of(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
+        return TiledMaterial.of(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
     except InputError as error:
         raise InputError(f"texture.roof_material: {path}: {error}") from error

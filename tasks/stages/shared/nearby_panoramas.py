@@ -9,15 +9,15 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
-from facade_core.atlas.refined_poses import read_posed
+from facade_core.atlas.refined_poses import read_refined_poses
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS, Charts
 from facade_core.imagery.cameras.exposure import exposure_factors
 from facade_core.plan.plan import Plan
-from tasks.stages.facades.imagery import Taken
-from tasks.stages.poses.stage import refined
+from tasks.stages.shared.refined_poses import select_pose
+from tasks.stages.shared.surface_panorama import PosedPanorama
 
 # Panoramas at most that a surface is taken from, the nearest to its middle: with pieces of ground of 32 m and a panorama each
 # five metres all that see it from a street.
@@ -31,10 +31,10 @@ LONG_M = 32.0
 class Cameras:
     """The usable panoramas of a block, and their places as a tree."""
 
-    taken: tuple[Taken, ...]
+    taken: tuple[PosedPanorama, ...]
     places: shapely.STRtree
 
-    def near(self, corners: np.ndarray, reach: float) -> tuple[Taken, ...]:
+    def near(self, corners: np.ndarray, reach: float) -> tuple[PosedPanorama, ...]:
         """Those within `reach` metres of the box, seen from above, of some corners (k, 2), at most CAMERAS, in their order."""
         low, high = corners.min(axis=0), corners.max(axis=0)
         found = self.places.query(shapely.box(*low, *high), predicate="dwithin", distance=reach)
@@ -46,14 +46,14 @@ class Cameras:
 
         return tuple(self.taken[i] for i in sorted(sorted(found.tolist(), key=away)[:CAMERAS]))
 
-    def of_building(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[Taken, ...]]:
+    def of_building(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[PosedPanorama, ...]]:
         """Those that each of some charts (k,) of a building is taken from: of a short one all charts from the same."""
         corners = charts.at_shares(np.array(some), CORNERS)[..., :2].reshape(-1, 2)
         if np.ptp(corners, axis=0).max() <= LONG_M:
             return [self.near(corners, reach)] * len(some)
         return [self.before(charts, chart, reach) for chart in some]
 
-    def before(self, charts: Charts, chart: int, reach: float) -> tuple[Taken, ...]:
+    def before(self, charts: Charts, chart: int, reach: float) -> tuple[PosedPanorama, ...]:
         """Those that a chart faces and that are within `reach` metres of it, seen from above: in turn the nearest to the middle
         of each of its pieces, at most CAMERAS, in their order."""
         corners = _pieces(charts, chart)
@@ -76,11 +76,11 @@ class Cameras:
 def cameras_of_block(block: Block, plan: Plan, group: StoreGroup, usable: Callable[[Record | None], bool]) -> Cameras:
     """As the journal stands: poses that are refined, and what their pictures show of the ground; those that are usable by their
     record."""
-    records = read_posed(group)
+    records = read_refined_poses(group)
     squares = [_squares(record) for record in records]
     gains = exposure_factors(squares)
     taken = tuple(
-        Taken(panorama.path, refined(pose, record), tuple(gain), own)
+        PosedPanorama(panorama.path, select_pose(pose, record), tuple(gain), own)
         for panorama, pose, record, gain, own in zip(
             block.panoramas, plan.poses, records, gains.tolist(), squares, strict=True
         )

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import typical_ground_colour
-from facade_core.imagery.detect.detection import look_on_panorama
+from facade_core.imagery.detect.detection import detect_on_panorama
 from facade_core.imagery.poses.panorama_camera import position
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import refusing
-from tasks.stages.facades.imagery import Taken
 from tasks.stages.shared.images import read_panorama
+from tasks.stages.shared.surface_panorama import PosedPanorama
 
 # Panoramas of which it is kept what hides surfaces on them.
 KEPT = 8
@@ -30,28 +30,32 @@ KEPT = 8
 Hides = Callable[[np.ndarray, Pose], np.ndarray]
 
 
-def cameras_of(taken: Sequence[Taken], hides: Hides, refused: list[Exception]) -> tuple[list[PanoramaCamera], list[Taken]]:
+def cameras_of(
+    taken: Sequence[PosedPanorama], hides: Hides, refused: list[Exception]
+) -> tuple[list[PanoramaCamera], list[PosedPanorama]]:
     """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `refused`."""
     opened = [(camera, one) for one in taken if (camera := camera_of(one, hides, refused)) is not None]
     return [camera for camera, _ in opened], [one for _, one in opened]
 
 
-def camera_of(one: Taken, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
+def camera_of(one: PosedPanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
     """A panorama as a camera; where it cannot be opened None, and why is added to `refused`."""
     with refusing(refused):
         image = read_panorama(one.path)
-        return PanoramaCamera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares))
+        return PanoramaCamera(
+            image, one.pose, _hidden(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares)
+        )
     return None
 
 
 def shown_in_turn(
-    taken: Mapping[int, Sequence[Taken]],
-    opened: Callable[[Taken], PanoramaCamera | None],
+    taken: Mapping[int, Sequence[PosedPanorama]],
+    opened: Callable[[PosedPanorama], PanoramaCamera | None],
     show: Callable[[int, Sequence[PanoramaCamera]], CameraView | None],
-) -> tuple[dict[int, CameraView], dict[int, list[Taken]]]:
+) -> tuple[dict[int, CameraView], dict[int, list[PosedPanorama]]]:
     """What cameras show of charts, each taken from panoramas of its own, where that is enough; and of each chart those that
     could be opened. At most the panoramas of one chart are open at a time: charts of the same follow each other."""
-    held: dict[Taken, PanoramaCamera | None] = {}
+    held: dict[PosedPanorama, PanoramaCamera | None] = {}
     found, used = {}, {}
     for chart in sorted(taken, key=lambda chart: [str(one.path) for one in taken[chart]]):
         # one that could not be opened is told once
@@ -67,7 +71,7 @@ def shown_in_turn(
 
 
 def write_shown(
-    group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[Taken]]
+    group: StoreGroup, plan: Plan, found: Mapping[int, CameraView], used: Mapping[int, Sequence[PosedPanorama]]
 ) -> tuple[dict[str, str], list[list[Any]]]:
     """Write what cameras show of charts, by chart, as are their panoramas; returns the charts' digests, and of each panorama
     that shows some its name, its share of all their texels and how far it was on the mean, metres."""
@@ -78,7 +82,7 @@ def write_shown(
         used[chart][camera] for chart, one in found.items() for camera in np.unique(one.camera).tolist() if camera >= 0
     }
     numbers = {one: number for number, one in enumerate(sorted(showing, key=lambda one: one.path), 1)}
-    rasters = Rasters.of(placement, sorted(found))
+    rasters = TexelLayout.of(placement, sorted(found))
     seed, evidence = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     camera, confidence = np.empty(rasters.total, np.uint16), np.empty(rasters.total, np.uint8)
     for chart, one in found.items():
@@ -104,7 +108,7 @@ def write_shown(
     return chart_digests(seed, evidence, placement, rasters, plan.ids), told
 
 
-def _far(scene: Scene, own: Mapping[int, np.ndarray], one: Taken) -> float:
+def _far(scene: Scene, own: Mapping[int, np.ndarray], one: PosedPanorama) -> float:
     """How far the camera was on the mean from some texels (h, w) bool of charts, metres."""
     away = []
     for chart, texels in own.items():
@@ -120,15 +124,15 @@ def _far(scene: Scene, own: Mapping[int, np.ndarray], one: Taken) -> float:
 _LOOKED_AT: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
 
 
-def _hidden(one: Taken, image: np.ndarray, hides: Hides) -> np.ndarray:
+def _hidden(one: PosedPanorama, image: np.ndarray, hides: Hides) -> np.ndarray:
     """What stands before surfaces on a panorama, and the faces and plates that there are on it: (H, W) bool."""
     state = one.path.stat()
     of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)
     bits = _LOOKED_AT.get(of)
     if bits is None:
-        seen = look_on_panorama(image, one.pose.view)
+        seen = detect_on_panorama(image, one.pose.view)
         hidden = hides(image, one.pose)
-        bits = np.packbits(hidden | seen.hidden(image.shape[:2]) if seen.any() else hidden)
+        bits = np.packbits(hidden | seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else hidden)
         _LOOKED_AT[of] = bits
         if len(_LOOKED_AT) > KEPT:
             _LOOKED_AT.popitem(last=False)

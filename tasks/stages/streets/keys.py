@@ -15,13 +15,12 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.stages.shared.key_parts import material_digests, parts_key
+from tasks.engine.unit_key import parts_key
+from tasks.stages.shared.key_parts import material_digests
 
 # The records of some units (n,) of a stage, in that order.
 _Read = Callable[[str, np.ndarray], list[Record | None]]
 
-# The stages that seed charts, in the order in which they write.
-SEEDING = ("textures", "grounds", "walls", "facades")
 # Settings that streets' texels depend on.
 SETTINGS = ("texels_per_metre", "panorama_width", "translator")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from facade_core.atlas.journal import forget_record, read_journal, write_record
+from facade_core.atlas.journal import clear_record, read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import InputError
 from facade_core.plan.plan import Plan
@@ -38,9 +38,9 @@ def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[s
     for index in (*found.streets, *found.dependants):
         record = records[index]
         if index in found.streets or not only:
-            forget_record(group, "streets", index)
+            clear_record(group, "streets", index)
             for viewpoint in plan.of_street(index):
-                forget_record(group, "viewpoints", viewpoint.id)
+                clear_record(group, "viewpoints", viewpoint.id)
         elif record and record["status"] == "done":
             reason = f"street {' and '.join(names[0])} was done again without it; run the block to bring it up to date"
             write_record(group, "streets", index, record | {"status": "stale", "reason": reason})

@@ -12,18 +12,23 @@ import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from facade_core.atlas.journal import read_journal, read_records
+from facade_core.atlas.arrays import STAGE_ARRAYS, clear_rasters
+from facade_core.atlas.journal import clear_record, latest_digests, read_journal, read_records
+from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
+from facade_core.plan.plan import Plan
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
 from tasks.engine.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
 from tasks.engine.progress import advance
 from tasks.engine.run import Run
-from tasks.engine.store.carry_over import forget_texels_of, forget_units
-from tasks.engine.store.commits import begin, finish, tag_of
-from tasks.stages.streets.keys import SEEDING, street_keys
+from tasks.engine.store.carry_over import forget_units
+from tasks.engine.store.commits import begin, finish
+from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
+from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.redo import street_chunks
+from tasks.stages.streets.tags import street_tag
 from tasks.stages.streets.worker import forget_street, street_unit, viewpoints_unit
 
 
@@ -48,7 +53,7 @@ def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]
     if run.texture.translator == "neural" or not any(records[street] for street in streets):
         return {}
     plan = plan_of_run(run)
-    journals = {stage: read_journal(group, stage) for stage in (*SEEDING, "viewpoints")}
+    journals = {stage: read_journal(group, stage) for stage in (*BASE_LAYER_STAGES, "viewpoints")}
     found: dict[int, Outcome] = {}
     chosen = set(streets)
     for street in streets:
@@ -127,11 +132,11 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
         record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
         record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
         finish(session, fork, "streets", {street: record}, f"street {name} failed")
-        forget_texels_of(run, plan, street)
+        clear_failed_street(run, plan, street)
         log_units("streets", [record])
         return outcome.add([record])
     log_units("streets", [record])
-    _tag(run, tag_of(record), snapshot)
+    _tag(run, street_tag(record), snapshot)
     return outcome.add([record])
 
 
@@ -172,3 +177,29 @@ def _tag(run: Run, tag: str, snapshot: str) -> None:
             icechunk.IcechunkError
         ):  # a tag once deleted cannot be made again; the snapshot stays reachable from main
             return
+
+
+def clear_failed_street(run: Run, plan: Plan, street: int) -> None:
+    """Clear what a street that failed left of itself before: texels that no record of another street has the digest of. Streets
+    that wrote there earlier are due again, as theirs were overwritten."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    group, placement = open_root(session), plan.scene.placement
+    charts = plan.charts_of_street(street)
+    charts = charts[plan.writable[charts]]
+    others = np.setdiff1d(plan.streets_of_charts(charts)[:, 0], [street])
+    records = dict(zip(others.tolist(), read_records(group, "streets", others), strict=True))
+    rasters = TexelLayout.of(placement, charts)
+    colour, views = (read_rasters(group[array.path], placement, rasters) for array in STAGE_ARRAYS["streets"])
+    known = chart_digests(np.zeros_like(colour), np.zeros_like(views), placement, rasters, plan.ids)
+    known |= latest_digests([], list(records.values()))
+    found = chart_digests(colour, views, placement, rasters, plan.ids)
+    stale = {name for name, digest in found.items() if digest != known[name]}
+    if not stale:
+        return
+    clear_rasters(
+        group, plan.scene.spec, placement, [c for c in charts.tolist() if f"{plan.ids[c]:016x}" in stale], "streets"
+    )
+    for other, record in records.items():
+        if record and not stale.isdisjoint(record["digests"]):
+            clear_record(group, "streets", other)
+    commit(session, f"street {plan.streets[street].id} failed: what it left is cleared")

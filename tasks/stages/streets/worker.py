@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import read_records
-from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan.plan import Plan
-from facade_core.street.lighting.sky import under_sky
-from facade_core.street.materials.field import Materials
-from facade_core.street.propagation.blend import blend
+from facade_core.street.lighting.sky import add_sky
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import mark_first_visible, propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import paint
-from facade_core.street.translator import neural
-from facade_core.street.translator.translate import Swatches, Translator
+from facade_core.street.surfaces import paint_visible_texels
+from facade_core.street.translator import neural_translator
+from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import own_grains, roof_material
@@ -38,16 +38,16 @@ class Context:
 
     plan: Plan
     translator: Translator
-    field: Materials | None
+    field: MaterialField | None
 
 
 @lru_cache(maxsize=2)
 def context(run: Run) -> Context:
     plan = plan_of_run(run)
     if run.texture.translator == "neural":
-        return Context(plan, neural.load(), None)
+        return Context(plan, neural_translator.load_translator(), None)
     laid, own = roof_material(run.roof_material, run.texture.texels_per_metre), own_grains(run.materials)
-    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own)
+    swatches = MaterialFieldTranslator(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own)
     return Context(plan, swatches, swatches.materials)
 
 
@@ -115,11 +115,11 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
 
     panorama = render(here.plan.scene, progress.window, viewpoint, size)
     lap("render")
-    rgb = under_sky(here.translator.translate(panorama), panorama.depth)
+    rgb = add_sky(here.translator.translate(panorama), panorama.depth)
     lap("translate")
     in_turn = progress.done == step
     if here.field is None:
-        propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
+        propagate(here.plan.scene, progress.window, viewpoint, rgb, charts_seen=panorama.chart)
     elif in_turn:
         mark_first_visible(here.plan.scene, progress.window, viewpoint, panorama.chart)
     lap("propagate")
@@ -146,13 +146,13 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     group = open_root(fork)
     window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
-    rasters = Rasters.of(scene.placement, window.writable)
+    rasters = TexelLayout.of(scene.placement, window.writable)
     if here.field is None:
-        colour, views = blend(window.state)
+        colour, views = blend_views(window.state)
     else:
         for viewpoint in _earlier(here.plan, group, street, window.writable):
             add_viewpoint(here.plan, group, window, viewpoint, field=True)
-        paint(window, scene.placement, here.field)
+        paint_visible_texels(window, scene.placement, here.field)
         views = window.state.views
         colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
     written = replace(rasters, charts=rasters.charts[~_held_by_later(here.plan, group, street, rasters.charts)])

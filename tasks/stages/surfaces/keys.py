@@ -11,10 +11,11 @@ from catalogs.file_digest import file_digest
 from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.daylight import REACH_M
 from facade_core.plan.plan import Plan
-from facade_core.street.lighting.sun import REACH_M as SHADOWS_M
+from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M as SHADOWS_M
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.stages.shared.key_parts import material_digests, parts_key
+from tasks.engine.unit_key import parts_key
+from tasks.stages.shared.key_parts import material_digests
 
 
 def surface_key(

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import latest_digests, read_journal
-from facade_core.atlas.surroundings import pieces_around
-from facade_core.core.grouping import Grouped
+from facade_core.atlas.surroundings import coplanar_pieces
+from facade_core.core.grouping import RowIndex
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
-from facade_core.street.surfaces import BESIDE_M
+from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage
 from tasks.engine.unit import Unit
-from tasks.stages.shared.memory import surface_memory
-from tasks.stages.streets.keys import SEEDING
+from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
+from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
 from tasks.stages.surfaces.keys import surface_key
 from tasks.stages.surfaces.worker import surface_unit
+
+# Bytes per texel that is painted and levelled, with its surroundings (measured: 150).
+SURFACE_TEXEL = 155
+# Bytes per texel of the largest chart on which pictures are continued by example.
+CONTINUED_TEXEL = 300
+# Bytes that the sources of a continuation take, once for a piece (measured: 187 MB of 640,000 texels, 106 of 260,000).
+CONTINUED = 50_000_000
 
 # Of a chart that is context: no building has this row, nor has the ground.
 NOT_OWN = -2
@@ -26,15 +33,15 @@ NOT_OWN = -2
 
 def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
     """The units: name and charts of each of the block's own buildings that has some, then of each piece of ground."""
-    owner = Grouped(np.where(plan.own, plan.scene.charts.building, NOT_OWN))
-    buildings = [(name, owner.of(building).tolist()) for building, name in enumerate(plan.scene.names)]
-    ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.of(-1).tolist()]
+    owner = RowIndex(np.where(plan.own, plan.scene.charts.building, NOT_OWN))
+    buildings = [(name, owner.rows_with(building).tolist()) for building, name in enumerate(plan.scene.names)]
+    ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.rows_with(-1).tolist()]
     return [(name, charts) for name, charts in [*buildings, *ground] if charts]
 
 
 def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """As the journal stands: what facades, textures and streets made."""
-    seeds = latest_digests([record for stage in SEEDING for record in read_journal(group, stage)], [])
+    seeds = latest_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
     walls = latest_digests(read_journal(group, "walls"), [])
     streets = latest_digests([], read_journal(group, "streets"))
     texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
@@ -42,7 +49,8 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     units = []
     for index, (name, charts) in enumerate(parts_of_block(plan)):
         beside = sorted(
-            {int(one) for chart in charts for one in pieces_around(plan.scene.charts, chart, BESIDE_M)} - set(charts)
+            {int(one) for chart in charts for one in coplanar_pieces(plan.scene.charts, chart, LEVELLING_MARGIN_M)}
+            - set(charts)
         )
         reads = [*charts, *beside]
         seeded, written, pictured = (
@@ -72,6 +80,13 @@ def _again(change: Change) -> dict[int, int]:
     }
 
 
+def surface_memory(texels: np.ndarray, *, continued: bool = False) -> int:
+    """Of a building or piece of ground whose charts have so many texels (k,): all are kept, one at a time is levelled.
+    continued: whether pictures go on by example there."""
+    example = CONTINUED + int(texels.max()) * CONTINUED_TEXEL if continued else 0
+    return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
+
+
 SURFACES = Stage(
     "surfaces",
     "surface",
@@ -79,6 +94,6 @@ SURFACES = Stage(
     match_previous=_again,
     units=surface_units,
     function=surface_unit,
-    reads=(*SEEDING, "streets"),
+    reads=(*BASE_LAYER_STAGES, "streets"),
     in_every_block=True,
 )

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.surroundings import Reader
+from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.provenance import resolve
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.facade.wall_material import wall_material
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.plan import Plan
-from facade_core.street.materials.field import Materials
-from facade_core.street.surfaces import Known, Pixels, surface
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.surfaces import KnownTexture, TranslatedViews, finish_chart
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
@@ -27,7 +27,7 @@ from tasks.stages.shared.materials import materials, sampler
 
 
 @lru_cache(maxsize=2)
-def _field(run: Run) -> Materials:
+def _field(run: Run) -> MaterialField:
     return materials(plan_of_run(run), run.seed, run.roof_material, run.materials)
 
 
@@ -43,22 +43,22 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     field = _field(run)
     prepared = time.time()
     scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
-    known = Known(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
+    known = KnownTexture(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
     above = sampler(run)
     field, own = _with_own_wall(group, plan, field, charts, seeded)
-    rasters = Rasters.of(scene.placement, charts)
+    rasters = TexelLayout.of(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     for chart in charts:
-        rgb, rank = surface(
+        rgb, rank = finish_chart(
             scene,
             field,
             chart,
             known,
-            network=run.texture.translator == "neural",
-            pixels=_pixels(run, plan, chart),
+            is_neural=run.texture.translator == "neural",
+            views=_pixels(run, plan, chart),
             levelling=run.texture.levelling,
             aerial=above,
-            anew=chart in own,
+            repaint=chart in own,
             sun=run.texture.sun,
             labels=None if run.texture.sun is None or chart not in seeded else _labels(group, plan, chart),
         )
@@ -83,8 +83,8 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
 
 
 def _with_own_wall(
-    group: StoreGroup, plan: Plan, field: Materials, charts: Sequence[int], seeded: Collection[int]
-) -> tuple[Materials, set[int]]:
+    group: StoreGroup, plan: Plan, field: MaterialField, charts: Sequence[int], seeded: Collection[int]
+) -> tuple[MaterialField, set[int]]:
     """What a building's charts are made of, with the wall that its largest facade shows; and the charts that take that."""
     placement = plan.scene.placement
     facades = [chart for chart in charts if chart in seeded and plan.is_facade(chart)]
@@ -114,15 +114,15 @@ def _labels(group: StoreGroup, plan: Plan, chart: int) -> np.ndarray | None:
     )
 
 
-def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:
+def _pixels(run: Run, plan: Plan, chart: int) -> TranslatedViews | None:
     """Those of the network that a chart was translated from, where it is no facade: windows have no grain."""
     seen = plan.views_of_charts(np.array([chart]))[:, 0]
     if run.texture.translator != "neural" or plan.is_facade(chart) or not len(seen):
         return None
-    return Pixels(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
+    return TranslatedViews(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 
 
-def _reader(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> Reader:
+def _reader(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> ChartReader:
     """What facades, textures and streets know of charts; of others nothing is read, whatever lies there."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.stages.shared.key_parts import texture_key
-from tasks.stages.shared.memory import texture_memory
+from tasks.engine.unit_key import parts_key
+from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_parts
+from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, decoding_bytes, kept_pixels
 from tasks.stages.textures.worker import texture_unit
+
+# Bytes per texel of a model's texture: colour, cover and places in the atlas.
+TEXTURE_TEXEL = 40
 
 
 def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -59,6 +68,22 @@ def _again(change: Change) -> dict[int, int]:
             for chart in charts:
                 change.stays.pop(chart, None)
     return again
+
+
+def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
+    """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
+    charts = plan.own_charts(building)
+    parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": own_texture_parts(plan, charts, textures)}
+    if run.aerial is not None and charts:
+        parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
+        low, high = bounding_box(plan, charts)
+        high[2] = np.inf
+        parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
+    return parts_key(stage_code("textures"), **parts)
+
+
+def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
+    return LIBRARY_BYTES + max(texels * TEXTURE_TEXEL, decoding_bytes(pictures)) + kept_pixels(pictures) * PICTURE_PIXEL
 
 
 TEXTURES = Stage(

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.overhead_view import from_above, shown_from_above
@@ -42,7 +42,7 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
         seed = rgb.reshape(-1, 3)
         evidence = np.where(covered, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8).reshape(-1)
-        rasters = Rasters.of(scene.placement, [chart])
+        rasters = TexelLayout.of(scene.placement, [chart])
         for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
             write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
         digests |= chart_digests(seed, evidence, scene.placement, rasters, plan.ids)

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from catalogs.block import Block
-from facade_core.atlas.journal import latest_digests, read_journal
-from facade_core.atlas.stored_files import COARSE, forget_encoded
+import numpy as np
+
+from catalogs.block.reader import Block
+from facade_core.atlas.journal import latest_digests, read_journal, unit_key
+from facade_core.atlas.stored_files import COARSE, delete_stored_files
 from facade_core.atlas.stored_files import TILES as FOLDER
 from facade_core.core.zarr_types import StoreGroup
+from facade_core.export.models.pages import LARGEST_PAGE
 from facade_core.export.tiles.block_tiles import tiles_of
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage, same_name
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.stages.shared.memory import tile_memory
-from tasks.stages.shared.published_keys import tile_key, tile_shape
+from tasks.engine.unit_key import parts_key
+from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.tiles.worker import tile_unit
+
+# Bytes per texel of a tile's picture: the rasters of its charts, the picture, and the free part of it.
+PICTURE_TEXEL = 16
+# Bytes per texel of a tile's encoded pictures and model.
+TILE_TEXEL = 1
 
 
 def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -43,8 +52,39 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     """Files are named by the paths of their tiles, and stay where they are; those of tiles that are gone do not."""
     kept = {tile.path for tile in tiles_of(change.after)}
     for folder in (FOLDER, COARSE):
-        forget_encoded(change.group, folder, kept)
+        delete_stored_files(change.group, folder, kept)
     return records
+
+
+def tile_memory(texels: int) -> int:
+    return LIBRARY_BYTES + LARGEST_PAGE**2 * PICTURE_TEXEL + texels * TILE_TEXEL
+
+
+def tile_key(
+    run: Run,
+    plan: Plan,
+    charts: np.ndarray,
+    buildings: np.ndarray,
+    origin: tuple[float, ...],
+    digests: Mapping[str, str],
+) -> str:
+    """The key of the tile with some charts (k,) of some buildings (b,), around a place in the world."""
+    things = np.unique(plan.things.of_chart[charts])
+    ids = [f"{number:016x}" for number in plan.ids[charts].tolist()]
+    return parts_key(
+        stage_code("tiles"),
+        settings=[run.crs, run.texture.texels_per_metre, list(origin)],
+        geometry=[f"{digest:016x}" for digest in plan.things.digest[things].tolist()],
+        names=[plan.scene.names[building] for building in buildings.tolist()],
+        charts=[[name, digests.get(name)] for name in ids],
+    )
+
+
+def tile_shape(plan: Plan, charts: np.ndarray) -> str:
+    """What the pictures of a tile with some charts (k,) are laid out by: these, their texels, and the code that does it."""
+    placement = plan.scene.placement
+    sides = (placement.width[charts].tolist(), placement.height[charts].tolist())
+    return unit_key(stage_code("tiles"), plan.ids[charts].tolist(), *sides)
 
 
 TILES = Stage(

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import Record, read_records
-from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import encoded_digest, read_checked, read_encoded, tile_paths, write_encoded
+from facade_core.atlas.stored_files import stored_file_digest, read_verified_array, read_stored_file, tile_paths, write_stored_file
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.textured_mesh import Textured, textured_scene
@@ -31,7 +31,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     group = open_root(fork)
 
     def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
-        held = Rasters.of(placement, chosen)
+        held = TexelLayout.of(placement, chosen)
         flat = read_rasters(group["atlas/colour"], placement, held)
         return {
             chart: flat[held.slice(placement, chart)].reshape(
@@ -45,7 +45,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     extras = {"origin": list(origin), "crs": run.crs}
     tile = tile_model(_shown(run), charts, digests, names, rasters, extras, earlier)
     model, coarse = tile_paths(unit.name)
-    write_encoded(group, model, tile.glb, f"tile {unit.name}, GLB")
+    write_stored_file(group, model, tile.glb, f"tile {unit.name}, GLB")
     group.create_array(
         coarse,
         data=tile.coarse,
@@ -62,9 +62,9 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "shape": shape,
         "made_of": list(tile.made_of),
         "bytes": len(tile.glb),
-        "digest": encoded_digest(tile.glb),
+        "digest": stored_file_digest(tile.glb),
         "box": tile.box.round(3).tolist(),
-        "coarse": encoded_digest(tile.coarse.tobytes()),
+        "coarse": stored_file_digest(tile.coarse.tobytes()),
         "worker": worker_name(),
         "started": start,
         "seconds": {"tile": round(time.time() - start, 4)},
@@ -79,8 +79,8 @@ def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
         return None
     model, path = tile_paths(unit.name)
     try:
-        glb = read_encoded(group, model, record["digest"])
-        coarse = read_checked(group, path, record["coarse"])
+        glb = read_stored_file(group, model, record["digest"])
+        coarse = read_verified_array(group, path, record["coarse"])
     except StoreError:
         return None
     return Earlier(glb, coarse, tuple(record["made_of"]))

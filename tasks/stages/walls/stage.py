@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
-from catalogs.block import Block
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage
+from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.stages.shared.key_parts import wall_key
-from tasks.stages.shared.memory import wall_memory
+from tasks.engine.unit_key import parts_key
+from tasks.stages.shared.key_parts import chart_ids, panorama_parts
+from tasks.stages.shared.memory import (
+    CAMERA_PIXEL,
+    FINISHED_TEXEL,
+    GROUND_TEXEL,
+    LIBRARY_BYTES,
+    VIEW_TEXEL,
+    detection_bytes,
+    kept_pixels,
+)
 from tasks.stages.shared.nearby_panoramas import cameras_of_block
+from tasks.stages.shared.surface_panorama import PosedPanorama
 from tasks.stages.walls.worker import wall_unit
 
 
@@ -60,6 +76,31 @@ def _again(change: Change) -> dict[int, int]:
         if old in gone:
             del change.stays[chart]
     return again
+
+
+def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequence[PosedPanorama]]) -> str:
+    """Of walls and roofs of a building, and the panoramas that each is taken from."""
+    charts_of: dict[PosedPanorama, list[int]] = {}
+    for chart, of_chart in zip(charts, taken, strict=True):
+        for one in of_chart:
+            charts_of.setdefault(one, []).append(chart)
+    return parts_key(
+        stage_code("walls"),
+        settings=run.texture.texels_per_metre,
+        geometry=chart_ids(plan, charts),
+        **panorama_parts(plan, dict(sorted(charts_of.items(), key=lambda item: item[0].path))),
+    )
+
+
+def wall_memory(texels: np.ndarray, pictures: Sequence[Sequence[Path]]) -> int:
+    """Of a building whose charts, of so many texels (k,), are each taken from some panoramas: what these show is kept, one
+    chart at a time is taken, from its own panoramas."""
+    pixels = {path: kept_pixels([path]) for path in {path for of_chart in pictures for path in of_chart}}
+    taken = (
+        count * (GROUND_TEXEL + len(of_chart) * VIEW_TEXEL) + sum(pixels[path] for path in of_chart) * CAMERA_PIXEL
+        for count, of_chart in zip(texels.tolist(), pictures, strict=True)
+    )
+    return LIBRARY_BYTES + detection_bytes() + int(texels.sum()) * FINISHED_TEXEL + max(taken)
 
 
 WALLS = Stage(

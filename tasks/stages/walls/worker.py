@@ -13,14 +13,14 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
-from facade_core.imagery.cameras.occluder_masks import before_buildings, beside_edges
+from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import refusal
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
-from tasks.stages.facades.imagery import Taken
 from tasks.stages.shared.panorama_cameras import KEPT, camera_of, shown_in_turn, write_shown
+from tasks.stages.shared.surface_panorama import PosedPanorama
 
 
 def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -32,9 +32,9 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     refused: list[Exception] = []
     reading: list[float] = []
 
-    def opened(one: Taken) -> PanoramaCamera | None:
+    def opened(one: PosedPanorama) -> PanoramaCamera | None:
         begun = time.time()
-        camera = camera_of(one, before_buildings, refused)
+        camera = camera_of(one, mask_building_occluders, refused)
         if camera is not None:
             camera = replace(camera, hidden=camera.occluded | _beside_edges(run, one.pose, camera.occluded.shape))
         reading.append(time.time() - begun)
@@ -67,4 +67,4 @@ def _beside_edges(run: Run, pose: Pose, shape: tuple[int, ...]) -> np.ndarray:
 @lru_cache(maxsize=KEPT)
 def _edges_in_bits(run: Run, pose: Pose, rows: int, columns: int) -> np.ndarray:
     """Units side by side share them."""
-    return np.packbits(beside_edges(plan_of_run(run).scene, pose, (rows, columns)))
+    return np.packbits(mask_model_edges(plan_of_run(run).scene, pose, (rows, columns)))

@@ -12,8 +12,8 @@ import pytest
 from distributed.protocol import deserialize, serialize
 from PIL import Image
 
-from catalogs.block import Block, TextureSettings, read_block
 from catalogs.block import keys as block_keys
+from catalogs.block.reader import Block, TextureSettings, read_block
 from facade_core.core.errors import BlockFileError
 
 Read = Callable[..., Block]

@@ -11,7 +11,7 @@ from distributed.protocol import deserialize, serialize
 from PIL import Image
 from pyproj import Transformer
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.core.errors import BlockFileError
 
 rasterio = pytest.importorskip("rasterio")

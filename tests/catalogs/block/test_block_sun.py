@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from catalogs.block import Block
+from catalogs.block.reader import Block
 from facade_core.core.errors import BlockFileError
 
 

@@ -18,10 +18,10 @@ import trimesh
 import yaml
 from PIL import Image
 
-from catalogs.block import Block, read_block
 from catalogs.block.corrections import Correction, Corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.part import Part
+from catalogs.block.reader import Block, read_block
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.core.types import Models
 

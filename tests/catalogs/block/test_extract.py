@@ -12,7 +12,7 @@ import shapely
 from catalogs.block.digest import block_digest
 from catalogs.block.extract import read_extract, write_extract
 from catalogs.block.part import Chosen, Whole
-from catalogs.block.reading import extract_of, read_block
+from catalogs.block.reader import extract_of, read_block
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
 from catalogs.readers.pictures.panoramas import PosedPanorama

@@ -10,9 +10,9 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from catalogs.block import Block
 from catalogs.block.ground import block_ground, ways_of
-from catalogs.features import Centrelines, Feature
+from catalogs.block.reader import Block
+from catalogs.features import Centrelines, GroundFeature
 from facade_core.core.types import Way
 
 LINE = shapely.LineString([(0, 0), (40, 0)])
@@ -64,15 +64,15 @@ def test_surfaces_pavements_and_lanes() -> None:
 
 def test_crossings_areas_and_what_is_hidden() -> None:
     features = (
-        Feature("w1", LINE, {"highway": "residential", "name": "A"}),
-        Feature("w2", shapely.LineString([(40, 0), (60, 0)]), {"highway": "residential", "name": "A", "lanes": "3"}),
-        Feature("n3", shapely.Point(10, 0.2), {"highway": "crossing"}),
-        Feature("n4", shapely.Point(10, 30), {"highway": "crossing"}),
-        Feature("n5", shapely.Point(20, 0), {"highway": "crossing", "crossing": "unmarked"}),
-        Feature("w6", shapely.box(0, 20, 30, 40), {"leisure": "park"}),
-        Feature("w7", shapely.box(500, 500, 600, 600), {"natural": "water"}),
-        Feature("w8", LINE, {"highway": "residential", "tunnel": "yes"}),
-        Feature("w9", shapely.box(10, 25, 14, 28), {"place": "square", "surface": "sett"}),
+        GroundFeature("w1", LINE, {"highway": "residential", "name": "A"}),
+        GroundFeature("w2", shapely.LineString([(40, 0), (60, 0)]), {"highway": "residential", "name": "A", "lanes": "3"}),
+        GroundFeature("n3", shapely.Point(10, 0.2), {"highway": "crossing"}),
+        GroundFeature("n4", shapely.Point(10, 30), {"highway": "crossing"}),
+        GroundFeature("n5", shapely.Point(20, 0), {"highway": "crossing", "crossing": "unmarked"}),
+        GroundFeature("w6", shapely.box(0, 20, 30, 40), {"leisure": "park"}),
+        GroundFeature("w7", shapely.box(500, 500, 600, 600), {"natural": "water"}),
+        GroundFeature("w8", LINE, {"highway": "residential", "tunnel": "yes"}),
+        GroundFeature("w9", shapely.box(10, 25, 14, 28), {"place": "square", "surface": "sett"}),
     )
     around = shapely.box(-50, -50, 50, 50)
     ground = block_ground([Centrelines(None, (), ground=features[::-1])], UTM, around, around)

@@ -14,7 +14,7 @@ import yaml
 from PIL import Image
 from shapely import LineString, Polygon, box, transform
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from catalogs.examples.sources import BLOCKS
 from catalogs.features import file_stem
 from facade_core.core.errors import BlockFileError

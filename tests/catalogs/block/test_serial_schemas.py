@@ -14,16 +14,15 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from catalogs.block import Block
 from catalogs.block.corrections import LINE_KEYS, Correction, Corrections, add_corrections
 from catalogs.block.digest import block_digest, geometry_digest
 from catalogs.block.extract import read_extract, write_extract
 from catalogs.block.keys import MaterialSettings, SunSettings, TextureSettings
 from catalogs.block.part import Part
-from catalogs.block.reading import extract_of
+from catalogs.block.reader import Block, extract_of
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
 from catalogs.features import Fault
-from catalogs.imagery.account import ACCOUNT_KEYS, Kept, read_account
+from catalogs.imagery.fetch_log import ACCOUNT_KEYS, Kept, read_account
 from catalogs.readers.pictures.aerial import Aerial
 from catalogs.readers.pictures.materials import MaterialPicture
 from catalogs.readers.pictures.panoramas import PosedPanorama

@@ -7,11 +7,11 @@ import pytest
 from pyproj import CRS
 from shapely import MultiPolygon, Polygon, box
 
-from catalogs.buildings.heights import FALLBACK_HEIGHT
-from catalogs.buildings.models import outline_of
-from catalogs.buildings.outlines import block_buildings
-from catalogs.features import Fault, Footprint, Footprints, Model, Models
-from catalogs.readers.faces import Face, shell_of
+from catalogs.buildings.heights import FALLBACK_HEIGHT_M
+from catalogs.buildings.models import shell_outline
+from catalogs.buildings.outlines import assemble_buildings
+from catalogs.features import BuildingModel, BuildingModels, Fault, Footprint, Footprints
+from catalogs.readers.faces import Face, triangulate_faces
 
 RD = CRS.from_epsg(28992)
 
@@ -31,10 +31,10 @@ def house(x: float, y: float, wide: float = 8.0, deep: float = 10.0, low: float 
     return [*walls, Face([at(high)], "roof"), Face([at(low)[::-1]], "ground")]
 
 
-def model(id: str, faces: list[Face], **known: float) -> Model:
-    shell = shell_of(faces)
+def model(id: str, faces: list[Face], **known: float) -> BuildingModel:
+    shell = triangulate_faces(faces)
     assert shell is not None
-    return Model(id, shell, **known)  # type: ignore[arg-type]
+    return BuildingModel(id, shell, **known)  # type: ignore[arg-type]
 
 
 def test_heights_are_stated_from_levels_or_assumed() -> None:
@@ -46,7 +46,7 @@ def test_heights_are_stated_from_levels_or_assumed() -> None:
             footprint("c", box(40, 0, 50, 10)),
         ),
     )
-    built = block_buildings([source], RD, area=None, storey=3.0)
+    built = assemble_buildings([source], RD, area=None, floor_height=3.0)
     told = [
         (b.height + (b.roof.height if b.height_source == "height" and b.roof else 0.0), b.height_source)
         for b in built.items
@@ -54,8 +54,8 @@ def test_heights_are_stated_from_levels_or_assumed() -> None:
     assert told[:2] == [(pytest.approx(9.0), "height"), (12.0, "levels")]
     assert told[2][1] == "default"
     assert told[2][0] in (3.0, 6.0, 9.0, 12.0, 15.0)
-    alone = block_buildings([Footprints("EPSG:28992", source.items[2:])], RD, area=None, storey=3.0)
-    assert abs(alone.items[0].height - FALLBACK_HEIGHT) <= 3.0
+    alone = assemble_buildings([Footprints("EPSG:28992", source.items[2:])], RD, area=None, floor_height=3.0)
+    assert abs(alone.items[0].height - FALLBACK_HEIGHT_M) <= 3.0
 
 
 def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:
@@ -75,7 +75,7 @@ def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:
         ),
         faults=(Fault("gone", "building", "no geometry; remove it"),),
     )
-    built = block_buildings([source], RD, area=None, storey=3.0)
+    built = assemble_buildings([source], RD, area=None, floor_height=3.0)
     assert {fault.id for fault in built.faults} == {"bow", "nan", "gone"}
     assert "crosses itself" in next(f.reason for f in built.faults if f.id == "bow")
     ids = [building.id for building in built.items]
@@ -87,13 +87,13 @@ def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:
 def test_faults_outside_the_area_are_not_told() -> None:
     far = Polygon([(1000, 1000), (1010, 1010), (1010, 1000), (1000, 1010)])
     source = Footprints("EPSG:28992", (footprint("far", far), footprint("here", box(0, 0, 10, 10))))
-    assert block_buildings([source], RD, area=box(-20, -20, 50, 50), storey=3.0).faults == ()
+    assert assemble_buildings([source], RD, area=box(-20, -20, 50, 50), floor_height=3.0).faults == ()
 
 
 def test_a_model_has_its_ground_as_outline_and_its_height_from_the_ground() -> None:
     eaves = Face([np.array([[-1.0, -1, 9], [9, -1, 9], [9, 11, 9], [-1, 11, 9]])], "roof")
-    source = Models("EPSG:28992", (model("h", [*house(0, 0)[:4], eaves, house(0, 0)[5]]),))
-    (building,) = block_buildings([source], RD, area=None, storey=3.0).items
+    source = BuildingModels("EPSG:28992", (model("h", [*house(0, 0)[:4], eaves, house(0, 0)[5]]),))
+    (building,) = assemble_buildings([source], RD, area=None, floor_height=3.0).items
     assert building.footprint.equals(box(0, 0, 8, 10)), "the roof reaches over the walls"
     assert (building.base, building.height, building.height_source) == (1.0, 8.0, "model")
     assert building.shell is not None
@@ -102,9 +102,9 @@ def test_a_model_has_its_ground_as_outline_and_its_height_from_the_ground() -> N
 def test_an_outline_survives_triangles_that_miss_each_other_by_a_hair() -> None:
     one = np.array([[0.0, 0, 5], [10, 0, 5], [10, 10, 5]])
     two = np.array([[0.0, 0, 5], [10.0004, 10, 5], [0, 10, 5]])
-    shell = shell_of([Face([one], "roof"), Face([two], "roof")])
+    shell = triangulate_faces([Face([one], "roof"), Face([two], "roof")])
     assert shell is not None
-    outline = outline_of(shell)
+    outline = shell_outline(shell)
     assert outline.geom_type == "Polygon"
     assert len(outline.interiors) == 0
     assert outline.area == pytest.approx(100, abs=0.1)
@@ -113,11 +113,11 @@ def test_an_outline_survives_triangles_that_miss_each_other_by_a_hair() -> None:
 def test_models_that_cannot_be_used_are_set_aside() -> None:
     walls_only = model("w", house(0, 0)[:4])
     tower = model("t", house(50, 0, high=9000))
-    built = block_buildings(
-        [Models("EPSG:28992", (walls_only, tower, model("k", house(100, 0, 2, 2)), model("ok", house(200, 0))))],
+    built = assemble_buildings(
+        [BuildingModels("EPSG:28992", (walls_only, tower, model("k", house(100, 0, 2, 2)), model("ok", house(200, 0))))],
         RD,
         area=None,
-        storey=3.0,
+        floor_height=3.0,
     )
     assert [building.id for building in built.items] == ["ok"]
     assert {fault.id: fault.reason.partition(";")[0] for fault in built.faults} == {
@@ -129,15 +129,15 @@ def test_models_that_cannot_be_used_are_set_aside() -> None:
 
 def test_what_an_earlier_file_states_is_kept_and_textures_are_counted_on() -> None:
     face = Face([np.array([[0.0, 0, 9], [8, 0, 9], [8, 10, 9], [0, 10, 9]])], "roof", 0, [np.zeros((4, 2))])
-    first = Models("EPSG:28992", (model("a", [*house(0, 0)[:4], face]),), textures=("a.jpg",))  # type: ignore[arg-type]
+    first = BuildingModels("EPSG:28992", (model("a", [*house(0, 0)[:4], face]),), textures=("a.jpg",))  # type: ignore[arg-type]
     far = Face([face.rings[0] + [100, 0, 0]], "roof", 0, [np.zeros((4, 2))])
-    second = Models(
+    second = BuildingModels(
         "EPSG:28992",
         (model("same-place", house(1, 1)), model("b", [*house(100, 0)[:4], far])),
         textures=("b.jpg",),  # type: ignore[arg-type]
     )
-    built = block_buildings(
-        [first, second, Footprints("EPSG:28992", (footprint("a", box(6, 0, 16, 10)),))], RD, area=None, storey=3.0
+    built = assemble_buildings(
+        [first, second, Footprints("EPSG:28992", (footprint("a", box(6, 0, 16, 10)),))], RD, area=None, floor_height=3.0
     )
     assert [building.id for building in built.items] == ["a", "b"]
     assert built.notes == ("buildings stated twice, the first kept: 2 (a, same-place)",)
@@ -153,7 +153,7 @@ def test_an_id_that_another_building_elsewhere_has_is_numbered() -> None:
 
     beside = row(("0", 9.9), ("1", 100.0), ("0-2", 200.0))
     again = row(("0", 300.0), ("1", 102.0), ("0-3", 400.0))
-    built = block_buildings([row(("0", 0.0), ("1", 50.0)), beside, again], RD, area=None, storey=3.0)
+    built = assemble_buildings([row(("0", 0.0), ("1", 50.0)), beside, again], RD, area=None, floor_height=3.0)
     places = {building.id: building.footprint.bounds[0] for building in built.items}
     assert places == {
         "0": 0.0,
@@ -171,6 +171,6 @@ def test_an_id_that_another_building_elsewhere_has_is_numbered() -> None:
 
 
 def test_models_of_a_second_file_under_the_same_names_are_kept() -> None:
-    files = [Models("EPSG:28992", (model("building_1", house(x, 0)),)) for x in (0, 100)]
-    built = block_buildings(files, RD, area=None, storey=3.0)
+    files = [BuildingModels("EPSG:28992", (model("building_1", house(x, 0)),)) for x in (0, 100)]
+    built = assemble_buildings(files, RD, area=None, floor_height=3.0)
     assert [building.id for building in built.items] == ["building_1", "building_1-2"]

@@ -7,7 +7,7 @@ from collections import Counter
 from pyproj import CRS
 from shapely import box
 
-from catalogs.buildings.outlines import block_buildings
+from catalogs.buildings.outlines import assemble_buildings
 from catalogs.features import Footprint, Footprints
 
 RD = CRS.from_epsg(28992)
@@ -17,11 +17,11 @@ STOREY = 3.0
 def house(
     id: str, x: float, y: float, levels: int | None = None, side: float = 15.0, kind: str | None = None
 ) -> Footprint:
-    return Footprint(id, box(x, y, x + side, y + side), None, levels, None, kind=kind)
+    return Footprint(id, box(x, y, x + side, y + side), None, levels, None, use=kind)
 
 
 def storeys(*footprints: Footprint, area: object = None) -> dict[str, float]:
-    built = block_buildings([Footprints("EPSG:28992", footprints)], RD, area=area, storey=STOREY)  # type: ignore[arg-type]
+    built = assemble_buildings([Footprints("EPSG:28992", footprints)], RD, area=area, floor_height=STOREY)  # type: ignore[arg-type]
     return {building.id: building.height / STOREY for building in built.items}
 
 

@@ -6,7 +6,7 @@ import shapely
 from pyproj import CRS
 from shapely import Polygon
 
-from catalogs.buildings.outlines import Buildings, block_buildings
+from catalogs.buildings.outlines import BlockBuildings, assemble_buildings
 from catalogs.features import Footprint, Footprints
 from facade_core.core.types import Building, Finish
 
@@ -16,15 +16,15 @@ ALL = shapely.box(0, 0, 40, 20)
 
 def part(id: str, outline: Polygon, **stated: float | None) -> Footprint:
     values = {"height": None, "levels": None} | stated
-    return Footprint(id, outline, values.pop("height"), values.pop("levels"), None, part=True, **values)  # type: ignore[arg-type]
+    return Footprint(id, outline, values.pop("height"), values.pop("levels"), None, is_part=True, **values)  # type: ignore[arg-type]
 
 
 def whole(height: float | None = None, levels: float | None = None, outline: Polygon = ALL) -> Footprint:
     return Footprint("w", outline, height, levels, "Hall", finish=Finish(wall_colour=(1, 2, 3)))
 
 
-def block(*items: Footprint) -> Buildings:
-    return block_buildings([Footprints("EPSG:32635", items)], CRS("EPSG:32635"), area=None, storey=STOREY)
+def block(*items: Footprint) -> BlockBuildings:
+    return assemble_buildings([Footprints("EPSG:32635", items)], CRS("EPSG:32635"), area=None, floor_height=STOREY)
 
 
 def by_id(*items: Footprint) -> dict[str, Building]:

@@ -8,7 +8,7 @@ import pytest
 from pyproj import CRS
 from shapely import Polygon, box
 
-from catalogs.buildings.outlines import block_buildings
+from catalogs.buildings.outlines import assemble_buildings
 from catalogs.features import Footprint, Footprints
 from facade_core.core.types import Building, Roof
 
@@ -16,7 +16,7 @@ RD = CRS.from_epsg(28992)
 
 
 def built(*footprints: Footprint) -> tuple[Building, ...]:
-    return block_buildings([Footprints("EPSG:28992", footprints)], RD, area=None, storey=3.0).items
+    return assemble_buildings([Footprints("EPSG:28992", footprints)], RD, area=None, floor_height=3.0).items
 
 
 def roof_of(footprint: Footprint) -> Roof:

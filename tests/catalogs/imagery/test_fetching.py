@@ -17,11 +17,11 @@ import pytest
 from PIL import Image
 
 from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_path
-from catalogs.imagery.account import ACCOUNT, read_account
+from catalogs.imagery.fetch_log import ACCOUNT, read_account
 from catalogs.imagery.fetching import LOST, THREADS, fetch_offers
-from catalogs.imagery.offer import Offer, Wanted
+from catalogs.imagery.http_client import Away
+from catalogs.imagery.remote_panorama import Offer, Wanted
 from catalogs.imagery.services import stac
-from catalogs.imagery.web import Away
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import ImageError, InputError
 
@@ -151,7 +151,7 @@ def test_ids_name_files_of_the_folder_only(served: Imagery, tmp_path: Path) -> N
 def test_a_service_that_goes_away_ends_the_fetching(
     served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("catalogs.imagery.web.ATTEMPTS", 1)
+    monkeypatch.setattr("catalogs.imagery.http_client.ATTEMPTS", 1)
     served.shots = [replace(GOOD, id=f"p{i}") for i in range(100)]
     for i in range(5, 100):
         served.faults[picture_path(f"p{i}")] = lambda *_: (503, {}, b"")
@@ -165,9 +165,9 @@ def test_a_service_that_goes_away_ends_the_fetching(
 FETCH = """
 import sys
 from pathlib import Path
-from catalogs.imagery.account import read_account
+from catalogs.imagery.fetch_log import read_account
 from catalogs.imagery.fetching import fetch_offers
-from catalogs.imagery.offer import Wanted
+from catalogs.imagery.remote_panorama import Wanted
 from catalogs.imagery.services import stac
 service, account = stac(sys.argv[1]), read_account(Path(sys.argv[2]))
 offers = list(service.search(Wanted((7.0, 48.0, 8.0, 49.0))))

@@ -13,9 +13,9 @@ from PIL import Image
 
 from benchmarks.imagery_server import Imagery, Shot
 from catalogs.features import Fault
-from catalogs.imagery.account import read_account
+from catalogs.imagery.fetch_log import read_account
 from catalogs.imagery.fetching import fetch_offers
-from catalogs.imagery.offer import Offer, Wanted
+from catalogs.imagery.remote_panorama import Offer, Wanted
 from catalogs.imagery.services import TOKEN, Service, mapillary, service_of, stac
 from facade_core.core.errors import InputError
 

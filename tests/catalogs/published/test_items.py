@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from shapely import LineString, from_wkb, from_wkt
 
 import catalogs
-from catalogs.features import natural_order
+from catalogs.features import natural_sort_key
 from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, Column, write_items
 from facade_core.core.errors import InputError
 
@@ -101,7 +101,7 @@ def test_any_rows_come_back(tmp_path_factory: pytest.TempPathFactory, stated: li
     path = tmp_path_factory.mktemp("items") / "items.parquet"
     write_items(path, stated, "EPSG:32635")
     found = pq.read_table(path).to_pylist()
-    order = sorted(stated, key=lambda row: (row["kind"] != "facade", natural_order(row["id"])))
+    order = sorted(stated, key=lambda row: (row["kind"] != "facade", natural_sort_key(row["id"])))
     assert [row["id"] for row in found] == [row["id"] for row in order]
     for row, other in zip(order, found, strict=True):
         assert {name: other[name] for name in ROW_KEYS if name != "geometry"} == {

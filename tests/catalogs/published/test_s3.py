@@ -20,7 +20,7 @@ from pyarrow.dataset import dataset, field
 import catalogs
 from catalogs.published.s3 import S3Folder, filesystem, folder_at
 from catalogs.published.s3_copy import copy_run, put_object
-from catalogs.query.asking import _dataset, query
+from catalogs.query.execution import _dataset, query
 from facade_core.core.errors import InputError
 from flows.cli.commands import main
 from tests.bucket import served

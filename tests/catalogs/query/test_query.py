@@ -18,7 +18,8 @@ from shapely import LineString
 
 import catalogs
 from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
-from catalogs.query import format_items, query
+from catalogs.query.execution import query
+from catalogs.query.formats import format_items
 from catalogs.query.where import all_of, parse_since
 from facade_core.core.errors import InputError
 from flows.cli.commands import main

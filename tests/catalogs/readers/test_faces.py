@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from catalogs.readers.faces import Face, shell_of
+from catalogs.readers.faces import Face, triangulate_faces
 from facade_core.core.types import SEMANTICS, Shell
 
 WALL = np.array([[0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]], np.float64)
@@ -26,7 +26,7 @@ def areas(shell: Shell) -> np.ndarray:
 
 
 def made(*faces: Face, scale: tuple[float, float] = (1.0, 1.0)) -> Shell:
-    shell = shell_of(faces, scale)
+    shell = triangulate_faces(faces, scale)
     assert shell is not None
     return shell
 
@@ -92,7 +92,7 @@ def test_faces_in_degrees_are_cut_in_metres() -> None:
     ids=["no ring", "two corners", "in a line", "bow tie", "a point", "NaN", "infinite", "outer ring broken"],
 )
 def test_a_face_without_area_is_left_out(rings: list[np.ndarray]) -> None:
-    assert shell_of([Face(rings)]) is None
+    assert triangulate_faces([Face(rings)]) is None
     shell = made(Face(rings, "wall", 0, [np.full((len(ring), 2), 0.5) for ring in rings]), Face([WALL], "roof"))
     assert len(shell.triangles) == 2
     assert {SEMANTICS[k] for k in shell.semantic} == {"roof"}
@@ -102,7 +102,7 @@ def test_repeated_corners_and_broken_holes_do_no_harm() -> None:
     closed = np.concatenate([WALL, WALL[:1]])[[0, 0, 1, 2, 3, 4]]
     shell = made(Face([closed, HOLE[:2]]))
     assert np.linalg.norm(areas(shell).sum(axis=0)) == pytest.approx(12.0)
-    assert shell_of([]) is None
+    assert triangulate_faces([]) is None
 
 
 def test_a_face_that_is_not_quite_flat_keeps_its_corners() -> None:

@@ -20,11 +20,11 @@ from pyproj import CRS
 from rasterio.transform import from_origin
 from shapely import LineString, Polygon
 
-from catalogs.features import Model
+from catalogs.features import BuildingModel
 from catalogs.readers.cityjson.buildings import read_cityjson
 from catalogs.readers.meshes.models import read_meshes
 from catalogs.readers.pictures.elevation import read_elevation
-from catalogs.readers.vectors.features import read_centrelines, read_footprints
+from catalogs.readers.vectors.features import read_vector_centrelines, read_vector_footprints
 from catalogs.readers.vectors.graphml import read_graphml
 from catalogs.readers.walls import read_walls
 from facade_core.core.types import SEMANTICS
@@ -97,7 +97,7 @@ def test_footprints(tmp_path_factory: pytest.TempPathFactory, suffix: str, data:
     grounds = data.draw(st.none() | st.lists(st.floats(0.5, 90.0), min_size=count, max_size=count))
     drawn = shapes if grounds is None else [shapely.force_3d(s, z) for s, z in zip(shapes, grounds, strict=True)]
     write_table(path, geopandas.GeoDataFrame({"id": ids} | columns, geometry=drawn, crs=FRAME))
-    source = read_footprints(path)
+    source = read_vector_footprints(path)
     assert not source.faults
     items = {item.id: item for item in source.items}  # FlatGeobuf orders by place
     assert items.keys() == set(ids)
@@ -127,7 +127,7 @@ def test_centrelines(tmp_path_factory: pytest.TempPathFactory, suffix: str, data
     ids = data.draw(names_of(count))
     names = data.draw(st.lists(st.none() | words, min_size=count, max_size=count))
     write_table(path, geopandas.GeoDataFrame({"id": ids, "name": names}, geometry=lines, crs=FRAME))
-    source = read_centrelines(path)
+    source = read_vector_centrelines(path)
     assert not source.faults
     items = {item.id: item for item in source.items}
     assert {id: item.name for id, item in items.items()} == dict(zip(ids, names, strict=True))
@@ -217,7 +217,7 @@ def write_meshes(path: Path, names: Sequence[str], parts: Sequence[trimesh.Trime
         scene.export(path)
 
 
-def check_box(model: Model, centre: np.ndarray, size: np.ndarray) -> None:
+def check_box(model: BuildingModel, centre: np.ndarray, size: np.ndarray) -> None:
     shell = model.shell
     np.testing.assert_allclose(shell.vertices.min(axis=0), centre - size / 2, atol=1e-4)
     np.testing.assert_allclose(shell.vertices.max(axis=0), centre + size / 2, atol=1e-4)

@@ -27,7 +27,7 @@ import catalogs
 from catalogs.features import file_stem
 from catalogs.published.items import ROW_KEYS, write_items
 from catalogs.published.snapshot import Snapshot
-from catalogs.query import query
+from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
 from catalogs.stac.items import CITY3D, FILE, PROCESSING, PROJECTION, VERSION, ZARR

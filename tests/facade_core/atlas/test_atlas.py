@@ -12,18 +12,18 @@ import pytest
 import xarray as xr
 import zarr
 
-from facade_core.atlas.arrays import FORMAT, create_arrays
+from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
 from facade_core.atlas.journal import (
     atlas_digest,
-    forget_record,
+    clear_record,
     latest_digests,
     read_journal,
     read_records,
     unit_key,
     write_record,
 )
-from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters, write_rasters
-from facade_core.atlas.store import PAGES_A_MANIFEST, commit, expire, new_root, open_repository, open_root
+from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters, write_rasters
+from facade_core.atlas.store import PAGES_PER_MANIFEST, commit, expire_snapshots, create_root, open_repository, open_root
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance, resolve
@@ -43,7 +43,7 @@ def repository(tmp_path: Path, placement):
     repository = open_repository(tmp_path / "store", create=True)
     session = repository.writable_session("main")
     create_arrays(
-        new_root(session),
+        create_root(session),
         AtlasSpec(placement.pages, 20.0, page=512),
         {"poses": 0, "exemplars": 1, "textures": 1, "facades": 3, "viewpoints": 4, "streets": 2, "surfaces": 5},
         crs="EPSG:32635",
@@ -55,7 +55,7 @@ def repository(tmp_path: Path, placement):
 
 def test_rasters_come_back_with_gutters(repository, placement) -> None:
     spec = AtlasSpec(placement.pages, 20.0, page=512)
-    rasters = Rasters.of(placement, [4, 0, 2])
+    rasters = TexelLayout.of(placement, [4, 0, 2])
     flat = np.random.default_rng(0).integers(0, 256, (rasters.total, 3), dtype=np.uint8)
     session = repository.writable_session("main")
     array = zarr.open_group(session.store)["atlas/colour"]
@@ -73,10 +73,10 @@ def test_small_charts_that_share_a_chunk_do_not_overwrite_each_other(repository,
     session = repository.writable_session("main")
     array = zarr.open_group(session.store)["atlas/provenance"]
     for chart in (1, 2):
-        one = Rasters.of(placement, [chart])
+        one = TexelLayout.of(placement, [chart])
         write_rasters(array, spec, placement, one, np.full(one.total, chart, np.uint8))
     for chart in (1, 2):
-        assert (read_rasters(array, placement, Rasters.of(placement, [chart])) == chart).all()
+        assert (read_rasters(array, placement, TexelLayout.of(placement, [chart])) == chart).all()
 
 
 def test_two_workers_write_through_forks_and_one_commits(repository, placement) -> None:
@@ -85,7 +85,7 @@ def test_two_workers_write_through_forks_and_one_commits(repository, placement) 
     for chart in (0, 3):
         session = repository.writable_session("main")
         fork = pickle.loads(pickle.dumps(session.fork()))
-        one = Rasters.of(placement, [chart])
+        one = TexelLayout.of(placement, [chart])
         write_rasters(
             zarr.open_group(fork.store)["atlas/provenance"], spec, placement, one, np.full(one.total, 7, np.uint8)
         )
@@ -96,7 +96,7 @@ def test_two_workers_write_through_forks_and_one_commits(repository, placement) 
         commit(session, f"unit {index}")
     group = zarr.open_group(repository.readonly_session("main").store, mode="r")
     for chart in (0, 3):
-        assert (read_rasters(group["atlas/provenance"], placement, Rasters.of(placement, [chart])) == 7).all()
+        assert (read_rasters(group["atlas/provenance"], placement, TexelLayout.of(placement, [chart])) == 7).all()
     assert [r and r["unit"] for r in read_journal(group, "facades")] == ["0", "1", None]
 
 
@@ -115,7 +115,7 @@ def test_digest_sees_colour_and_provenance_and_nothing_else(repository, placemen
     digests = []
     for name, value in (("colour", 3), ("provenance", 4), ("street", 5)):
         group[f"atlas/{name}"][int(placement.page[3]), int(placement.y[3]) + 5, int(placement.x[3]) + 5] = value
-        one = Rasters.of(placement, [3])
+        one = TexelLayout.of(placement, [3])
         colour, provenance = (read_rasters(group[f"atlas/{n}"], placement, one) for n in ("colour", "provenance"))
         found = chart_digests(colour, provenance, placement, one, np.arange(len(placement.page), dtype=np.uint64))
         write_record(group, "surfaces", 0, {"unit": "a", "key": "k", "digests": found, "seconds": value})
@@ -161,7 +161,7 @@ def test_expiry_keeps_the_newest_two_and_the_tagged_and_drops_the_rest(repositor
     before = {snapshot: first(snapshot) for snapshot in snapshots}
     repository.create_tag("kept", snapshots[2])
     grown = size()
-    expire(repository)
+    expire_snapshots(repository)
     assert size() < grown - 3 * 32 * 64 * 3 * 0.9
     assert [first(snapshot) for snapshot in snapshots[4:]] == [before[snapshot] for snapshot in snapshots[4:]]
     assert first(repository.lookup_tag("kept")) == before[snapshots[2]]
@@ -177,7 +177,7 @@ def test_records_are_read_by_unit_and_forgotten(repository) -> None:
         write_record(group, "facades", index, {"unit": str(index), "key": "k"})
     assert [r and r["unit"] for r in read_records(group, "facades", np.array([2, 1, 0]))] == ["2", None, "0"]
     assert read_records(group, "facades", np.array([], np.int64)) == []
-    forget_record(group, "facades", 2)
+    clear_record(group, "facades", 2)
     assert read_records(group, "facades", np.array([2])) == [None]
 
 
@@ -216,7 +216,7 @@ def test_unusable_specs(wrong: dict) -> None:
         AtlasSpec(**({"pages": 1, "texels_per_metre": 20.0} | wrong))
 
 
-PAGES = 2 * PAGES_A_MANIFEST + 1
+PAGES = 2 * PAGES_PER_MANIFEST + 1
 
 
 def _pages(repository: icechunk.Repository, count: int, *, written: slice = slice(None)) -> None:
@@ -247,7 +247,7 @@ def _whole_manifests(path: Path) -> icechunk.Repository:
 def test_a_commit_writes_only_the_manifests_of_the_pages_that_it_touches(tmp_path: Path) -> None:
     repository = open_repository(tmp_path / "store", create=True)
     _pages(repository, PAGES)
-    assert _manifests(repository) == [[i, min(i + PAGES_A_MANIFEST, PAGES)] for i in range(0, PAGES, PAGES_A_MANIFEST)]
+    assert _manifests(repository) == [[i, min(i + PAGES_PER_MANIFEST, PAGES)] for i in range(0, PAGES, PAGES_PER_MANIFEST)]
     before = set((tmp_path / "store" / "manifests").iterdir())
     _pages(repository, PAGES, written=slice(1))
     assert len(set((tmp_path / "store" / "manifests").iterdir()) - before) == 1
@@ -261,7 +261,7 @@ def test_how_manifests_are_split_is_no_file_that_a_store_could_lose(tmp_path: Pa
 def test_a_store_with_whole_manifests_goes_on_with_split_ones_and_the_other_way_round(tmp_path: Path) -> None:
     old = _whole_manifests(tmp_path / "store")
     session = old.writable_session("main")
-    new_root(session).attrs["format"] = FORMAT
+    create_root(session).attrs["format"] = STORE_FORMAT
     session.commit("root")
     _pages(old, PAGES)
     assert len(_manifests(old)) == 1
@@ -270,4 +270,4 @@ def test_a_store_with_whole_manifests_goes_on_with_split_ones_and_the_other_way_
         _pages(opened(tmp_path / "store"), count, written=slice(before, None))
         held = open_root(open_repository(tmp_path / "store").readonly_session("main"))["atlas/seed"][:]
         assert held[:, 0].tolist() == list(range(1, count + 1))
-        assert (len(_manifests(old)) == 1) == (opened is _whole_manifests or count < PAGES_A_MANIFEST)
+        assert (len(_manifests(old)) == 1) == (opened is _whole_manifests or count < PAGES_PER_MANIFEST)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from facade_core.atlas.arrays import journal
+from facade_core.atlas.arrays import journal_array
 from facade_core.atlas.journal import read_journal, write_record
-from facade_core.atlas.journal_cache import holding
+from facade_core.atlas.journal_cache import cache_journals
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.atlas_spec import Axis
 
@@ -24,13 +24,13 @@ LONG = np.random.default_rng(0).bytes(2000).hex()
 def store(tmp_path: Path) -> Iterator[Path]:
     open_repository(tmp_path / "store", create=True)
     _resize(tmp_path / "store", 3)
-    with holding(tmp_path / "store"):
+    with cache_journals(tmp_path / "store"):
         yield tmp_path / "store"
 
 
 def _resize(store: Path, units: int) -> None:
     session = open_repository(store).writable_session(BRANCH)
-    journal("facades").fit(open_root(session), {"facade": Axis(units, 1)})
+    journal_array("facades").resize(open_root(session), {"facade": Axis(units, 1)})
     commit(session, "size")
 
 
@@ -111,7 +111,7 @@ def test_a_reading_that_fails_is_tried_again(store: Path) -> None:
 def test_nothing_is_held_afterwards(tmp_path: Path) -> None:
     open_repository(tmp_path, create=True)
     _resize(tmp_path, 3)
-    with holding(tmp_path):
+    with cache_journals(tmp_path):
         _write(tmp_path, a="1")
         assert _reasons(tmp_path) == ["1", None, None]
     shutil.rmtree(tmp_path / "chunks")

@@ -10,7 +10,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.atlas.journal import forget_record, read_journal, read_records, unit_key, write_record
+from facade_core.atlas.journal import clear_record, read_journal, read_records, unit_key, write_record
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
 VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=4)
@@ -46,12 +46,12 @@ def test_records_come_back(records: list[dict[str, Any] | None], forgotten: int)
     backwards = np.arange(len(records))[::-1]
     assert read_records(group, "facades", backwards) == records[::-1]
     index = forgotten % len(records)
-    forget_record(group, "facades", index)
+    clear_record(group, "facades", index)
     assert read_journal(group, "facades") == [*records[:index], None, *records[index + 1 :]]
 
 
 def test_of_a_stage_that_is_newer_than_the_store_nothing_is_known() -> None:
     group = zarr.create_group({})
-    forget_record(group, "walls", 0)
+    clear_record(group, "walls", 0)
     assert read_records(group, "walls", np.array([1, 0])) == [None, None]
     assert read_journal(group, "walls") == []

@@ -12,9 +12,9 @@ from distributed import Client
 
 import catalogs
 from facade_core.atlas.journal import latest_digests, read_journal
-from facade_core.atlas.rasters import Rasters, chart_digests
+from facade_core.atlas.rasters import TexelLayout, chart_digests
 from facade_core.atlas.snapshot import Atlas, open_atlas
-from facade_core.atlas.store import commit, new_root, open_repository, open_root
+from facade_core.atlas.store import commit, create_root, open_repository, open_root
 from facade_core.core.errors import FormatError, InputError, StoreError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
@@ -64,7 +64,7 @@ def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
         id_ = f"{number:016x}"
         chart = atlas.chart(id_)
         assert chart.attrs == atlas.chart(row).attrs
-        one = Rasters.of(placement, [row])
+        one = TexelLayout.of(placement, [row])
         colour, provenance = chart.colour.values.reshape(-1, 3), chart.provenance.values.reshape(-1)
         assert chart_digests(colour, provenance, placement, one, plan.ids) == {id_: digests[id_]}
         last = chart.isel(y=-1, x=-1)
@@ -150,7 +150,7 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="there is no store; run the block first"):
         open_atlas(tmp_path / "nothing")
     session = open_repository(tmp_path / "store", create=True).writable_session("main")
-    new_root(session)
+    create_root(session)
     commit(session, "nothing yet")
     with pytest.raises(StoreError, match="the block is not read yet"):
         open_atlas(tmp_path)

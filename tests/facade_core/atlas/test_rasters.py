@@ -7,7 +7,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.atlas.rasters import Rasters, read_rasters, write_rasters
+from facade_core.atlas.rasters import TexelLayout, read_rasters, write_rasters
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.geometry.chart_packing import pack
 
@@ -34,11 +34,11 @@ def test_rasters_come_back_and_leave_the_others(
     spec = AtlasSpec(placement.pages, 20.0, page=PAGE, chunk=CHUNK, gutter=GUTTER)
     shape, chunks = (placement.pages, PAGE, PAGE, *bands), (1, CHUNK, CHUNK, *bands)
     array = zarr.create_array({}, shape=shape, chunks=chunks, dtype=np.uint8)
-    whole = Rasters.of(placement, range(len(charts)))
+    whole = TexelLayout.of(placement, range(len(charts)))
     before = rng.integers(0, 256, (whole.total, *bands), dtype=np.uint8)
     write_rasters(array, spec, placement, whole, before)
 
-    chosen = Rasters.of(placement, data.draw(st.permutations(range(len(charts))))[: int(rng.integers(1, 13))])
+    chosen = TexelLayout.of(placement, data.draw(st.permutations(range(len(charts))))[: int(rng.integers(1, 13))])
     flat = rng.integers(0, 256, (chosen.total, *bands), dtype=np.uint8)
     write_rasters(array, spec, placement, chosen, flat)
     np.testing.assert_array_equal(read_rasters(array, placement, chosen), flat)

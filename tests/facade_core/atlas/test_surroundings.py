@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas.surroundings import pieces_around, surrounded
-from facade_core.core.levelling import level
+from facade_core.atlas.surroundings import coplanar_pieces, read_with_surroundings
+from facade_core.core.levelling import level_seam
 from facade_core.core.types import Building, Street
 from facade_core.geometry.block_surfaces import block_surfaces
 from facade_core.geometry.charts import ChartKind, Charts
@@ -48,7 +48,7 @@ def test_what_is_around_lies_where_it_is(charts: Charts, kind: int) -> None:
     checked = 0
     for chart in np.flatnonzero((charts.kind == kind) & (charts.building == 0)).tolist():
         width, height = charts.texels(DENSITY)[chart]
-        colour, provenance = surrounded(
+        colour, provenance = read_with_surroundings(
             charts, np.full(len(charts), DENSITY), chart, (height, width), margin, reader(charts)
         )
         x = (np.arange(width + 2 * margin) + 0.5 - margin) / DENSITY
@@ -59,7 +59,7 @@ def test_what_is_around_lies_where_it_is(charts: Charts, kind: int) -> None:
         # within the texel by which two rasters may lie apart
         assert np.abs(colour[known] - (128 + 4 * points[known])).max() < 1.6
         assert known[margin:-margin, margin:-margin].all()
-        around = pieces_around(charts, chart, margin / DENSITY)
+        around = coplanar_pieces(charts, chart, margin / DENSITY)
         assert (charts.building[around] == 0).all()
         checked += int(known.sum() > known[margin:-margin, margin:-margin].size and len(around) > 0)
     assert checked >= 3
@@ -69,13 +69,13 @@ def test_another_surface_is_not_around(charts: Charts) -> None:
     alone = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 1))
     assert len(alone) > 0
     for chart in alone.tolist():
-        assert (charts.surface[pieces_around(charts, chart, 5.0)] == charts.surface[chart]).all()
+        assert (charts.surface[coplanar_pieces(charts, chart, 5.0)] == charts.surface[chart]).all()
 
 
 def test_a_seam_at_the_border_of_two_charts_goes(charts: Charts) -> None:
     """One piece is known, the one beside it was guessed darker: both pieces' facing columns meet."""
     fronts = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 0) & (charts.size[:, 0] > 5)).tolist()
-    chart, other = next((c, int(o)) for c in fronts for o in pieces_around(charts, c, 1.0) if int(o) in fronts)
+    chart, other = next((c, int(o)) for c in fronts for o in coplanar_pieces(charts, c, 1.0) if int(o) in fronts)
     along = (charts.origin[other] - charts.origin[chart]) @ charts.axis_u[chart]
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -86,8 +86,8 @@ def test_a_seam_at_the_border_of_two_charts_goes(charts: Charts) -> None:
 
     width, height = charts.texels(DENSITY)[chart]
     margin = 40
-    colour, provenance = surrounded(charts, np.full(len(charts), DENSITY), chart, (height, width), margin, read)
-    levelled = level(colour, provenance == 4, provenance == 1, reach=20)[margin:-margin, margin:-margin].astype(int)
+    colour, provenance = read_with_surroundings(charts, np.full(len(charts), DENSITY), chart, (height, width), margin, read)
+    levelled = level_seam(colour, provenance == 4, provenance == 1, reach=20)[margin:-margin, margin:-margin].astype(int)
     edge, far = (levelled[:, -1], levelled[:, 0]) if along > 0 else (levelled[:, 0], levelled[:, -1])
     assert abs(edge.mean() - 130) < 4
     assert far.mean() < 130 - 15

@@ -9,8 +9,8 @@ from PIL import Image, ImageDraw, ImageFont
 from skimage import data
 
 from benchmarks.faces_and_plates import painted_plate
-from facade_core.imagery.detect.detection import look
-from facade_core.imagery.detect.faces import find_faces, ious
+from facade_core.imagery.detect.detection import detect_on_image
+from facade_core.imagery.detect.faces import find_faces, box_ious
 from facade_core.imagery.detect.models import REMEDY, missing
 from facade_core.imagery.detect.text import find_lines
 
@@ -28,14 +28,14 @@ def test_a_face_is_found_where_it_is(height: int) -> None:
     assert len(found) == 1
     assert scores[0] > 0.5
     true = np.array(box) * scale + [90, 40, 90, 40]
-    assert ious(true, found)[0] > 0.5
+    assert box_ious(true, found)[0] > 0.5
     again, _ = find_faces(wall)
     assert (again == found).all()
 
 
 def test_nothing_is_found_on_a_plain_wall() -> None:
     wall = np.full((200, 300, 3), 180, np.uint8)
-    assert not look(wall).any()
+    assert not detect_on_image(wall).has_private_boxes()
     assert not find_lines(wall)
 
 
@@ -45,10 +45,10 @@ def test_a_sign_is_read_and_a_plate_is_hidden() -> None:
     draw.text((250, 220), "GREEN SPRING", (20, 40, 30), ImageFont.load_default(36), "mm")
     plate = Image.fromarray(painted_plate(np.random.default_rng(1))).resize((94, 20), Image.Resampling.LANCZOS)
     picture.paste(plate, (300, 350))
-    seen = look(np.asarray(picture))
+    seen = detect_on_image(np.asarray(picture))
     signs = [line.text.replace(" ", "") for line in seen.lines if line.corners[0, 1] < 300]
     assert signs == ["GREENSPRING"], "blanks may be lost"
     assert len(seen.plates) in (1, 2), "one that both looks found has two boxes"
-    hidden = seen.hidden((400, 500))
+    hidden = seen.private_mask((400, 500))
     assert hidden[350:370, 300:394].mean() > 0.6, "of one that is read as two lines the digits, at least"
     assert not hidden[:300].any()

@@ -8,9 +8,9 @@ import pytest
 from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect import detection as seen
 from facade_core.imagery.detect import models
-from facade_core.imagery.detect.detection import Seen, look, look_around, looked_for
-from facade_core.imagery.detect.faces import best_of, ious
-from facade_core.imagery.detect.image_tiles import tiles
+from facade_core.imagery.detect.detection import Detections, detect_on_image, detect_on_strip, detectors_available
+from facade_core.imagery.detect.faces import non_maximum_suppression, box_ious
+from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.plates import is_plate
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.detect.text import Line
@@ -31,29 +31,29 @@ def without(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("without")
 def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> None:
-    assert not looked_for()
-    seen = look(np.zeros((40, 60, 3), np.uint8))
-    assert not seen.any()
+    assert not detectors_available()
+    seen = detect_on_image(np.zeros((40, 60, 3), np.uint8))
+    assert not seen.has_private_boxes()
     assert not seen.lines
-    assert not seen.hidden((40, 60)).any()
+    assert not seen.private_mask((40, 60)).any()
     found = second_opinion()
     assert (found.concern, found.well) == ("privacy", None)
     assert "no-such-package not installed; `make detect-setup`" in found.said
 
 
 def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
-    def bright(image: np.ndarray, low: float) -> Seen:
+    def bright(image: np.ndarray, low: float) -> Detections:
         columns = np.flatnonzero(image[10, :, 0])
         runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
-        return Seen(faces=np.array([[run[0], 10, run[-1] + 1, 20] for run in runs], float))
+        return Detections(faces=np.array([[run[0], 10, run[-1] + 1, 20] for run in runs], float))
 
     monkeypatch.setattr(seen, "look", bright)
     strip = np.zeros((40, 800, 3), np.uint8)
     strip[10:20, :30] = strip[10:20, 780:] = strip[10:20, 400:440] = 255
-    boxes = look_around(strip).faces.tolist()
+    boxes = detect_on_strip(strip).faces.tolist()
     assert [780, 10, 830, 20] in boxes
     assert [-20, 10, 30, 20] in boxes
-    hidden = look_around(strip).hidden((40, 800))
+    hidden = detect_on_strip(strip).private_mask((40, 800))
     assert hidden[15, :30].all()
     assert hidden[15, 780:].all()
     assert hidden[15].sum() < 30 + 20 + 40 + 4 * 0.4 * 60
@@ -114,11 +114,11 @@ def test_names_are_read_over_shops_without_numbers_addresses_and_titles() -> Non
 
 
 def test_what_is_hidden_is_larger_than_what_is_found_and_moves_with_the_picture() -> None:
-    seen = Seen(np.array([[10.0, 20, 20, 32]]), np.array([[90.0, 90, 120, 99]]), [line("x", 4, 6)])
-    assert seen.any()
-    assert seen.boxes((100, 110)) == ((5, 15, 25, 37), (78, 78, 110, 100))
-    assert seen.hidden((100, 110)).sum() == 20 * 22 + 32 * 22
-    moved = seen.moved(5, 7).scaled(2, 1)
+    seen = Detections(np.array([[10.0, 20, 20, 32]]), np.array([[90.0, 90, 120, 99]]), [line("x", 4, 6)])
+    assert seen.has_private_boxes()
+    assert seen.private_boxes((100, 110)) == ((5, 15, 25, 37), (78, 78, 110, 100))
+    assert seen.private_mask((100, 110)).sum() == 20 * 22 + 32 * 22
+    moved = seen.translate(5, 7).rescale(2, 1)
     assert (moved.faces == [[30, 27, 50, 39]]).all()
     assert (moved.lines[0].box == [18, 13, 138, 26]).all()
 
@@ -126,17 +126,17 @@ def test_what_is_hidden_is_larger_than_what_is_found_and_moves_with_the_picture(
 def test_tiles_cover_all_and_overlap() -> None:
     image = np.arange(100 * 250).reshape(100, 250, 1).repeat(3, axis=2)
     covered = np.zeros((100, 250), int)
-    for part, x, y in tiles(image, 90, 20):
+    for part, x, y in split_tiles(image, 90, 20):
         assert (part == image[y : y + part.shape[0], x : x + part.shape[1]]).all()
         covered[y : y + part.shape[0], x : x + part.shape[1]] += 1
     assert covered.min() == 1
-    assert [(x, y) for _, x, y in tiles(image[:50, :60], 90, 20)] == [(0, 0)]
+    assert [(x, y) for _, x, y in split_tiles(image[:50, :60], 90, 20)] == [(0, 0)]
 
 
 def test_of_boxes_that_overlap_the_surest_stays() -> None:
     boxes = np.array([[0.0, 0, 10, 10], [1, 0, 11, 10], [20, 0, 30, 10]])
-    assert ious(boxes[0], boxes).round(3).tolist() == [1.0, 0.818, 0.0]
-    kept, scores = best_of(boxes, np.array([0.5, 0.9, 0.4]), 0.3)
+    assert box_ious(boxes[0], boxes).round(3).tolist() == [1.0, 0.818, 0.0]
+    kept, scores = non_maximum_suppression(boxes, np.array([0.5, 0.9, 0.4]), 0.3)
     assert kept.tolist() == boxes[[1, 2]].tolist()
     assert scores.tolist() == [0.9, 0.4]
 

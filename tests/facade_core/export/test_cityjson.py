@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import balconies_on, behind_railings
 from facade_core.export.bodies.building_models import ground_faces, modelled
@@ -92,7 +92,7 @@ def test_windows_go_on_behind_the_railing_of_a_balcony() -> None:
 
 
 def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, coloured: Textured) -> None:
-    triangles = grouped(coloured.charts.building[coloured.mesh.chart])[0]
+    triangles = group_rows(coloured.charts.building[coloured.mesh.chart])[0]
     wall = next(c for c in np.flatnonzero(coloured.charts.building == 0) if coloured.charts.kind[c] == ChartKind.WALL)
     layout = [Element("window", 1.0, 2.0, 2.5, 4.0), Element("balcony", 4.0, 3.0, 7.0, 4.0)]
     made = modelled(drawn, triangles, {wall: "a-0"}, {wall: layout}, ORIGIN)
@@ -123,7 +123,7 @@ def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, co
 
 
 def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: Drawn, coloured: Textured) -> None:
-    triangles = grouped(coloured.charts.building[coloured.mesh.chart])[0]
+    triangles = group_rows(coloured.charts.building[coloured.mesh.chart])[0]
     roof = np.flatnonzero((coloured.charts.building == 0) & (coloured.charts.kind == ChartKind.ROOF))[:1]
     kind = coloured.charts.kind.copy()
     kind[roof] = ChartKind.WINDOW
@@ -135,7 +135,7 @@ def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: Drawn, c
 
 
 def test_a_geometry_indexes_its_tables(drawn: Drawn, coloured: Textured) -> None:
-    triangles = grouped(coloured.charts.building[coloured.mesh.chart])
+    triangles = group_rows(coloured.charts.building[coloured.mesh.chart])
     pool = Pool(ORIGIN)
     body = modelled(drawn, triangles[1], {}, {}, ORIGIN).body
     geometry = geometry_of(body.faces, body.surfaces, pool, "2", "Solid")

@@ -18,7 +18,7 @@ from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import CORNERS, ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sky import backdrop, sky
+from facade_core.street.lighting.sky import backdrop_colour, sky_colour
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
 
@@ -107,7 +107,7 @@ def test_streets_end_in_roofs_and_not_in_the_sky() -> None:
 
     def shown(steep: float) -> np.ndarray:
         rays = np.column_stack([np.sin(turn), np.cos(turn), np.full(len(turn), steep)])
-        return backdrop(rays / np.hypot(1, steep)) - sky(np.full(len(turn), steep / np.hypot(1, steep)))
+        return backdrop_colour(rays / np.hypot(1, steep)) - sky_colour(np.full(len(turn), steep / np.hypot(1, steep)))
 
     assert (np.abs(shown(0.01)).max(axis=1) > 20).all(), "in all directions"
     assert not shown(0.1).any()

@@ -27,10 +27,10 @@ from facade_core.export.models.gltf_materials import NIGHT, STRENGTH, Time, look
 from facade_core.export.models.textured_mesh import Textured, layout_of, local_frame, nodes_of, page_pictures
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sun import lit as in_light
-from facade_core.street.lighting.sun import sunlight
+from facade_core.street.lighting.sun import apply_sunlight as in_light
+from facade_core.street.lighting.sun import sunlight_share
 from facade_core.street.materials import field_kernels as field
-from facade_core.street.materials.relief import BACK_M
+from facade_core.street.materials.relief import OPENING_DEPTH_M
 from tests.facade_core.export.conftest import STREET, colour_of
 
 DENSITY = 10.0
@@ -66,7 +66,7 @@ def test_normals_are_those_of_the_heights_differences() -> None:
 def test_openings_lie_back_and_see_less_sky() -> None:
     colour, labels = facade()
     height = heights(labels, np.full(labels.shape, PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0)
-    assert height[30, 30] == pytest.approx(-BACK_M)
+    assert height[30, 30] == pytest.approx(-OPENING_DEPTH_M)
     assert height[0, 0] == 0
     found = normals(height, 20.0)
     assert found[30, 19, 0] > 0.5, "the left reveal faces right"
@@ -169,7 +169,7 @@ def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) 
 def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: Textured) -> None:
     for chart in coloured.chosen(np.array([0])).tolist()[:6]:
         raster = np.maximum(coloured.raster(chart) // 2, 20)
-        sunny = in_light(raster, sunlight(houses, chart, SUN))
+        sunny = in_light(raster, sunlight_share(houses, chart, SUN))
         known = lighting(houses, SUN)
         known = replace(known, texels=lambda c, known=known: known.texels(c)._replace(labels=None, seed=None))
         found = relit(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)

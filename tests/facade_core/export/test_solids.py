@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.core.grouping import grouped
+from facade_core.core.grouping import group_rows
 from facade_core.core.types import Building, Roof, Street
 from facade_core.export.bodies.building_body import body_of
 from facade_core.export.bodies.curtains import curtained
@@ -86,7 +86,7 @@ def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) 
     street = Street("s", None, shapely.LineString([(x - 20, y - 10), (x + 60, y - 10)]))
     charts, mesh, _ = block_surfaces(buildings, [street], terrain=terrain_of([], None), ground_margin=10, largest=20)
     source = Textured(charts, mesh, charts.size, np.ones((len(charts), 2), np.int64), lambda chart: np.zeros(0))
-    triangles = grouped(charts.building[mesh.chart])[0]
+    triangles = group_rows(charts.building[mesh.chart])[0]
     semantics = dict.fromkeys(np.unique(mesh.chart[triangles]).tolist(), 0)
     body = body_of(source, triangles, semantics, 1, ORIGIN)
     assert body.closed

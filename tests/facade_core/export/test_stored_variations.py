@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.stored_files import encoded_digest, encoded_of, hierarchy_path, write_encoded
+from facade_core.atlas.stored_files import stored_file_digest, unit_files, hierarchy_path, write_stored_file
 from facade_core.core.errors import StoreError
 from facade_core.core.types import Element
 from facade_core.export.pictures.stage_pictures import StoredFacade
@@ -24,15 +24,15 @@ def test_a_store_has_the_file_as_it_is() -> None:
     coded = encode(image, [Element("window", 5, 5, 15, 20)])
     group = zarr.open_group(zarr.storage.MemoryStore(), mode="w")
     path = hierarchy_path(7)
-    write_encoded(group, path, coded.to_bytes(), "variations")
+    write_stored_file(group, path, coded.to_bytes(), "variations")
     record: Any = {
         "status": "done",
         "variation_levels": 1,
         "variation_file": path,
-        "variation_digest": encoded_digest(coded.to_bytes()),
+        "variation_digest": stored_file_digest(coded.to_bytes()),
     }
     assert group[path][:].tobytes() == coded.to_bytes()
-    assert encoded_of("facades", 0, record) == {path: record["variation_digest"]}
+    assert unit_files("facades", 0, record) == {path: record["variation_digest"]}
     np.testing.assert_array_equal(stored(group, record).level(0), coded.photo)
     group[path][3] ^= 1
     with pytest.raises(StoreError, match="the next run makes it again"):
@@ -41,6 +41,6 @@ def test_a_store_has_the_file_as_it_is() -> None:
 
 def test_variations_of_an_earlier_version_are_made_again() -> None:
     record: Any = {"status": "done", "variation_levels": 3}
-    assert encoded_of("facades", 0, record) == {}
+    assert unit_files("facades", 0, record) == {}
     with pytest.raises(StoreError, match="an earlier version made the variations of this facade"):
         stored(None, record).level(0)

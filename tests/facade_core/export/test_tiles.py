@@ -18,7 +18,7 @@ from pyproj import Transformer
 from facade_core.core.errors import InputError
 from facade_core.export.city_models.attribution import Attribution, Source
 from facade_core.export.lighting.relighting import relit
-from facade_core.export.models.encoders import MIPMAPS, encoder
+from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
 from facade_core.export.models.features import Features, Property
 from facade_core.export.models.glb import header_of, pictures_of
 from facade_core.export.models.gltf_materials import Time
@@ -97,7 +97,7 @@ def written(
         shells,
         frame,
         features(source),
-        encoder(textures),
+        texture_encoder(textures),
         files.__setitem__,
         scale=scale,
         time=time,
@@ -241,16 +241,16 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
 
 def fitting(source: Textured, most: float, time: Time = "day") -> float:
     shells = simplified_shells(source, 10 * COARSE)
-    return scale_of_view(source, shells, quadtree(source), encoder("jpeg"), most, time)
+    return scale_of_view(source, shells, quadtree(source), texture_encoder("jpeg"), most, time)
 
 
 def test_a_view_takes_no_more_of_a_graphics_card_than_asked(coloured: Textured) -> None:
-    whole = written(coloured)[0].texels * 4 * MIPMAPS
+    whole = written(coloured)[0].texels * 4 * MIPMAP_FACTOR
     assert fitting(coloured, whole) == 1.0, "coarse tiles are counted, and nothing else"
     assert fitting(coloured, whole - 1) < 1
     scale = fitting(coloured, whole / 3)
     assert 0.25 < scale < 1
-    assert whole / 6 < written(coloured, scale)[0].texels * 4 * MIPMAPS <= whole / 3
+    assert whole / 6 < written(coloured, scale)[0].texels * 4 * MIPMAP_FACTOR <= whole / 3
 
 
 def test_tiles_are_valid(coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path) -> None:
@@ -294,7 +294,7 @@ def test_lit_tiles_are_valid_and_shine_from_afar_too(
 
 
 def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: Textured) -> None:
-    most = written(coloured)[0].texels * 4 * MIPMAPS
+    most = written(coloured)[0].texels * 4 * MIPMAP_FACTOR
     assert fitting(coloured, most) == 1
     source = relit(coloured, lighting(houses, None))
     day, night = (fitting(source, most, time) for time in ("day", "night"))
@@ -304,11 +304,11 @@ def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: Textured) -> 
 def test_an_encoder_that_is_absent_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "alktx2", None)
     with pytest.raises(InputError, match=r"--textures ktx2: .* `make ktx2-setup`"):
-        encoder("ktx2")
+        texture_encoder("ktx2")
 
 
 def test_webp_is_read_again() -> None:
     image = np.full((64, 32, 3), (10, 200, 90), np.uint8)
-    with Image.open(io.BytesIO(encoder("webp").encode(image))) as again:
+    with Image.open(io.BytesIO(texture_encoder("webp").encode(image))) as again:
         assert again.format == "WEBP"
         assert np.abs(np.asarray(again.convert("RGB")).astype(int) - image).max() < 6

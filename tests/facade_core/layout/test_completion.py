@@ -7,14 +7,14 @@ from facade_core.core.errors import LayoutError, ModelError
 from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element, Parsing
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.floor_hypotheses import continuations, continued
-from facade_core.facade.layout.gap_filling import made_whole
-from facade_core.facade.layout.grids import boxes, grids
-from facade_core.facade.layout.model import shipped
-from facade_core.facade.layout.proposals import Proposals, propose
-from facade_core.facade.layout.rectangles import iou
-from facade_core.facade.layout.rows import added, least_gap
-from facade_core.facade.layout.shop_floor import row_of_shops
+from facade_core.facade.layout.floor_hypotheses import floor_progressions, extrapolate_floors
+from facade_core.facade.layout.gap_filling import find_gaps_and_strays
+from facade_core.facade.layout.grids import box_array, fit_grids
+from facade_core.facade.layout.model import shipped_layout_model
+from facade_core.facade.layout.proposals import Proposals, propose_elements
+from facade_core.facade.layout.rectangles import pairwise_iou
+from facade_core.facade.layout.rows import find_missing_windows, min_window_gap
+from facade_core.facade.layout.shop_floor import select_shop_row
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 LEFT = [(0.0, 0.0, 100.0, 160.0)]
@@ -90,16 +90,16 @@ def test_no_door_is_added_beside_the_one_that_is_seen_but_one():
 
 def test_floors_that_grow_downwards_are_proposed():
     floors, heights = np.array([60.0, 120.0]), np.array([30.0, 30.0])
-    below = continued(floors, heights, np.array([1.2, 1.1, 1.5, 1.3]), 40, 400)
+    below = extrapolate_floors(floors, heights, np.array([1.2, 1.1, 1.5, 1.3]), 40, 400)
     np.testing.assert_allclose(below, [(192, 45), (258, 39), (324, 39)])
-    (grown,) = continuations(np.array([0.0, 10, 22, 33]), np.array([5.0, 5, 10, 8]))[:1]
+    (grown,) = floor_progressions(np.array([0.0, 10, 22, 33]), np.array([5.0, 5, 10, 8]))[:1]
     np.testing.assert_allclose(np.exp(grown), (1.2, 1.1, 2.0, 1.6))
     whole = [box("window", 40 * x + 20, 40 + y, 16, 30) for y in (60, 121, 184, 250, 319, 392) for x in range(6)]
     domain, region = (0.0, 0.0, 240.0, 500.0), [(0.0, 0.0, 240.0, 250.0)]
     seen = see(whole, region)
-    found = propose(seen, grids(seen), domain, np.array(region), shipped().usual)
-    hidden = boxes([e for e in whole if e not in seen])
-    assert iou(hidden, found.box[found.label == 0]).max(axis=1).min() > 0.5
+    found = propose_elements(seen, fit_grids(seen), domain, np.array(region), shipped_layout_model().usual)
+    hidden = box_array([e for e in whole if e not in seen])
+    assert pairwise_iou(hidden, found.box[found.label == 0]).max(axis=1).min() > 0.5
 
 
 def test_a_front_has_a_door_however_unlikely():
@@ -133,10 +133,10 @@ def test_rows_are_full_and_nothing_stands_alone_in_one():
         np.ones((24, 1), np.float32),
     )
     kept = np.array([k for k in range(18) if k != 3] + [20])  # a gap in the first row, one window in the last
-    fill, alone = made_whole(found, kept, np.full(24, 0.2), [], np.zeros((0, 4)))
+    fill, alone = find_gaps_and_strays(found, kept, np.full(24, 0.2), [], np.zeros((0, 4)))
     assert np.flatnonzero(fill).tolist() == [3]
     assert np.flatnonzero(alone).tolist() == [20]
-    fill, _ = made_whole(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
+    fill, _ = find_gaps_and_strays(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
     assert not fill.any(), "what the picture denies"
 
 
@@ -148,16 +148,16 @@ def test_a_row_goes_on_in_the_rhythm_of_the_one_beside_it_and_no_floor_is_left_o
     across = (0, 16, 60, 76, 120, 136)  # pairs
     found = guesses([(x, y, x + 12, y + 22) for y in (0, 40, 80) for x in across], [0] * 18)
     things = [Element("window", x, 0, x + 12, 22) for x in across[:2]]
-    apart = least_gap(things)
+    apart = min_window_gap(things)
     assert apart == pytest.approx(2.4), "three fifths of what is between the two, or less"
     kept, likely = np.array([2, 3, 4, 5, 6, 8, 11]), np.full(18, 0.2)
     clear = ~np.isin(np.arange(18), (0, 1))
-    fill = added(found, kept, likely, things, clear, apart, least=0.1, standing=0.1)
+    fill = find_missing_windows(found, kept, likely, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.1)
     assert np.flatnonzero(fill).tolist() == [7, 9, 10, *range(12, 18)]
-    fill = added(found, kept, likely, things, clear, apart, least=0.1, standing=0.3)
+    fill = find_missing_windows(found, kept, likely, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.3)
     assert np.flatnonzero(fill).tolist() == [7, 9, 10], "the ground floor is too unlikely"
     denied = np.where(np.arange(18) == 9, 0.0, likely)
-    assert not added(found, kept, denied, things, clear, apart, least=0.1, standing=0.1)[9], "what the picture denies"
+    assert not find_missing_windows(found, kept, denied, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.1)[9], "what the picture denies"
 
 
 def test_windows_keep_their_distance():
@@ -168,7 +168,7 @@ def test_windows_keep_their_distance():
         if e.label == "window":
             rows.setdefault(round(e.y0), []).append(e)
     gaps = [b.x0 - a.x1 for row in rows.values() for a, b in itertools.pairwise(sorted(row, key=lambda e: e.x0))]
-    assert min(gaps) >= least_gap(seen) == pytest.approx(3.2)
+    assert min(gaps) >= min_window_gap(seen) == pytest.approx(3.2)
 
 
 def test_shops_of_a_ground_floor_are_of_one_size_and_there_all_or_none():
@@ -176,8 +176,8 @@ def test_shops_of_a_ground_floor_are_of_one_size_and_there_all_or_none():
     found = guesses(corners, [3] * 8)
     likely = np.array([0.1, 0.5, 0.1, 0.1, 0.3, 0.0, 0.3, 0.0])
     clear = np.ones(8, bool)
-    assert sorted(row_of_shops(found, likely, clear, 0.1)) == [0, 1, 2, 3]
-    assert sorted(row_of_shops(found, likely, np.arange(8) != 1, 0.1)) == [4, 6]
+    assert sorted(select_shop_row(found, likely, clear, 0.1)) == [0, 1, 2, 3]
+    assert sorted(select_shop_row(found, likely, np.arange(8) != 1, 0.1)) == [4, 6]
     shop = [box("shop", x, 145, 26, 30) for x in (20, 60, 100, 140, 180)]
     upper = [e for e in facade() if e.label == "window" and e.y1 < 100]
     seen = see([*upper, *shop], LEFT)
@@ -315,8 +315,8 @@ def test_hidden_halves_of_real_facades(data):
     from benchmarks.layout.baselines import median_pitch, ours
     from benchmarks.layout.figures import run
 
-    records = held_out(data / "layouts" / "cmp.jsonl", shipped())[::4]
-    report, plain = (run(records, method) for method in (ours(shipped(), 1), median_pitch))
+    records = held_out(data / "layouts" / "cmp.jsonl", shipped_layout_model())[::4]
+    report, plain = (run(records, method) for method in (ours(shipped_layout_model(), 1), median_pitch))
     assert report["all"]["f1@0.5"] >= 1.2 * plain["all"]["f1@0.5"]
     for kind in ("right", "lower", "region", "sparse"):
         assert report[kind]["overlaps"] == report[kind]["outside"] == 0

@@ -7,7 +7,7 @@ from facade_core.core.errors import LayoutError, ModelError
 from facade_core.core.types import Element
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.model import SHIPPED, LayoutModel, load, save, shipped
+from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL, LayoutModel, load_layout_model, save_layout_model, shipped_layout_model
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 
@@ -27,7 +27,7 @@ def layouts(count=12):
 @pytest.fixture(scope="module")
 def trained() -> LayoutModel:
     made = layouts()
-    return learning.learn(made, names=[str(k) for k in range(len(made))], seed=3)
+    return learning.learn_layout_model(made, names=[str(k) for k in range(len(made))], seed=3)
 
 
 def test_what_is_learned(trained):
@@ -42,13 +42,13 @@ def test_what_is_learned(trained):
 
 
 def test_a_saved_model_completes_alike(trained, tmp_path):
-    save(trained, tmp_path / "m.json", seed=3)
-    save(load(tmp_path / "m.json"), tmp_path / "again.json", seed=3)
+    save_layout_model(trained, tmp_path / "m.json", seed=3)
+    save_layout_model(load_layout_model(tmp_path / "m.json"), tmp_path / "again.json", seed=3)
     assert (tmp_path / "m.json").read_bytes() == (tmp_path / "again.json").read_bytes()
     elements, domain = layouts()[0]
     region = [(0.0, 0.0, 100.0, 160.0)]
     seen = [e for e in elements if e.x0 < 100]
-    model = load(tmp_path / "m.json")
+    model = load_layout_model(tmp_path / "m.json")
     assert complete(seen, domain, region, model=model) == complete(seen, domain, region, model=trained)
     for saved, own in zip(model.trees, trained.trees, strict=True):
         np.testing.assert_array_equal(saved, own)
@@ -56,7 +56,7 @@ def test_a_saved_model_completes_alike(trained, tmp_path):
 
 def test_too_few_layouts_are_refused():
     with pytest.raises(LayoutError, match="too few"):
-        learning.learn(layouts(3), names=["a", "b", "c"])
+        learning.learn_layout_model(layouts(3), names=["a", "b", "c"])
 
 
 @pytest.mark.parametrize(
@@ -69,22 +69,22 @@ def test_too_few_layouts_are_refused():
     ],
 )
 def test_damaged_models_are_refused(tmp_path, change, message):
-    record = json.loads(SHIPPED.read_text())
+    record = json.loads(SHIPPED_LAYOUT_MODEL.read_text())
     change(record)
     (tmp_path / "m.json").write_text(json.dumps(record))
     with pytest.raises(ModelError, match=message):
-        load(tmp_path / "m.json")
+        load_layout_model(tmp_path / "m.json")
 
 
 def test_missing_and_garbled_files_are_refused(tmp_path):
     with pytest.raises(ModelError, match="no such layout model"):
-        load(tmp_path / "none.json")
+        load_layout_model(tmp_path / "none.json")
     (tmp_path / "m.json").write_text("{")
     with pytest.raises(ModelError, match="not valid JSON"):
-        load(tmp_path / "m.json")
+        load_layout_model(tmp_path / "m.json")
 
 
 def test_the_shipped_model_holds_every_fifth_facade_out():
-    numbers = {int(name.rsplit("#", 1)[1]) for name in shipped().training_set}
+    numbers = {int(name.rsplit("#", 1)[1]) for name in shipped_layout_model().training_set}
     assert all((number - 1) % 5 for number in numbers)
     assert len(numbers) == 253

@@ -1,9 +1,9 @@
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.model import shipped
-from facade_core.facade.layout.policy import LENGTH, roll_out
-from facade_core.facade.layout.policy_optimisation import random_policies, search, start_of
+from facade_core.facade.layout.model import shipped_layout_model
+from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out
+from facade_core.facade.layout.policy_optimisation import sample_policies, optimise_policy, initial_layout
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 REGION = np.array([[0.0, 0.0, 100.0, 160.0]])
@@ -14,12 +14,12 @@ def windows(xs, ys):
 
 
 def start(seen, region=REGION):
-    return start_of(seen, DOMAIN, region, shipped())
+    return initial_layout(seen, DOMAIN, region, shipped_layout_model())
 
 
 def careful():
     """Neither random nor inventive: own label, copied spacing, fixed priorities, no mirror."""
-    policy = np.zeros(LENGTH)
+    policy = np.zeros(POLICY_LENGTH)
     policy[3:8] = (1, 0, 2, 3, 4)  # right, left, up, down, fill
     policy[8], policy[11] = 1, 1
     return policy
@@ -46,7 +46,7 @@ def test_gaps_are_filled_inside_the_grid():
 def test_observed_elements_are_hard_constraints_for_any_policy():
     seen = [*windows((20, 60), (30, 70, 110)), Element("door", 50, 130, 70, 160)]
     given = start(seen)
-    for k, policy in enumerate(random_policies(30, np.random.default_rng(0))):
+    for k, policy in enumerate(sample_policies(30, np.random.default_rng(0))):
         box, label, grid = roll_out(policy, given, k)
         assert (box[: len(seen)] == given.box).all()
         assert set(np.unique(grid)) == set(range(grid.max() + 1))
@@ -63,11 +63,11 @@ def test_observed_elements_are_hard_constraints_for_any_policy():
 
 
 def test_search_is_deterministic_improves_and_can_be_replayed():
-    model = shipped()
+    model = shipped_layout_model()
     given = start(windows((20, 60), (30, 70, 110)))
     arguments = (model.policies, given, model.densities, model.weights, model.mean, 6, 2)
-    used, seeds, scores = search(*arguments, 3)
-    again = search(*arguments, 3)
+    used, seeds, scores = optimise_policy(*arguments, 3)
+    again = optimise_policy(*arguments, 3)
     assert (again[2] == scores).all()
     assert len(scores) == 6 * 10 * 2
     assert scores[20:].max() >= np.median(scores[:20])
@@ -76,7 +76,7 @@ def test_search_is_deterministic_improves_and_can_be_replayed():
 
 
 def test_simplexes_hold():
-    policies = random_policies(50, np.random.default_rng(1))
+    policies = sample_policies(50, np.random.default_rng(1))
     assert (policies[:, 9] + policies[:, 10] <= 1 + 1e-12).all()
     assert (policies[:, 11] + policies[:, 12] <= 1 + 1e-12).all()
     assert (np.sort(policies[:, 3:8], axis=1) == np.arange(5)).all()

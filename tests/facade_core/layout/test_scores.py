@@ -5,9 +5,9 @@ import pytest
 
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
-from facade_core.facade.layout.densities import FLOOR, TERMS, fit_mixture, log_conditional, log_density
-from facade_core.facade.layout.model import shipped
-from facade_core.facade.layout.scores import measured, score, terms
+from facade_core.facade.layout.densities import MIN_LOG_DENSITY, TERMS, fit_mixture, log_conditional, log_density
+from facade_core.facade.layout.model import shipped_layout_model
+from facade_core.facade.layout.scores import measure_elements, score, score_terms
 from facade_core.facade.layout.statistics import (
     ALIGN_Y,
     COMPLETE,
@@ -32,7 +32,7 @@ def block(xs=(20, 60, 100, 140, 180), ys=(30, 70, 110)):
 
 
 def test_statistics_of_a_regular_grid():
-    unary, pairs, overall = measured([*block(), window(100, 148, label="door")], DOMAIN)
+    unary, pairs, overall = measure_elements([*block(), window(100, 148, label="door")], DOMAIN)
     assert unary[0, WIDTH_RATIO] == pytest.approx(16 / 40)
     assert unary[0, REGULAR_X] == 0
     assert unary[0, COMPLETE] == 1
@@ -44,14 +44,14 @@ def test_statistics_of_a_regular_grid():
 
 def test_a_missing_cell_and_a_shifted_column_are_seen():
     missing = block()[:7] + block()[8:]
-    assert measured(missing, DOMAIN)[0][0, COMPLETE] == pytest.approx(14 / 15)
+    assert measure_elements(missing, DOMAIN)[0][0, COMPLETE] == pytest.approx(14 / 15)
     shifted = block(xs=(20, 60, 100, 150, 180))
-    assert measured(shifted, DOMAIN)[0][0, REGULAR_X] > 0.03
+    assert measure_elements(shifted, DOMAIN)[0][0, REGULAR_X] > 0.03
 
 
 def test_interleaved_grids_have_a_pattern():
     layout = block(xs=(20, 60, 100), ys=(20, 80)) + [window(x, y) for x in (40, 80) for y in (50, 110)]
-    pairs = measured(layout, DOMAIN)[1]
+    pairs = measure_elements(layout, DOMAIN)[1]
     assert PATTERNS[int(pairs[0, PATTERN])] == "AB"
 
 
@@ -64,21 +64,21 @@ def test_patterns_of_lines_that_take_turns(order, name):
     for k, grid in enumerate(order):  # one grid a little lower than the other, so that their boxes cut
         at = 8 + 176 * k / (len(order) - 1)
         layout += [window(at, y + (20 if grid == "B" else 0), w=10 if grid == "A" else 6, h=10) for y in (30, 70, 110)]
-    pattern = measured(layout, DOMAIN)[1][0, PATTERN]
+    pattern = measure_elements(layout, DOMAIN)[1][0, PATTERN]
     assert (None if np.isnan(pattern) else PATTERNS[int(pattern)]) == name
 
 
 def test_lines_that_coincide_take_no_turns():
     balconies = [window(x + 0.5 * (-1) ** k, 38, w=20, h=6, label="balcony") for k, x in enumerate((20, 60, 100))]
-    pairs = measured([*block(xs=(20, 60, 100), ys=(30,)), *balconies], DOMAIN)[1]
+    pairs = measure_elements([*block(xs=(20, 60, 100), ys=(30,)), *balconies], DOMAIN)[1]
     assert np.isnan(pairs[0, PATTERN])
 
 
 def test_a_door_on_the_third_floor_speaks_against_a_layout():
     usual = [*block(ys=(30, 70, 110)), window(100, 148, label="door")]
-    model = shipped()
-    compatible = terms(usual, DOMAIN, model)[TERMS.index("ec")]
-    assert terms([*usual, window(40, 50, label="door")], DOMAIN, model)[TERMS.index("ec")] < compatible == 0
+    model = shipped_layout_model()
+    compatible = score_terms(usual, DOMAIN, model)[TERMS.index("ec")]
+    assert score_terms([*usual, window(40, 50, label="door")], DOMAIN, model)[TERMS.index("ec")] < compatible == 0
 
 
 def test_elements_one_in_another_have_a_score():
@@ -121,15 +121,15 @@ def test_real_layouts_score_higher_than_the_same_disturbed(data):
 
 
 def test_score_is_the_weighted_sum_of_its_terms():
-    model = shipped()
-    assert score(block(), DOMAIN) == pytest.approx(float(model.weights @ terms(block(), DOMAIN, model)))
+    model = shipped_layout_model()
+    assert score(block(), DOMAIN) == pytest.approx(float(model.weights @ score_terms(block(), DOMAIN, model)))
     only = dataclasses.replace(model, weights=np.eye(len(TERMS))[0])
-    assert score(block(), DOMAIN, model=only) == pytest.approx(terms(block(), DOMAIN, model)[0])
+    assert score(block(), DOMAIN, model=only) == pytest.approx(score_terms(block(), DOMAIN, model)[0])
 
 
 def test_every_term_is_floored():
     strange = [window(100, 80, w=199, h=0.5)]
-    assert (terms(strange, DOMAIN, shipped()) >= 4 * FLOOR - 1e-9).all()
+    assert (score_terms(strange, DOMAIN, shipped_layout_model()) >= 4 * MIN_LOG_DENSITY - 1e-9).all()
     assert np.isfinite(score([], DOMAIN))
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.observed import reached, visible_boxes
+from facade_core.facade.layout.observed import dilate_by_window, visible_boxes
 
 
 def test_visible_boxes_leave_out_the_holes() -> None:
@@ -36,7 +36,7 @@ def test_inside_a_hidden_frame_is_visible_and_specks_cost_little() -> None:
 def test_a_hole_reaches_half_a_window_out_and_none_where_no_window_is_known() -> None:
     hidden = np.zeros((60, 80), bool)
     hidden[30, 40] = True
-    grown = reached(hidden, [Element("window", 0, 0, 8, 12), Element("door", 0, 0, 40, 40)])
+    grown = dilate_by_window(hidden, [Element("window", 0, 0, 8, 12), Element("door", 0, 0, 40, 40)])
     assert grown.sum() == 9 * 13
     assert grown[24, 36]
-    assert reached(hidden, []) is hidden
+    assert dilate_by_window(hidden, []) is hidden

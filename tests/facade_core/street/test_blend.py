@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.street.propagation.blend import BlendState, add_views, blend
+from facade_core.street.propagation.blend import BlendState, add_views, blend_views
 
 
 def direct(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:
@@ -24,7 +24,7 @@ def direct(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray)
 def blended(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:
     state = BlendState.empty(1)
     add_views(state, np.zeros(len(d), np.int64), d, proper, view, rgb)
-    colour, views = blend(state)
+    colour, views = blend_views(state)
     assert views[0] == (proper.sum() or 1)
     return colour[0]
 
@@ -53,7 +53,7 @@ def test_distances_beyond_16_bits_have_room() -> None:
     rgb = np.array([[9, 9, 9], [5, 5, 5]], np.uint8)
     texel = np.zeros(2, np.int64)
     add_views(state, texel, np.array([150_000, 90_000]), np.zeros(2, bool), np.array([1, 2]), rgb)
-    np.testing.assert_array_equal(blend(state)[0][0], [5, 5, 5])
+    np.testing.assert_array_equal(blend_views(state)[0][0], [5, 5, 5])
     assert state.top_distance[0, 0] == 90_000
 
 
@@ -78,13 +78,13 @@ def test_stand_in_goes_when_a_proper_view_comes() -> None:
     zero = np.zeros(1, np.int64)
     add_views(state, zero, np.array([9000]), np.array([False]), np.array([1]), rgb[:1])
     add_views(state, zero, np.array([8000]), np.array([False]), np.array([2]), rgb[1:2])
-    np.testing.assert_array_equal(blend(state)[0][0], [5, 5, 5])
+    np.testing.assert_array_equal(blend_views(state)[0][0], [5, 5, 5])
     add_views(state, zero, np.array([10]), np.array([True]), np.array([3]), rgb[2:])
-    np.testing.assert_array_equal(blend(state)[0][0], [200, 100, 0])
+    np.testing.assert_array_equal(blend_views(state)[0][0], [200, 100, 0])
 
 
 def test_unseen_texel_has_no_views() -> None:
-    colour, views = blend(BlendState.empty(2))
+    colour, views = blend_views(BlendState.empty(2))
     assert views.tolist() == [0, 0]
     assert colour.max() == 0
 

@@ -13,8 +13,8 @@ from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
-from facade_core.street.materials.field import Materials
-from facade_core.street.materials.ground_by_example import FILLED_M, by_example
+from facade_core.street.materials.example_fill import MAX_FILL_M, fill_by_example
+from facade_core.street.materials.field import MaterialField
 
 DENSITY = 16.0
 SIZE = (240, 320)
@@ -36,7 +36,7 @@ def anything() -> np.ndarray:
 def test_joints_go_on_where_they_would_be() -> None:
     image, known = slabs(), anything()
     known[90:150, 126:206] = False
-    out, filled = by_example(np.where(known[..., None], image, 0), known, anything(), np.zeros(SIZE, np.uint8), DENSITY)
+    out, filled = fill_by_example(np.where(known[..., None], image, 0), known, anything(), np.zeros(SIZE, np.uint8), DENSITY)
     np.testing.assert_array_equal(filled, ~known)
     np.testing.assert_array_equal(out[known], image[known])
     plain = np.broadcast_to(image[known].mean(axis=0), image[~known].shape)
@@ -51,7 +51,7 @@ def test_each_kind_goes_on_with_its_own() -> None:
     image = np.where(kind[..., None] == 1, np.random.default_rng(1).normal(70, 6, (*SIZE, 3)), slabs()).astype(np.uint8)
     known = anything()
     known[:, 206:266] = False
-    out, filled = by_example(np.where(known[..., None], image, 0), known, anything(), kind, DENSITY)
+    out, filled = fill_by_example(np.where(known[..., None], image, 0), known, anything(), kind, DENSITY)
     assert filled[:, 206:256].all()
     assert abs(out[104:156, 206:256].mean() - 70) < 6
     assert abs(out[20:90, 206:256].mean() - image[20:90].mean()) < 8
@@ -60,8 +60,8 @@ def test_each_kind_goes_on_with_its_own() -> None:
 def test_it_ends_a_little_way_from_pictures_and_where_no_ground_is() -> None:
     known, there = np.zeros(SIZE, bool), anything()
     known[:, :120], there[:40] = True, False
-    _, filled = by_example(slabs(), known, there, np.zeros(SIZE, np.uint8), DENSITY)
-    reach = round(FILLED_M * DENSITY)
+    _, filled = fill_by_example(slabs(), known, there, np.zeros(SIZE, np.uint8), DENSITY)
+    reach = round(MAX_FILL_M * DENSITY)
     assert filled[40:, 120 : 120 + reach - 1].all()
     assert not filled[:, 120 + reach + 1 :].any()
     assert not filled[:40].any()
@@ -71,7 +71,7 @@ def test_it_ends_a_little_way_from_pictures_and_where_no_ground_is() -> None:
 def test_without_an_example_or_a_hole_nothing_changes(seen: int) -> None:
     known = np.zeros(SIZE, bool)
     known[:, :seen] = True
-    out, filled = by_example(slabs(), known, anything(), np.zeros(SIZE, np.uint8), DENSITY)
+    out, filled = fill_by_example(slabs(), known, anything(), np.zeros(SIZE, np.uint8), DENSITY)
     np.testing.assert_array_equal(out, slabs())
     assert not filled.any()
 
@@ -89,7 +89,7 @@ def test_kinds_lie_where_the_map_has_them() -> None:
     )
     placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
-    materials = Materials(scene, [], seed=1, ground=Ground((road,)))
+    materials = MaterialField(scene, [], seed=1, ground=Ground((road,)))
     found = set()
     for chart in np.flatnonzero(charts.kind == ChartKind.GROUND).tolist():
         kinds = materials.kinds(chart, 12)

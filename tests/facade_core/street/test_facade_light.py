@@ -18,12 +18,12 @@ from facade_core.geometry.daylight import hemisphere
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting import ambient as around
-from facade_core.street.lighting.ambient import ambient
-from facade_core.street.lighting.facade_light import laid_over
-from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, direction, lit, sunlight
-from facade_core.street.materials.field import Materials
-from facade_core.street.materials.stains import CELLS_M, DENSITY, GIVES, PHOTOGRAPHED, deviations, stains, weights
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.lighting.ambient import ambient_light
+from facade_core.street.lighting.facade_light import apply_facade_light
+from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sun_direction, apply_sunlight, sunlight_share
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.stains import NOISE_CELLS_M, STAIN_DENSITY, NOISE_DEVIATIONS, PHOTO_DEVIATIONS, wall_deviations, stain_tones, stain_weights
+from facade_core.street.surfaces import KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
 NOON = Sun(180.0, 45.0)
@@ -53,15 +53,15 @@ def side(scene: Scene, building: int, north: float) -> int:
 
 
 def total(scene: Scene, chart: int) -> np.ndarray:
-    above, back = ambient(scene, chart, NOON)
+    above, back = ambient_light(scene, chart, NOON)
     return above + back * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
 
 
 def test_light_is_that_of_single_rays(scene: Scene) -> None:
     """Each place and ray by itself, in the order in which one would say it."""
     chart = side(scene, 1, 1)
-    above, back = ambient(scene, chart, NOON)
-    charts, normals, towards = scene.charts, scene.charts.normal(), direction(NOON)
+    above, back = ambient_light(scene, chart, NOON)
+    charts, normals, towards = scene.charts, scene.charts.normal(), sun_direction(NOON)
     row, column = 2, 4
     share = np.array([[column / (above.shape[1] - 1), row / (above.shape[0] - 1)]])
     place = charts.at_shares(np.array([chart]), share)[0, 0] + around.LIFT_M * normals[chart]
@@ -70,23 +70,23 @@ def test_light_is_that_of_single_rays(scene: Scene) -> None:
     for x, y, z in hemisphere():
         ray = x * charts.axis_u[chart] + y * charts.axis_v[chart] + z * normals[chart]
         (depth,), (met,) = scene.caster.cast(place, ray[None])
-        if depth > around.AROUND_M and ray[2] >= 0:
+        if depth > around.OCCLUDER_RANGE_M and ray[2] >= 0:
             sky.append(1.0)
             thrown.append(0.0)
             continue
-        far = depth > around.AROUND_M
+        far = depth > around.OCCLUDER_RANGE_M
         normal = np.array([0.0, 0.0, 1.0]) if far else normals[met]
-        share_back = around.GROUND_BACK if far or charts.kind[met] == ChartKind.GROUND else around.BACK
-        sky.append(around.SEES * share_back * (0.5 + 0.5 * normal[2]))
+        share_back = around.GROUND_ALBEDO if far or charts.kind[met] == ChartKind.GROUND else around.SURFACE_ALBEDO
+        sky.append(around.OCCLUDER_SKY_SHARE * share_back * (0.5 + 0.5 * normal[2]))
         sun = max(float(normal @ towards), 0.0)
         if not far and sun > 0:
             ahead, _ = scene.caster.cast(place + depth * ray + 0.04 * normal, towards[None])
             sun *= float(ahead[0] > 110)
         thrown.append(share_back * sun)
-    whole = (np.mean(sky) + np.mean(thrown) * SUN_LIGHT.mean() / SKY_LIGHT.mean()) / around.USUAL
-    shown = around.MOST / (whole + around.MOST - 1)
-    assert above[row, column] == pytest.approx(np.mean(sky) / around.USUAL * shown, rel=1e-4)
-    assert back[row, column] == pytest.approx(np.mean(thrown) / around.USUAL * shown, rel=1e-4)
+    whole = (np.mean(sky) + np.mean(thrown) * SUN_LIGHT.mean() / SKY_LIGHT.mean()) / around.TYPICAL_SKY_SHARE
+    shown = around.MAX_AMBIENT_LIGHT / (whole + around.MAX_AMBIENT_LIGHT - 1)
+    assert above[row, column] == pytest.approx(np.mean(sky) / around.TYPICAL_SKY_SHARE * shown, rel=1e-4)
+    assert back[row, column] == pytest.approx(np.mean(thrown) / around.TYPICAL_SKY_SHARE * shown, rel=1e-4)
     assert np.mean(thrown) > 0.02, "the sunlit house across the street throws some back"
 
 
@@ -95,50 +95,50 @@ def test_walls_in_the_shade_are_not_even(scene: Scene) -> None:
     middle = shaded[:, shaded.shape[1] // 2]
     assert middle[0] > 1.15 * middle[-1], "lighter above, where more of the sky is seen"
     assert (alone.mean(axis=1) > shaded.mean(axis=1)).all()
-    assert shaded.max() < around.MOST
-    again = ambient(scene, side(scene, 1, 1), NOON)
-    assert all((a == b).all() for a, b in zip(again, ambient(scene, side(scene, 1, 1), NOON), strict=True))
+    assert shaded.max() < around.MAX_AMBIENT_LIGHT
+    again = ambient_light(scene, side(scene, 1, 1), NOON)
+    assert all((a == b).all() for a, b in zip(again, ambient_light(scene, side(scene, 1, 1), NOON), strict=True))
 
 
 def test_a_sunlit_house_across_the_street_lights_more_than_a_shaded_one(scene: Scene) -> None:
     chart = side(scene, 1, 1)
-    assert ambient(scene, chart, NOON)[1].sum() > 2 * ambient(scene, chart, Sun(0.0, 5.0))[1].sum()
+    assert ambient_light(scene, chart, NOON)[1].sum() > 2 * ambient_light(scene, chart, Sun(0.0, 5.0))[1].sum()
 
 
 def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_nothing() -> None:
     even = np.full((240, 400, 3), 150, np.uint8)
     labels = np.full((240, 400), FacadeClass.WALL, np.uint8)
-    tones = stains(even, labels, 16.0, (30.0, -12.0), seed=4)
-    step = 1 / DENSITY
+    tones = stain_tones(even, labels, 16.0, (30.0, -12.0), seed=4)
+    step = 1 / STAIN_DENSITY
     x = 30 + step * (np.arange(tones.shape[1]) + 0.5)
     y = -12 + step * (np.arange(tones.shape[0]) + 0.5)
-    found = deviations((150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), DENSITY)
-    assert found == pytest.approx(PHOTOGRAPHED, rel=0.3)
+    found = wall_deviations((150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), STAIN_DENSITY)
+    assert found == pytest.approx(PHOTO_DEVIATIONS, rel=0.3)
     # cells of .35 m are meant over an eighth of a metre: nearly as at its middle
     points = 1 + sum(
         weight * noise(x[None, :] / cell + 0 * y[:, None], y[:, None] / cell + 0 * x[None, :], 4 + 121 + number)
-        for number, (cell, weight) in enumerate(zip(CELLS_M, weights(None), strict=True))
+        for number, (cell, weight) in enumerate(zip(NOISE_CELLS_M, stain_weights(None), strict=True))
     )
     assert np.abs(points - tones).max() < 0.05 * np.abs(tones - 1).max() + 0.01
     stained = (even * np.kron(tones, np.ones((2, 2)))[..., None]).astype(np.uint8)
-    assert np.abs(stains(stained, labels, 16.0, (30.0, -12.0), seed=5) - 1).max() < 0.5 * np.abs(tones - 1).max()
-    assert deviations(even[..., 0], np.zeros(labels.shape, bool), 16.0) is None
+    assert np.abs(stain_tones(stained, labels, 16.0, (30.0, -12.0), seed=5) - 1).max() < 0.5 * np.abs(tones - 1).max()
+    assert wall_deviations(even[..., 0], np.zeros(labels.shape, bool), 16.0) is None
 
 
 def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
-    for number, gives in enumerate(GIVES):
+    for number, gives in enumerate(NOISE_DEVIATIONS):
         found = []
         for seed in range(4):
-            y, x = (np.mgrid[:320, :320] + 0.5) / DENSITY
-            tone = 1 + 0.2 * noise(x / CELLS_M[number], y / CELLS_M[number], seed)
-            found.append(deviations((120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), DENSITY))
+            y, x = (np.mgrid[:320, :320] + 0.5) / STAIN_DENSITY
+            tone = 1 + 0.2 * noise(x / NOISE_CELLS_M[number], y / NOISE_CELLS_M[number], seed)
+            found.append(wall_deviations((120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAIN_DENSITY))
         assert np.mean(found, axis=0) / 0.2 == pytest.approx(gives, rel=0.2)
 
 
 def test_stains_go_on_where_the_next_wall_begins() -> None:
     even, labels = np.full((160, 320, 3), 150, np.uint8), np.full((160, 320), FacadeClass.WALL, np.uint8)
-    whole = stains(even, labels, 16.0, (0.0, 0.0), seed=4)
-    right = stains(even[:, 160:], labels[:, 160:], 16.0, (10.0, 0.0), seed=4)
+    whole = stain_tones(even, labels, 16.0, (0.0, 0.0), seed=4)
+    right = stain_tones(even[:, 160:], labels[:, 160:], 16.0, (10.0, 0.0), seed=4)
     np.testing.assert_array_equal(whole[:, 80:], right)
 
 
@@ -150,7 +150,7 @@ def test_light_is_laid_over_as_numpy_does() -> None:
     above, back = rng.uniform(0.2, 1, (2, 3, 4)).astype(np.float32)
     tones = rng.uniform(0.8, 1.2, (6, 9)).astype(np.float32)
     out = np.empty_like(colour)
-    laid_over(colour, made, wall, light, above, back, tones, out)
+    apply_facade_light(colour, made, wall, light, above, back, tones, out)
 
     def between(grid: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         across = np.array([np.interp(x, np.arange(grid.shape[1]), row) for row in grid])
@@ -165,7 +165,7 @@ def test_light_is_laid_over_as_numpy_does() -> None:
 
 
 def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: Scene) -> None:
-    materials, chart = Materials(scene, [STREET], seed=1), side(scene, 1, 1)
+    materials, chart = MaterialField(scene, [STREET], seed=1), side(scene, 1, 1)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     labels = np.full(size, FacadeClass.WALL, np.uint8)
     labels[40:80, 100:140] = FacadeClass.WINDOW
@@ -175,10 +175,10 @@ def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: S
         def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
-        known = Known(read, (), ())
-        return surface(scene, materials, chart, known, network=False, sun=NOON, labels=labels)[0]
+        known = KnownTexture(read, (), ())
+        return finish_chart(scene, materials, chart, known, is_neural=False, sun=NOON, labels=labels)[0]
 
-    np.testing.assert_array_equal(finished(Provenance.SYNTHESISED + 1), lit(colour, sunlight(scene, chart, NOON)))
+    np.testing.assert_array_equal(finished(Provenance.SYNTHESISED + 1), apply_sunlight(colour, sunlight_share(scene, chart, NOON)))
     made = finished(Provenance.SYNTHESISED).astype(float)
     window, wall = made[45:75, 105:135, 0], made[45:75, 145:175, 0]
     assert wall.std() > 3 * window.std()

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ModelError
-from facade_core.street.materials.grain import LEVELS, NAMES, PIXELS, TAKEN, Grain, add_grain, grains, learn
-from facade_core.street.materials.grain_file import SHIPPED, load, save, shipped, with_own
+from facade_core.street.materials.grain import GRAIN_LEVELS, EXAMPLE_NAMES, TILE_PIXELS, DEFAULT_EXAMPLES, Grain, add_grain, build_grain_tables, learn_grain
+from facade_core.street.materials.grain_file import SHIPPED_EXAMPLES, load_examples, save_examples, load_shipped_grains, load_grains
 from tasks.training.materials import train_materials
 
 # Each that is shipped, as it is.
-EXAMPLES = grains([Grain(load()[name]) for name in NAMES])
+EXAMPLES = build_grain_tables([Grain(load_examples()[name]) for name in EXAMPLE_NAMES])
 
 
 def patch(which: int, density: float, metres: float, seed: int = 3) -> np.ndarray:
@@ -27,7 +27,7 @@ def patch(which: int, density: float, metres: float, seed: int = 3) -> np.ndarra
     return out.reshape(count, count)
 
 
-@pytest.mark.parametrize("which", range(len(NAMES)), ids=NAMES)
+@pytest.mark.parametrize("which", range(len(EXAMPLE_NAMES)), ids=EXAMPLE_NAMES)
 def test_grain_has_no_period(which: int) -> None:
     """Nor does it correlate where the tile would begin again."""
     tone = patch(which, 32, 16.0)
@@ -37,17 +37,17 @@ def test_grain_has_no_period(which: int) -> None:
     assert np.abs(correlation[[0, period, period], [period, 0, period]] / correlation[0, 0]).max() < 0.1
 
 
-@pytest.mark.parametrize("which", range(len(NAMES)), ids=NAMES)
+@pytest.mark.parametrize("which", range(len(EXAMPLE_NAMES)), ids=EXAMPLE_NAMES)
 def test_the_histogram_is_the_examples(which: int) -> None:
-    example = load()[NAMES[which]]
+    example = load_examples()[EXAMPLE_NAMES[which]]
     wanted = np.quantile(example.table[example.tile], (0.05, 0.25, 0.5, 0.75, 0.95))
-    finest = PIXELS / example.width
+    finest = TILE_PIXELS / example.width
     found = np.quantile(patch(which, finest, 16 * example.width), (0.05, 0.25, 0.5, 0.75, 0.95))
     assert np.abs(found - wanted).max() < 0.2 * example.table[example.tile].std()
 
 
 def test_a_tone_is_the_mean_over_its_footprint_and_fades() -> None:
-    for which in range(len(NAMES)):
+    for which in range(len(EXAMPLE_NAMES)):
         fine, coarse = patch(which, 128, 4.0), patch(which, 16, 4.0)
         means = fine.reshape(64, 8, 64, 8).mean(axis=(1, 3))
         assert np.corrcoef(means.ravel(), coarse.ravel())[0, 1] > 0.87
@@ -71,7 +71,7 @@ def test_the_example_of_a_picture_keeps_its_colour_and_leaves_out_its_structure(
     rng = np.random.default_rng(0)
     picture = np.clip(rng.normal((120, 90, 60), 8, (512, 512, 3)), 0, 255).astype(np.uint8)
     picture[:, :256] //= 2
-    flat = learn(picture, 1.0, structure=0.02)
+    flat = learn_grain(picture, 1.0, structure=0.02)
     assert flat.colour == pytest.approx(picture.mean(axis=(0, 1)), abs=0.5)
     halves = flat.table[flat.tile][:, :128].mean(), flat.table[flat.tile][:, 128:].mean()
     assert abs(halves[0] - halves[1]) < 0.06  # of 0.67
@@ -79,12 +79,12 @@ def test_the_example_of_a_picture_keeps_its_colour_and_leaves_out_its_structure(
 
 def test_a_blocks_own_picture_takes_the_place_of_one_material_alone() -> None:
     picture = np.random.default_rng(1).integers(60, 160, (256, 512, 3), np.uint8)
-    own = with_own({"slabs": learn(picture, 0.8)})
-    assert own.first.shape == shipped().first.shape == (len(TAKEN), LEVELS)
-    place = list(TAKEN).index("slabs")
-    others = [k for k in range(len(TAKEN)) if k != place]
+    own = load_grains({"slabs": learn_grain(picture, 0.8)})
+    assert own.first.shape == load_shipped_grains().first.shape == (len(DEFAULT_EXAMPLES), GRAIN_LEVELS)
+    place = list(DEFAULT_EXAMPLES).index("slabs")
+    others = [k for k in range(len(DEFAULT_EXAMPLES)) if k != place]
     for field in ("bits", "tables", "width", "weight", "colour"):
-        mine, theirs = getattr(own, field), getattr(shipped(), field)
+        mine, theirs = getattr(own, field), getattr(load_shipped_grains(), field)
         np.testing.assert_array_equal(mine[others], theirs[others])
         assert not np.array_equal(mine[place], theirs[place], equal_nan=True) or field == "bits"
     assert own.colour[place] == pytest.approx(picture.mean(axis=(0, 1)), abs=0.5)
@@ -92,19 +92,19 @@ def test_a_blocks_own_picture_takes_the_place_of_one_material_alone() -> None:
 
 
 def test_a_file_that_is_broken_is_told(tmp_path: Path) -> None:
-    for file in (SHIPPED, SHIPPED.with_suffix(".json")):
+    for file in (SHIPPED_EXAMPLES, SHIPPED_EXAMPLES.with_suffix(".json")):
         shutil.copy(file, tmp_path)
-    path = tmp_path / SHIPPED.name
-    assert len(load(path)) == len(NAMES)
+    path = tmp_path / SHIPPED_EXAMPLES.name
+    assert len(load_examples(path)) == len(EXAMPLE_NAMES)
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(ModelError, match=r"checksum differs from materials\.json; fetch both"):
-        load(path)
+        load_examples(path)
     path.with_suffix(".json").write_text(json.dumps({"format": 0}))
     with pytest.raises(ModelError, match="of another version"):
-        load(path)
+        load_examples(path)
     path.unlink()
     with pytest.raises(ModelError, match=r"materials\.npz: cannot be read"):
-        load(path)
+        load_examples(path)
 
 
 def test_training_tells_what_picture_is_missing(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_training_tells_what_picture_is_missing(tmp_path: Path) -> None:
 
 
 def test_the_same_examples_are_the_same_file(tmp_path: Path) -> None:
-    examples = load()
-    save(examples, tmp_path / "a.npz")
-    save(examples, tmp_path / "b.npz")
+    examples = load_examples()
+    save_examples(examples, tmp_path / "a.npz")
+    save_examples(examples, tmp_path / "b.npz")
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()

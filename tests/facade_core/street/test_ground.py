@@ -11,8 +11,8 @@ from facade_core.core.types import Area, Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.marks import EDGE_M, LINE_M, PAINT, STOP_M, marks
 from facade_core.geometry.ground.shapes import SQUARE_M, Squares
-from facade_core.street.materials.grain_file import shipped
-from facade_core.street.materials.ground_kernels import COLOURS, GRASS, soil
+from facade_core.street.materials.grain_file import load_shipped_grains
+from facade_core.street.materials.ground_kernels import COLOURS, GRASS, ground_colour
 
 MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
 SIDE = Way("side", shapely.LineString([(20, 11.76), (24, 150)]), "road", 6.0, "asphalt", pavement=(3.0, 0.0), rank=1)
@@ -34,7 +34,7 @@ def squares(ground: Ground, *places: tuple[int, int]) -> Squares:
 
 def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
     out = np.empty((len(x), 3), np.uint8)
-    soil(0, x, y, np.full(len(x), side), squares(ground, square).of([0]), shipped(), 1, np.ones(len(x)), 1.0, out)
+    ground_colour(0, x, y, np.full(len(x), side), squares(ground, square).of([0]), load_shipped_grains(), 1, np.ones(len(x)), 1.0, out)
     return out.astype(float)
 
 

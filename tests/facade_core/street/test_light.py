@@ -15,11 +15,11 @@ from facade_core.geometry.chart_packing import pack
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact import contact
-from facade_core.street.lighting.sun import lit, sunlight
-from facade_core.street.materials.field import Materials
+from facade_core.street.lighting.contact_shadow import contact_light
+from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.relief import cast_shadows
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.surfaces import KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
 DENSITY = 8.0
@@ -54,7 +54,7 @@ def on_ground(scene: Scene, place: tuple[float, float]) -> tuple[int, tuple[int,
 def test_shadows_fall_away_from_the_sun_and_end_where_its_height_says(scene: Scene) -> None:
     def seen(place: tuple[float, float], sun: Sun) -> float:
         chart, texel = on_ground(scene, place)
-        return float(sunlight(scene, chart, sun)[texel])
+        return float(sunlight_share(scene, chart, sun)[texel])
 
     for sun, shaded, free in (
         (SOUTH, (10, 15), (10, -5)),
@@ -75,10 +75,10 @@ def test_walls_face_the_sun_or_not(scene: Scene) -> None:
     north = scene.charts.normal()[:, 1]
     walls = (scene.charts.kind == ChartKind.WALL) & (scene.charts.building == 0)
     (front,), (back,) = (np.flatnonzero(walls & (sense * north < -0.9)) for sense in (1, -1))
-    assert sunlight(scene, int(front), SOUTH).min() == pytest.approx(np.sqrt(0.5), abs=1e-3)
-    assert not sunlight(scene, int(back), SOUTH).any()
+    assert sunlight_share(scene, int(front), SOUTH).min() == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    assert not sunlight_share(scene, int(back), SOUTH).any()
     grey = np.full((2, 2, 3), 120, np.uint8)
-    light, shade = (lit(grey, np.full((2, 2), share, np.float32))[0, 0].astype(int) for share in (0.7, 0.0))
+    light, shade = (apply_sunlight(grey, np.full((2, 2), share, np.float32))[0, 0].astype(int) for share in (0.7, 0.0))
     assert (light > shade + 30).all()
     assert shade[2] > shade[0], "what is in the shade is lit by the sky"
 
@@ -87,17 +87,17 @@ def test_ground_and_wall_are_darker_where_they_meet(scene: Scene) -> None:
     light = []
     for away in (0.1, 0.5, 2.0):
         chart, texel = on_ground(scene, (10, -away))
-        left = contact(scene, chart)
+        left = contact_light(scene, chart)
         assert left is not None
         light.append(float(left[texel]))
     assert 0.6 < light[0] < light[1] - 0.1 < light[2] - 0.1
     assert light[2] == 1
     for wall in np.flatnonzero(scene.charts.kind == ChartKind.WALL).tolist():
-        left = contact(scene, wall)
+        left = contact_light(scene, wall)
         assert left is not None
         assert left[-1].max() < 0.9
         assert (left[: int(8 * DENSITY)] == 1).all()
-    assert all(contact(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist())
+    assert all(contact_light(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist())
 
 
 def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
@@ -109,35 +109,35 @@ def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
     values = []
     for side in (-0.07, 0.07):
         chart, texel = on_ground(scene, (float(border[0]) + side, -0.4))
-        left = contact(scene, chart)
+        left = contact_light(scene, chart)
         assert left is not None
         values.append(float(left[texel]))
     assert values[0] == pytest.approx(values[1], abs=0.06)
 
 
 def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) -> None:
-    materials = Materials(scene, [STREET], seed=1)
+    materials = MaterialField(scene, [STREET], seed=1)
     chart = int(np.flatnonzero(scene.charts.kind == ChartKind.WALL)[0])
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
 
-    def known(rank: int) -> Known:
+    def known(rank: int) -> KnownTexture:
         def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
             colour = np.full((*size, 3), 200 if rank == Provenance.PHOTO else 0, np.uint8)
             return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
 
-        return Known(read, (), ())
+        return KnownTexture(read, (), ())
 
-    photo, _ = surface(scene, materials, chart, known(Provenance.PHOTO), network=False)
+    photo, _ = finish_chart(scene, materials, chart, known(Provenance.PHOTO), is_neural=False)
     assert (photo == 200).all()
-    bare, _ = surface(scene, materials, chart, known(Provenance.UNSEEN), network=False)
-    left = contact(scene, chart)
+    bare, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False)
+    left = contact_light(scene, chart)
     assert left is not None
     expected = np.where(left[..., None] < 1, (materials.raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0)
     np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
     assert (bare[left == 1] == materials.raster(chart)[left == 1]).all()
-    sunny, _ = surface(scene, materials, chart, known(Provenance.UNSEEN), network=False, sun=SOUTH)
+    sunny, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False, sun=SOUTH)
     assert (sunny != bare).any()
-    np.testing.assert_array_equal(sunny, lit(bare, sunlight(scene, chart, SOUTH)))
+    np.testing.assert_array_equal(sunny, apply_sunlight(bare, sunlight_share(scene, chart, SOUTH)))
 
 
 def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_them() -> None:

@@ -15,10 +15,10 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.overhead_view import from_above, raster_points, shown_from_above
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.contact import contact
-from facade_core.street.materials.field import Materials
-from facade_core.street.materials.tiled import Material
-from facade_core.street.surfaces import Known, surface
+from facade_core.street.lighting.contact_shadow import contact_light
+from facade_core.street.materials.field import MaterialField
+from facade_core.street.materials.tiled_material import TiledMaterial
+from facade_core.street.surfaces import KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(0, -9), (20, -9)]))
 DENSITY = 10.0
@@ -83,14 +83,14 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
             rows, columns
         ]
 
-    materials = Materials(scene, [STREET], seed=0)
-    colour, provenance = surface(
-        scene, materials, chart, Known(read, (), {chart}), network=False, levelling=False, aerial=picture
+    materials = MaterialField(scene, [STREET], seed=0)
+    colour, provenance = finish_chart(
+        scene, materials, chart, KnownTexture(read, (), {chart}), is_neural=False, levelling=False, aerial=picture
     )
     rgb, known = from_above(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
     np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])
-    left = contact(scene, chart)
+    left = contact_light(scene, chart)
     away = np.ones(shape, bool) if left is None else left == 1  # from walls: at their feet what is painted is darker
     assert (seen & away).any()
     assert (colour[seen & away] == [9, 9, 200]).all()
@@ -103,8 +103,8 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
 
 
 def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:
-    green = Material.of(np.full((32, 32, 3), (20, 220, 30), np.uint8), 0.05, DENSITY)
-    plain, laid = Materials(scene, [STREET], seed=0), Materials(scene, [STREET], seed=0, roof_material=green)
+    green = TiledMaterial.of(np.full((32, 32, 3), (20, 220, 30), np.uint8), 0.05, DENSITY)
+    plain, laid = MaterialField(scene, [STREET], seed=0), MaterialField(scene, [STREET], seed=0, roof_material=green)
     charts = np.arange(len(scene.charts))
     points = scene.charts.origin + scene.charts.axis_u + scene.charts.axis_v
     footprint = np.full(len(charts), 1 / DENSITY)

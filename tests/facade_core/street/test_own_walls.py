@@ -7,7 +7,7 @@ import pytest
 
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.wall_material import lit_colour, wall_material
-from facade_core.street.materials.procedural import brick, plaster
+from facade_core.street.materials.procedural import brick_tone, plaster_tone
 
 DENSITY = 32.0
 COLOUR = np.array([168.0, 132.0, 96.0])
@@ -19,9 +19,9 @@ def facade(laid: bool, density: float = DENSITY) -> tuple[np.ndarray, np.ndarray
     x, y = (a.ravel() for a in np.meshgrid((np.arange(columns) + 0.5) / density, (np.arange(rows) + 0.5) / density))
     tone, mortar, side = np.empty(len(x)), np.zeros(len(x)), np.full(len(x), 1 / density)
     if laid:
-        brick(x, y, 20 - y, side, 3, mortar, tone)
+        brick_tone(x, y, 20 - y, side, 3, mortar, tone)
     else:
-        plaster(x, y, 20 - y, side, 3, tone)
+        plaster_tone(x, y, 20 - y, side, 3, tone)
     colour = (tone[:, None] * (COLOUR + mortar[:, None] * (185 - COLOUR))).reshape(rows, columns, 3)
     colour[:, : columns // 3] *= 0.5
     labels = np.full((rows, columns), FacadeClass.WALL, np.uint8)

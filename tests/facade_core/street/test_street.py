@@ -24,7 +24,7 @@ from facade_core.geometry.visible_tiles import mark_tiles
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.translate import Swatches
+from facade_core.street.translator.translators import MaterialFieldTranslator
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 BUILDINGS = [
@@ -84,7 +84,7 @@ def test_what_is_propagated_is_rendered_again(scene: Scene) -> None:
     rgb = first.rgb.copy()
     on_wall = first.chart == wall
     rgb[on_wall] = np.clip(first.points[on_wall] * [10, 0, 15] + [20, 128, 30], 0, 255).astype(np.uint8)
-    propagate(scene, atlas, camera(), rgb, seen=first.chart)
+    propagate(scene, atlas, camera(), rgb, charts_seen=first.chart)
     second = render(scene, atlas, camera(), (256, 512))
     again = second.textured & on_wall
     assert again.sum() > 0.97 * on_wall.sum()
@@ -99,7 +99,7 @@ def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
     rgb = np.zeros((256, 512, 3), np.uint8)
     rgb[first.chart == front] = [255, 0, 0]
     rgb[first.chart == hidden] = [0, 255, 0]
-    propagate(scene, atlas, camera(), rgb, seen=first.chart)
+    propagate(scene, atlas, camera(), rgb, charts_seen=first.chart)
     texels = atlas.rasters.slice(scene.placement, hidden)
     shape = (scene.placement.height[hidden], scene.placement.width[hidden])
     written = (atlas.provenance[texels] == Provenance.TRANSLATED).reshape(shape)
@@ -133,7 +133,7 @@ def test_views_beyond_the_range_do_not_count(scene: Scene) -> None:
 
 
 def test_swatches_keep_textured_pixels_and_paint_all_others(scene: Scene) -> None:
-    swatches = Swatches(scene, [STREET], seed=1)
+    swatches = MaterialFieldTranslator(scene, [STREET], seed=1)
     panorama = render(scene, window(scene, []), camera(), (64, 128))
     panorama.textured[40:50] = True
     kept = panorama.rgb[40:50].copy()

@@ -16,12 +16,12 @@ from facade_core.geometry.ground.terrain import terrain_of
 from facade_core.geometry.party_walls import enclosed
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.lighting.contact import contact
-from facade_core.street.materials.field import Materials
-from facade_core.street.materials.ground_by_example import FILLED_M
+from facade_core.street.lighting.contact_shadow import contact_light
+from facade_core.street.materials.example_fill import MAX_FILL_M
+from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import Known, Pixels, faded, paint, surface
+from facade_core.street.surfaces import KnownTexture, TranslatedViews, photo_fade_weight, paint_visible_texels, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 
@@ -35,8 +35,8 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def materials(scene: Scene) -> Materials:
-    return Materials(scene, [STREET], seed=1)
+def materials(scene: Scene) -> MaterialField:
+    return MaterialField(scene, [STREET], seed=1)
 
 
 def ground(scene: Scene) -> int:
@@ -45,7 +45,7 @@ def ground(scene: Scene) -> int:
     return int(own[np.argmax(scene.charts.size[own].prod(axis=1))])
 
 
-def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> Known:
+def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> KnownTexture:
     """One chart of one colour where rank (h, w) says that it is known; others are bare."""
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> Known:
         colour = np.where(ranks[..., None] > Provenance.UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
         return colour[rows, columns], ranks[rows, columns]
 
-    return Known(read, {chart}, {chart})
+    return KnownTexture(read, {chart}, {chart})
 
 
 def bare(scene: Scene, chart: int) -> np.ndarray:
@@ -63,7 +63,7 @@ def bare(scene: Scene, chart: int) -> np.ndarray:
 
 def footed(scene: Scene, chart: int, raster: np.ndarray) -> np.ndarray:
     """A raster (h, w, 3) of a chart, darker where walls stand on the ground."""
-    left = contact(scene, chart)
+    left = contact_light(scene, chart)
     return (
         raster
         if left is None
@@ -71,22 +71,22 @@ def footed(scene: Scene, chart: int, raster: np.ndarray) -> np.ndarray:
     )
 
 
-def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: Materials) -> None:
+def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: MaterialField) -> None:
     for chart in range(len(scene.charts)):
-        colour, provenance = surface(scene, materials, chart, known(scene, -1, bare(scene, 0), 0), network=False)
+        colour, provenance = finish_chart(scene, materials, chart, known(scene, -1, bare(scene, 0), 0), is_neural=False)
         np.testing.assert_array_equal(colour, footed(scene, chart, materials.raster(chart)))
         assert (provenance == Provenance.MATERIAL).all()
 
 
-def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, materials: Materials) -> None:
+def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, materials: MaterialField) -> None:
     chart = int(np.flatnonzero((scene.charts.kind == ChartKind.WALL) & (scene.charts.size[:, 0] > 19))[0])
     rank = bare(scene, chart)
     rank[:, :40] = Provenance.PHOTO
     read = known(scene, chart, rank, 160)
-    colour, provenance = surface(scene, materials, chart, read, network=False)
+    colour, provenance = finish_chart(scene, materials, chart, read, is_neural=False)
     assert (colour[:, :40] == 160).all()
     assert (provenance[:, 40:] == Provenance.MATERIAL).all()
-    plain, _ = surface(scene, materials, chart, read, network=False, levelling=False)
+    plain, _ = finish_chart(scene, materials, chart, read, is_neural=False, levelling=False)
     np.testing.assert_array_equal(plain[:, 40:], footed(scene, chart, materials.raster(chart))[:, 40:])
     step = [abs(found[:, 40:46].astype(float).mean() - 160) for found in (plain, colour)]
     assert step[1] < 0.35 * step[0]
@@ -100,19 +100,19 @@ def test_a_picture_of_the_ground_fades_to_where_none_is_but_not_to_the_border(sc
     end = np.pad(bare(scene, chart), 12).astype(bool)
     end[:, :12] = end[:, 52:] = True
     ramp = np.arange(1, 11) / 10
-    share = faded(scene, chart, end)
+    share = photo_fade_weight(scene, chart, end)
     assert share[100, 30:41] == pytest.approx([*ramp[::-1], 0.0], abs=1e-6)
     assert share[100, :10] == pytest.approx(ramp)
     assert (share[:, 40:] == 0).all()
     assert (share[:, 10:30] == 1).all()
     # where nothing is known of what lies beside it, nothing ends at the piece's border
-    alone = faded(scene, chart, end[12:-12, 12:-12])
+    alone = photo_fade_weight(scene, chart, end[12:-12, 12:-12])
     assert (alone[:, :30] == 1).all()
-    assert (faded(scene, chart, np.zeros_like(end)) == 1).all()
+    assert (photo_fade_weight(scene, chart, np.zeros_like(end)) == 1).all()
 
 
 def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
-    scene: Scene, materials: Materials
+    scene: Scene, materials: MaterialField
 ) -> None:
     """Stripes along the picture's border, with a hole: they go on through the hole and FILLED_M beyond the border, the last of
     which fades."""
@@ -128,11 +128,11 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
         colour, ranks = plain(one, rows, columns)
         return (colour * stripes[rows] if one == chart else colour), ranks
 
-    colour, provenance = surface(scene, materials, chart, Known(read, {chart}, {chart}), network=False)
+    colour, provenance = finish_chart(scene, materials, chart, KnownTexture(read, {chart}, {chart}), is_neural=False)
     hole = provenance[60:80, 40:70]
     assert (hole == Provenance.INPAINTED).all()
     assert np.abs(colour[60:80, 40:70].astype(float) - stripes[60:80]).mean() < 8
-    last = 120 + round(FILLED_M * density)
+    last = 120 + round(MAX_FILL_M * density)
     assert (provenance[20:-20, 120 : last - 2] == Provenance.INPAINTED).all()
     assert (provenance[:, last + 2 :] < Provenance.INPAINTED).all()
     painted = materials.raster(chart)
@@ -149,18 +149,18 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
     )
     placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
-    materials = Materials(scene, [STREET], seed=1)
+    materials = MaterialField(scene, [STREET], seed=1)
     front = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9))
     one, other = front[np.argsort(charts.origin[front, 0])].tolist()
     photo = np.full_like(bare(scene, one), Provenance.PHOTO)
     step = {}
     for levelling in (False, True):
-        colour, _ = surface(scene, materials, other, known(scene, one, photo, 120), network=False, levelling=levelling)
+        colour, _ = finish_chart(scene, materials, other, known(scene, one, photo, 120), is_neural=False, levelling=levelling)
         step[levelling] = abs(colour[:, :6].astype(float).mean() - 120)
     assert step[True] < 0.35 * step[False]
 
 
-def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: Materials) -> None:
+def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: MaterialField) -> None:
     rasters, writable = TexelBuffer.layout(scene.placement, range(len(scene.charts)), [])
     blank = np.zeros((rasters.total, 3), np.uint8)
     window = TexelBuffer.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
@@ -168,7 +168,7 @@ def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scen
     for x in (5.0, 15.0):
         viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
         mark_first_visible(scene, window, viewpoint, scene.look(viewpoint, 512)[2])
-        paint(window, scene.placement, materials)
+        paint_visible_texels(window, scene.placement, materials)
         counts.append(int((window.provenance == Provenance.TRANSLATED).sum()))
     assert 0 < counts[0] < counts[1] < rasters.total
     assert window.state.views.max() == 1
@@ -180,7 +180,7 @@ def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scen
     assert not window.colour[texels][~seen].any()
 
 
-def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials: Materials) -> None:
+def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials: MaterialField) -> None:
     """Tone from the network, grain of the material; more of it where a pixel covers more."""
     chart = ground(scene)
     rank = np.full_like(bare(scene, chart), Provenance.TRANSLATED)
@@ -188,8 +188,8 @@ def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials
     middle = scene.charts.at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0]
     grain = []
     for up in (1.5, 30.0):
-        pixels = Pixels(middle + np.array([0, 0, up]), 512)
-        colour, provenance = surface(scene, materials, chart, read, network=True, pixels=pixels, levelling=False)
+        pixels = TranslatedViews(middle + np.array([0, 0, up]), 512)
+        colour, provenance = finish_chart(scene, materials, chart, read, is_neural=True, views=pixels, levelling=False)
         assert (provenance == Provenance.TRANSLATED).all()
         assert abs(colour.astype(float).mean() - 120) < 2
         grain.append(float(colour.astype(float).std()))
@@ -206,7 +206,7 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
     placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("tall", "low", "apart"))
-    materials = Materials(scene, [STREET], seed=1)
+    materials = MaterialField(scene, [STREET], seed=1)
     shut = np.array([enclosed(scene, chart).mean() for chart in range(len(charts))])
     east = charts.normal()[:, 0]
     (party,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 0) & (east > 0.9))
@@ -214,7 +214,7 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     assert shut[covered] == 1
     assert shut[party] == pytest.approx(0.5, abs=0.06)
     assert not np.delete(shut, [party, covered]).any()
-    colour, provenance = surface(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), network=False)
+    colour, provenance = finish_chart(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), is_neural=False)
     assert (provenance == Provenance.MATERIAL).all()
     assert np.ptp(colour[70:].reshape(-1, 3), axis=0).max() == 0
     np.testing.assert_array_equal(colour[:55], materials.raster(int(party))[:55])

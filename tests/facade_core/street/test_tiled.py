@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError
-from facade_core.street.materials.tiled import Material, seamless
+from facade_core.street.materials.tiled_material import TiledMaterial, make_seamless
 
 
 def grain(rows: int, columns: int, seed: int = 0) -> np.ndarray:
@@ -22,7 +22,7 @@ def grain(rows: int, columns: int, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_steps_across_the_border_are_those_within(seed: int) -> None:
     image = grain(120, 160, seed)
-    tile = seamless(image)
+    tile = make_seamless(image)
     inner = np.abs(np.diff(tile, axis=1)).mean()
     assert np.abs(tile[:, 0] - tile[:, -1]).mean() < 1.3 * inner
     assert np.abs(tile[0] - tile[-1]).mean() < 1.3 * np.abs(np.diff(tile, axis=0)).mean()
@@ -36,7 +36,7 @@ def test_a_metre_of_the_material_is_a_metre_of_the_roof() -> None:
     """Bars 40 pixels apart, a centimetre each, are 0.4 m apart; from row to row of tiles they do not drift."""
     bars = np.where((np.arange(320) % 40 < 20)[None, :, None], 200, 60).astype(np.uint8)
     image = np.broadcast_to(bars, (240, 320, 3)).copy()
-    material = Material.of(image, 0.01, 20.0)
+    material = TiledMaterial.of(image, 0.01, 20.0)
     at = np.arange(0, 12, 0.01)
     line = material.laid(at, np.full(len(at), 3.3), np.full(len(at), 0.05))[:, 0]
     spectrum = np.abs(np.fft.rfft(line - line.mean()))
@@ -47,9 +47,9 @@ def test_a_metre_of_the_material_is_a_metre_of_the_roof() -> None:
 def test_a_coarse_picture_is_interpolated_and_a_fine_one_averaged() -> None:
     flat = np.full((40, 40, 3), 90, np.uint8)
     for metres in (0.001, 1.0):
-        colour = Material.of(flat, metres, 20.0).laid(
+        colour = TiledMaterial.of(flat, metres, 20.0).laid(
             np.linspace(-50, 50, 99), np.linspace(9, -70, 99), np.geomspace(0.01, 9, 99)
         )
         assert np.abs(colour - 90).max() < 1
     with pytest.raises(ImageError, match="larger picture"):
-        Material.of(flat[:4], 0.01, 20.0)
+        TiledMaterial.of(flat[:4], 0.01, 20.0)

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from catalogs.city.keys import is_cut_as_usual
 from facade_core.core.errors import BlockFileError, InputError
 from flows.cli.commands import main

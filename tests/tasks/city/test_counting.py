@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.city.reading import write_town
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from tasks.city.counting import Counts, counts_of, planned_of
 from tasks.stages.ingest.planning import plan_of
 

@@ -10,7 +10,7 @@ import yaml
 import zarr
 
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.plan.plan_tables import read_plan
 from tasks.city.blocks import read_city
@@ -55,7 +55,7 @@ def made(town: Path, metres: int) -> tuple[int, dict[str, str], dict[int, np.nda
             assert record["status"] == "done", record
             assert facades.setdefault(record["unit"], str(record["digests"])) is not None
         own = np.flatnonzero(plan.own)
-        rasters = Rasters.of(plan.scene.placement, own.tolist())
+        rasters = TexelLayout.of(plan.scene.placement, own.tolist())
         colours = read_rasters(group["atlas/colour"], plan.scene.placement, rasters)
         found = {int(plan.ids[one]): colours[rasters.slice(plan.scene.placement, one)] for one in own.tolist()}
         assert not found.keys() & charts.keys(), "what is textured in one block is textured in no other"

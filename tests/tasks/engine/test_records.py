@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.block import TextureSettings
-from catalogs.readers.pictures.folders import image_files
+from catalogs.block.reader import TextureSettings
+from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
 from tasks.engine.context import unit_seed
 from tasks.engine.outcome import Outcome, failure, is_done
 from tasks.engine.progress import StageProgress, advance, begin_stage, listen
 from tasks.engine.run import Run
+from tasks.stages.exemplars.stage import exemplar_key
 from tasks.stages.shared.images import read_image, read_labels
-from tasks.stages.shared.key_parts import exemplar_key
 
 RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
 
@@ -105,7 +105,7 @@ def test_labels_lie_beside_an_exemplar(tmp_path: Path) -> None:
     labels = np.zeros((40, 60), np.uint8)
     labels[20:] = 1
     Image.fromarray(labels).save(tmp_path / "a.labels.png")
-    assert image_files(tmp_path, "exemplar")[0] == (picture,), "labels are no picture of their own"
+    assert list_images(tmp_path, "exemplar")[0] == (picture,), "labels are no picture of their own"
     read = read_labels(picture, (20, 30))
     assert read is not None
     assert (read.shape, read[9].max(), read[10].min()) == ((20, 30), 0, 1)

@@ -16,7 +16,7 @@ import pytest
 import shapely
 from PIL import Image
 
-from catalogs.block import read_block
+from catalogs.block.reader import read_block
 from facade_core.core.errors import InputError
 from tasks.examples.new_block import Around, Geometry, new_block
 

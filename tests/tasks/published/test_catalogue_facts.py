@@ -13,7 +13,7 @@ import pytest
 import shapely
 from shapely import LineString
 
-from catalogs.block import TextureSettings
+from catalogs.block.reader import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, sources_of
 from facade_core.core.types import SHIPPED_MODELS, Models, Street
 from facade_core.geometry.walls import STREET

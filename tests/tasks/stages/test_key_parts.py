@@ -17,8 +17,8 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.block import TextureSettings
 from catalogs.block.keys import SunSettings
+from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Shell, Street
@@ -26,21 +26,17 @@ from facade_core.imagery.poses.joint_refinement import Alone
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
+from tasks.engine.unit_key import changed_parts, parts_key, parts_of
+from tasks.stages.bundles.stage import bundle_key
 from tasks.stages.bundles.worker import Member
+from tasks.stages.exemplars.stage import exemplar_key
 from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.keys import facade_keys
 from tasks.stages.order import STAGES
-from tasks.stages.shared.key_parts import (
-    bundle_key,
-    changed_parts,
-    exemplar_key,
-    facade_keys,
-    parts_key,
-    parts_of,
-    pose_key,
-    texture_key,
-)
+from tasks.stages.poses.stage import pose_key
 from tasks.stages.streets.keys import SETTINGS, StreetKeys, street_keys
 from tasks.stages.surfaces.keys import surface_key
+from tasks.stages.textures.stage import texture_key
 
 RUN = Run(
     out="/out",

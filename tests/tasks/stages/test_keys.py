@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.block import TextureSettings
+from catalogs.block.reader import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 from tasks.engine.stage import same_key_or_name
 from tasks.engine.unit import Unit
+from tasks.engine.unit_key import changed_parts, parts_key, parts_of
 from tasks.stages.facades.imagery import Imagery
-from tasks.stages.shared.key_parts import changed_parts, facade_keys, parts_key, parts_of
+from tasks.stages.facades.keys import facade_keys
 from tasks.stages.streets.keys import SETTINGS
 from tasks.stages.streets.stage import STREETS
 

@@ -11,9 +11,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from facade_core.export.models.pages import LARGEST_PAGE
 from facade_core.export.pictures.views import VIEW_SIZE
+from tasks.stages.exemplars.stage import exemplar_memory
 from tasks.stages.facades.imagery import Imagery
-from tasks.stages.shared import memory
+from tasks.stages.facades.stage import facade_memory
+from tasks.stages.pages.stage import page_memory
+from tasks.stages.pictures.stage import facade_pictures_memory, view_memory
+from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL
+from tasks.stages.streets.memory import street_memory
+from tasks.stages.surfaces.stage import surface_memory
+from tasks.stages.textures.stage import TEXTURE_TEXEL, texture_memory
+from tasks.stages.tiles.stage import tile_memory
 
 # Peak of what a process holds while it does a unit, beside what it held before: libraries are loaded and compiled by a small
 # unit first, since a worker has them once.
@@ -255,68 +264,68 @@ def test_a_facade_from_a_photo_fits_what_it_declares(
     photo = tmp_path / "photo.png"
     Image.fromarray(np.zeros((*PHOTOS[number], 3), np.uint8)).save(photo)
     taken, texels = of_photos[number]
-    assert_fits(memory.facade_memory(texels, Imagery(photo)), taken)
+    assert_fits(facade_memory(texels, Imagery(photo)), taken)
 
 
 def test_a_facade_from_an_exemplar_fits_what_it_declares() -> None:
     taken, texels = measured("retargeted", (240, 320), (600, 1000))
-    assert_fits(memory.facade_memory(texels, Imagery(exemplar=(0, "e"))), taken)
+    assert_fits(facade_memory(texels, Imagery(exemplar=(0, "e"))), taken)
 
 
 def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
     picture = tmp_path / "exemplar.png"
     Image.fromarray(np.zeros((800, 1000, 3), np.uint8)).save(picture)
     taken, _ = measured("exemplar", (240, 320), (800, 1000))
-    assert_fits(memory.exemplar_memory(picture), taken)
+    assert_fits(exemplar_memory(picture), taken)
 
 
 def test_the_window_of_a_street_fits_what_it_declares() -> None:
     taken, texels = measured("street", (4, 256), (30, 512))
-    assert_fits(memory.street_memory(texels, texels), taken)
+    assert_fits(street_memory(texels, texels), taken)
 
 
 def test_a_page_fits_what_it_declares() -> None:
     taken, texels = measured("page", (4, 1), (30, 2))
-    assert_fits(memory.page_memory(texels), taken)
+    assert_fits(page_memory(texels), taken)
 
 
 def test_a_tile_of_several_pictures_fits_what_it_declares() -> None:
     taken, texels = measured("tile", (4, 1), (30, 12))
-    assert texels > 1.5 * memory.LARGEST_PAGE**2
-    assert_fits(memory.tile_memory(texels), taken)
+    assert texels > 1.5 * LARGEST_PAGE**2
+    assert_fits(tile_memory(texels), taken)
 
 
 def test_a_view_fits_what_it_declares() -> None:
     taken, _ = measured("view", (90, 144), VIEW_SIZE)
-    assert_fits(memory.view_memory(2048**2), taken)
+    assert_fits(view_memory(2048**2), taken)
 
 
 def test_pictures_of_a_facade_fit_what_they_declare(of_photos: list[tuple[int, int]]) -> None:
     taken, texels = of_photos[-1]
-    assert_fits(memory.facade_pictures_memory(texels), taken)
+    assert_fits(facade_pictures_memory(texels), taken)
 
 
 def test_a_surface_fits_what_it_declares() -> None:
     taken, texels = measured("surface", (4, 0), (40, 0))
-    assert_fits(memory.surface_memory(np.array([texels])), taken)
+    assert_fits(surface_memory(np.array([texels])), taken)
 
 
 def test_a_panorama_fits_what_the_network_declares() -> None:
     taken, pixels = measured("network", (32, 64), (512, 1024))
-    assert_fits(memory.street_memory(0, 0, network=pixels), taken)
+    assert_fits(street_memory(0, 0, network=pixels), taken)
 
 
 def test_a_broken_picture_takes_none(tmp_path: Path) -> None:
     (tmp_path / "broken.png").write_bytes(b"no picture")
-    assert memory.exemplar_memory(tmp_path / "broken.png") == memory.LEAST
-    assert memory.texture_memory(10, [tmp_path / "missing.png"]) == memory.LEAST + 10 * memory.TEXTURE_TEXEL
+    assert exemplar_memory(tmp_path / "broken.png") == LIBRARY_BYTES
+    assert texture_memory(10, [tmp_path / "missing.png"]) == LIBRARY_BYTES + 10 * TEXTURE_TEXEL
 
 
 def test_every_texel_and_pixel_counts(tmp_path: Path) -> None:
     picture = tmp_path / "picture.png"
     Image.fromarray(np.zeros((30, 20, 3), np.uint8)).save(picture)
-    assert memory.facade_memory(1000, Imagery(picture)) - memory.facade_memory(0, Imagery(picture)) >= 100_000
+    assert facade_memory(1000, Imagery(picture)) - facade_memory(0, Imagery(picture)) >= 100_000
     assert (
-        memory.facade_memory(10, Imagery(picture)) - memory.facade_memory(10, Imagery()) == 600 * memory.PICTURE_PIXEL
+        facade_memory(10, Imagery(picture)) - facade_memory(10, Imagery()) == 600 * PICTURE_PIXEL
     )
-    assert memory.street_memory(200, 100) > memory.street_memory(100, 100) < memory.street_memory(100, 200)
+    assert street_memory(200, 100) > street_memory(100, 100) < street_memory(100, 200)

@@ -3,7 +3,7 @@ import pytest
 
 from benchmarks.in_front import marked
 from catalogs.learning.datasets import LabelledFacade
-from catalogs.learning.in_front import Looked, looked_in_front
+from catalogs.learning.occluder_boxes import Looked, looked_in_front
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.occluder_labels import ground_floor
 from facade_core.parsing.training_views import ANY_CLASS

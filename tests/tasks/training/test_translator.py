@@ -9,7 +9,7 @@ from PIL import Image
 
 from facade_core.core.errors import InputError, ModelError
 from facade_core.street.translator import training
-from facade_core.street.translator.training import SMALL
+from facade_core.street.translator.training import SMALL_RECIPE
 from tasks.engine.store.status import record_source
 from tasks.training.translator import Places, in_folders, panoramas, street_of, train_translator
 
@@ -21,7 +21,7 @@ def test_without_torch_it_ends_before_anything_is_read(tmp_path: Path, monkeypat
     places = Places(("nowhere",))
     with pytest.raises(ModelError, match="make train-setup"):
         train_translator(
-            [tmp_path / "none"], [tmp_path / "none.yaml"], tmp_path / "out", seed=0, course=SMALL, places=places
+            [tmp_path / "none"], [tmp_path / "none.yaml"], tmp_path / "out", seed=0, course=SMALL_RECIPE, places=places
         )
     assert not any(tmp_path.iterdir())
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.features import Model, Models
+from catalogs.features import BuildingModel, BuildingModels
 from catalogs.readers.citygml.buildings import read_citygml
 from facade_core.core.errors import InputError
 from facade_core.core.types import SEMANTICS
@@ -107,11 +107,11 @@ def write(folder: Path, *inner: str, version: str = "2.0", srs: str | None = "EP
     return path
 
 
-def counts(model: Model) -> dict[str, int]:
+def counts(model: BuildingModel) -> dict[str, int]:
     return dict(Counter(SEMANTICS[index] for index in model.shell.semantic))
 
 
-def areas(model: Model) -> dict[str, float]:
+def areas(model: BuildingModel) -> dict[str, float]:
     """Area by semantic, in the square of the frame's unit."""
     corners = model.shell.vertices[model.shell.triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -121,13 +121,13 @@ def areas(model: Model) -> dict[str, float]:
     return found
 
 
-def volume(model: Model) -> float:
+def volume(model: BuildingModel) -> float:
     """Signed: positive where the triangles turn counter-clockwise seen from outside."""
     a, b, c = (model.shell.vertices[model.shell.triangles[:, k]] - model.shell.vertices[0] for k in range(3))
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def reasons(models: Models) -> list[str]:
+def reasons(models: BuildingModels) -> list[str]:
     return [remark.reason for remark in models.remarks]
 
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.features import Footprints, Model, Models
+from catalogs.features import BuildingModel, BuildingModels, Footprints
 from catalogs.readers.cityjson.buildings import read_cityjson
-from catalogs.readers.json_files import read_json
+from catalogs.readers.json_files import read_json_buildings
 from facade_core.core.errors import InputError
 from facade_core.core.types import SEMANTICS
 
@@ -96,21 +96,21 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.fixture
-def read(write: Write) -> Callable[..., Models]:
-    def reader(document: Json, lod: str | None = None) -> Models:
+def read(write: Write) -> Callable[..., BuildingModels]:
+    def reader(document: Json, lod: str | None = None) -> BuildingModels:
         return read_cityjson(write(document), lod)
 
     return reader
 
 
-def areas(model: Model) -> dict[str, float]:
+def areas(model: BuildingModel) -> dict[str, float]:
     a, b, c = (model.shell.vertices[model.shell.triangles[:, k]] for k in range(3))
     size = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     kinds = {SEMANTICS[k] for k in model.shell.semantic}
     return {kind: round(float(size[model.shell.semantic == SEMANTICS.index(kind)].sum()), 6) for kind in kinds}
 
 
-def volume(model: Model) -> float:
+def volume(model: BuildingModel) -> float:
     a, b, c = ((model.shell.vertices - model.shell.vertices[0])[model.shell.triangles[:, k]] for k in range(3))
     return float(np.einsum("nk,nk", np.cross(a, b), c) / 6)
 
@@ -118,7 +118,7 @@ def volume(model: Model) -> float:
 HOUSE_AREAS = {"ground": 80.0, "roof": 100.0, "wall": 240 - 4 - 5.8, "window": 4.0, "door": 5.8}
 
 
-def only(models: Models) -> Model:
+def only(models: BuildingModels) -> BuildingModel:
     assert models.faults == ()
     (model,) = models.items
     return model
@@ -128,7 +128,7 @@ def only(models: Models) -> Model:
 
 
 @pytest.mark.parametrize("version", ["1.0", "1.0.3", "1.1", "2.0", "2.0.1"])
-def test_a_house_of_every_version(read: Callable[..., Models], version: str) -> None:
+def test_a_house_of_every_version(read: Callable[..., BuildingModels], version: str) -> None:
     attributes = {"measuredHeight": 9.0, "storeysAboveGround": 2, "name": " De Hoop ", "TerrainHeight": 1.4}
     models = read(city({"h": house(solid(), attributes=attributes), "r": {"type": "Road"}}, version))
     model = only(models)
@@ -140,7 +140,7 @@ def test_a_house_of_every_version(read: Callable[..., Models], version: str) -> 
     np.testing.assert_allclose(model.shell.vertices.max(axis=0), ORIGIN + np.array([10, 8, 9]))
 
 
-def test_plain_coordinates_and_numeric_lods_of_version_1_0(read: Callable[..., Models]) -> None:
+def test_plain_coordinates_and_numeric_lods_of_version_1_0(read: Callable[..., BuildingModels]) -> None:
     document = city({"h": house(solid(2), box(1))}, "1.0")
     del document["transform"]
     document["vertices"] = [[float(c) for c in corner] for corner in CORNERS]
@@ -168,11 +168,11 @@ def as_solids(kind: str) -> Json:
     ],
     ids=lambda geometry: geometry["type"],
 )
-def test_every_kind_of_geometry(read: Callable[..., Models], geometry: Json) -> None:
+def test_every_kind_of_geometry(read: Callable[..., BuildingModels], geometry: Json) -> None:
     assert areas(only(read(city({"h": house(geometry)})))) == pytest.approx(HOUSE_AREAS)
 
 
-def test_voids_in_solids_are_left_out(read: Callable[..., Models]) -> None:
+def test_voids_in_solids_are_left_out(read: Callable[..., BuildingModels]) -> None:
     geometry = solid()
     geometry["boundaries"].append([[WINDOW], [DOOR]])
     geometry["semantics"]["values"].append([0, None])
@@ -184,7 +184,7 @@ def test_voids_in_solids_are_left_out(read: Callable[..., Models]) -> None:
     assert areas(models.items[1]) == pytest.approx(HOUSE_AREAS | {"unknown": 5.8})
 
 
-def test_semantics_are_mapped_and_inner_surfaces_dropped(read: Callable[..., Models]) -> None:
+def test_semantics_are_mapped_and_inner_surfaces_dropped(read: Callable[..., BuildingModels]) -> None:
     geometry = solid()
     kinds = ("OuterCeilingSurface", "ClosureSurface", "OuterFloorSurface", "InteriorWallSurface", "+Gutter")
     geometry["semantics"]["surfaces"] = [{"type": kind} for kind in kinds]
@@ -210,7 +210,7 @@ def test_semantics_are_mapped_and_inner_surfaces_dropped(read: Callable[..., Mod
 # ---- what belongs to a building
 
 
-def test_parts_and_installations_join_their_building(read: Callable[..., Models]) -> None:
+def test_parts_and_installations_join_their_building(read: Callable[..., BuildingModels]) -> None:
     beside = [[x + 10, y, z] for x, y, z in CORNERS]
     objects = {
         "b-0": house(solid(), kind="BuildingPart", parents=["b"], attributes={"measuredHeight": 9}),
@@ -232,14 +232,14 @@ def test_parts_and_installations_join_their_building(read: Callable[..., Models]
     assert areas(low) == pytest.approx({"unknown": 376.0}), "the whole building has LoD 1.2"
 
 
-def test_a_building_of_its_elements_only(read: Callable[..., Models]) -> None:
+def test_a_building_of_its_elements_only(read: Callable[..., BuildingModels]) -> None:
     objects = {"b": house(), "e": house(solid(), kind="BuildingConstructiveElement", parents=["b"])}
     assert volume(only(read(city(objects)))) == pytest.approx(VOLUME)
     objects["b"]["geometry"] = [box("1")]
     assert volume(only(read(city(objects)))) == pytest.approx(480.0)
 
 
-def test_circles_of_parents_end(read: Callable[..., Models]) -> None:
+def test_circles_of_parents_end(read: Callable[..., BuildingModels]) -> None:
     objects = {"a": house(box("1"), parents=["b"]), "b": house(box("1", 8), parents=["a"]), "c": house(box("1"))}
     objects["c"] |= {"parents": ["c"], "children": ["c"]}
     corners = [*CORNERS[:8], *([x + 10, y, z] for x, y, z in CORNERS[:8])]
@@ -259,14 +259,14 @@ def test_circles_of_parents_end(read: Callable[..., Models]) -> None:
         ("3", VOLUME, "buildings without LoD 3 read at LoD 2.2"),
     ],
 )
-def test_levels_of_detail(read: Callable[..., Models], lod: str | None, expected: float, noted: str | None) -> None:
+def test_levels_of_detail(read: Callable[..., BuildingModels], lod: str | None, expected: float, noted: str | None) -> None:
     models = read(city({"h": house(footprint(), box("1"), solid())}), lod)
     assert volume(only(models)) == pytest.approx(expected)
     assert [remark.reason for remark in models.remarks] == ([noted] if noted else [])
-    assert all(remark.id == "h" and remark.outline.area == pytest.approx(80) for remark in models.remarks)
+    assert all(remark.id == "h" and remark.geometry.area == pytest.approx(80) for remark in models.remarks)
 
 
-def test_nearest_higher_level_where_there_is_no_lower(read: Callable[..., Models]) -> None:
+def test_nearest_higher_level_where_there_is_no_lower(read: Callable[..., BuildingModels]) -> None:
     models = read(city({"h": house(solid("3.1"), solid("2.2"))}), "1.3")
     assert [remark.reason for remark in models.remarks] == ["buildings without LoD 1.3 read at LoD 2.2"]
     for lod in ("0", "x", "-1", ""):
@@ -274,13 +274,13 @@ def test_nearest_higher_level_where_there_is_no_lower(read: Callable[..., Models
             read(city({"h": house(solid())}), lod)
 
 
-def test_a_solid_that_repeats_its_surfaces_counts_once(read: Callable[..., Models]) -> None:
+def test_a_solid_that_repeats_its_surfaces_counts_once(read: Callable[..., BuildingModels]) -> None:
     bare = solid()
     del bare["semantics"]
     assert areas(only(read(city({"h": house(bare, as_surfaces("MultiSurface"))})))) == pytest.approx(HOUSE_AREAS)
 
 
-def test_instances_of_templates(read: Callable[..., Models]) -> None:
+def test_instances_of_templates(read: Callable[..., BuildingModels]) -> None:
     store: Json = {"templates": [solid()], "vertices-templates": [[float(c) for c in corner] for corner in CORNERS]}
     matrix = [0, -2, 0, 5, 2, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]
     instance = {"type": "GeometryInstance", "template": 0, "boundaries": [1], "transformationMatrix": matrix}
@@ -311,14 +311,14 @@ def test_instances_of_templates(read: Callable[..., Models]) -> None:
         (None, None),
     ],
 )
-def test_names_of_frames(read: Callable[..., Models], name: str | None, crs: str | None) -> None:
+def test_names_of_frames(read: Callable[..., BuildingModels], name: str | None, crs: str | None) -> None:
     models = read(city({"h": house(solid())}, metadata={"referenceSystem": name}))
     assert (models.crs, models.remarks) == (crs, ())
     assert read(city({"h": house(solid())}, crs=None)).crs is None
 
 
 @pytest.mark.parametrize("name", ["https://www.opengis.net/def/crs/EPSG/0/", "RD New", "EPSG:999999", "EPSG:5709"])
-def test_a_frame_that_is_not_understood_is_said(read: Callable[..., Models], name: str) -> None:
+def test_a_frame_that_is_not_understood_is_said(read: Callable[..., BuildingModels], name: str) -> None:
     models = read(city({"h": house(solid())}, metadata={"referenceSystem": name}))
     assert models.crs is None
     assert [remark.reason for remark in models.remarks] == ["names of a CRS that are not understood"]
@@ -341,7 +341,7 @@ def degrees(first: float, second: float, *, north_first: bool) -> Json:
     ],
 )
 def test_degrees_come_out_as_longitude_and_latitude(
-    read: Callable[..., Models], crs: str, place: tuple[float, float], north_first: bool, remarked: int
+    read: Callable[..., BuildingModels], crs: str, place: tuple[float, float], north_first: bool, remarked: int
 ) -> None:
     document = city({"h": house(solid())}, crs=crs)
     document["transform"] = degrees(*place, north_first=north_first)
@@ -356,7 +356,7 @@ def test_degrees_come_out_as_longitude_and_latitude(
     assert len(models.remarks) == remarked
 
 
-def test_projected_frames_with_north_first_and_feet(read: Callable[..., Models]) -> None:
+def test_projected_frames_with_north_first_and_feet(read: Callable[..., BuildingModels]) -> None:
     document = city({"h": house(solid())}, crs="2180")  # Poland: the first axis is the northing
     document["transform"]["translate"] = [500_000.0, 600_000.0, 0.0]
     np.testing.assert_allclose(only(read(document)).shell.vertices.min(axis=0), [600_000.0, 500_000.0, 0.0])
@@ -490,7 +490,7 @@ def bad(**changes: Any) -> Callable[[Json], None]:
         (lambda document: document["CityObjects"].update(bad=[]), "no CityObject"),
     ],
 )
-def test_a_broken_building_is_set_aside(read: Callable[..., Models], change: Callable[[Json], None], said: str) -> None:
+def test_a_broken_building_is_set_aside(read: Callable[..., BuildingModels], change: Callable[[Json], None], said: str) -> None:
     models = read(broken(change))
     assert [model.id for model in models.items] == ["good"]
     assert areas(models.items[0]) == pytest.approx(HOUSE_AREAS)
@@ -503,7 +503,7 @@ def test_a_broken_building_is_set_aside(read: Callable[..., Models], change: Cal
         np.testing.assert_allclose(fault.place.bounds, (85_000, 447_000, 85_010, 447_008))
 
 
-def test_codes_for_unknown_are_no_values(read: Callable[..., Models]) -> None:
+def test_codes_for_unknown_are_no_values(read: Callable[..., BuildingModels]) -> None:
     for attributes in (
         {"measuredHeight": -9999, "storeysAboveGround": 9999, "TerrainHeight": -9999, "name": ""},
         {"measuredHeight": None, "storeysAboveGround": "?", "TerrainHeight": float("nan"), "name": 7},
@@ -569,7 +569,7 @@ def test_a_path_that_is_no_file(tmp_path: Path) -> None:
             read_cityjson(tmp_path / name)
 
 
-def test_a_file_without_buildings_has_no_items(read: Callable[..., Models]) -> None:
+def test_a_file_without_buildings_has_no_items(read: Callable[..., BuildingModels]) -> None:
     models = read(city({"r": {"type": "Road"}}, corners=np.empty((0, 3))))
     assert (models.items, models.faults, models.crs) == ((), (), "EPSG:7415")
 
@@ -594,8 +594,8 @@ def test_a_sequence_reads_as_the_same_buildings(write: Write, name: str) -> None
     parts = {"p": house(kind="Building", children=["p-0"]), "p-0": house(solid(), kind="BuildingPart", parents=["p"])}
     path = write(city({}, corners=np.empty((0, 3))), feature("a"), "", feature("p", 20, **parts), name=name)
     path.write_text(path.read_text().replace('""', ""))
-    models = read_json(path)
-    assert isinstance(models, Models)
+    models = read_json_buildings(path)
+    assert isinstance(models, BuildingModels)
     assert models.faults == ()
     assert models.crs == "EPSG:7415"
     assert [model.id for model in models.items] == ["a", "p"]
@@ -647,20 +647,20 @@ def test_a_sequence_needs_its_head(write: Write) -> None:
 
 
 def test_json_goes_to_the_reader_of_what_it_is(write: Write) -> None:
-    assert [model.id for model in read_json(write(city({"h": house(solid())}))).items] == ["h"]
+    assert [model.id for model in read_json_buildings(write(city({"h": house(solid())}))).items] == ["h"]
     with pytest.raises(InputError, match="is not CityJSON"):
-        read_json(write(without("type")))
+        read_json_buildings(write(without("type")))
     document: Any
     for document in ([], {}, 7, {"type": "Topology"}, {"walls": []}):
         with pytest.raises(InputError, match="holds no buildings"):
-            read_json(write(document))
+            read_json_buildings(write(document))
     wall = [[0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]]
-    walls = read_json(write({"crs": "EPSG:28992", "walls": {"w": {"south": wall}}}))
+    walls = read_json_buildings(write({"crs": "EPSG:28992", "walls": {"w": {"south": wall}}}))
     assert isinstance(walls, Footprints)
     assert [item.id for item in walls.items] == ["w"]
     outline = {"type": "Polygon", "coordinates": [[[4.4, 52.0], [4.5, 52.0], [4.5, 52.1], [4.4, 52.0]]]}
     feature = {"type": "Feature", "properties": {"height": 7.0}, "geometry": outline}
-    footprints = read_json(write({"type": "FeatureCollection", "features": [feature]}))
+    footprints = read_json_buildings(write({"type": "FeatureCollection", "features": [feature]}))
     assert isinstance(footprints, Footprints)
     assert [item.height for item in footprints.items] == [7.0]
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from catalogs.features import Model, Models
+from catalogs.features import BuildingModel, BuildingModels
 from catalogs.readers.meshes.models import read_meshes
 from facade_core.core.errors import InputError
 from facade_core.core.types import SEMANTICS
@@ -24,12 +24,12 @@ def box(x: float = 0.0, y: float = 0.0, size: tuple[float, float, float] = (10, 
     return mesh
 
 
-def volume(model: Model) -> float:
+def volume(model: BuildingModel) -> float:
     corners = model.shell.vertices[model.shell.triangles] - model.shell.vertices[0]
     return float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6)
 
 
-def kinds(model: Model) -> set[str]:
+def kinds(model: BuildingModel) -> set[str]:
     return {SEMANTICS[index] for index in model.shell.semantic}
 
 
@@ -301,12 +301,12 @@ def test_broken_files_are_refused_by_name(tmp_path: Path, suffix: str, content: 
 
 
 @pytest.fixture(scope="module")
-def ingolstadt(data: Path) -> Models:
+def ingolstadt(data: Path) -> BuildingModels:
     return read_meshes(data / "city/ingolstadt/lod2_shell.obj")
 
 
 @pytest.mark.realdata
-def test_ingolstadt(ingolstadt: Models) -> None:
+def test_ingolstadt(ingolstadt: BuildingModels) -> None:
     assert len(ingolstadt.items) == 53
     assert ingolstadt.faults == ()
     assert all(kinds(model) == {"wall", "roof", "ground"} for model in ingolstadt.items)

@@ -83,9 +83,9 @@ def test_degrees_are_warped_into_the_frame(tmp_path: Path) -> None:
 def test_fine_and_vast_rasters_become_coarser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path / "dem.tif", tilted(0.5), 0.5)
     found = read_elevation(path, UTM, BOX)
-    assert found.step == elevation.FINEST
+    assert found.step == elevation.MIN_CELL_M
     np.testing.assert_allclose(found.heights, plane(*places(found)), atol=0.01)
-    monkeypatch.setattr(elevation, "MOST_CELLS", 400)
+    monkeypatch.setattr(elevation, "MAX_CELLS", 400)
     found = read_elevation(path, UTM, BOX)
     assert found.heights.size <= 400
     check_covers(found)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from catalogs.readers.pictures.materials import material_pictures
+from catalogs.readers.pictures.materials import read_material_pictures
 from facade_core.core.errors import InputError
 
 
@@ -18,7 +18,7 @@ def put(folder: Path, name: str, size: tuple[int, int] = (64, 64)) -> Path:
 
 def test_names_say_what_and_how_wide(tmp_path: Path) -> None:
     slabs, rough = put(tmp_path, "slabs-0.8m.png"), put(tmp_path, "plaster-rough.jpg", (128, 64))
-    assert material_pictures(tmp_path) == (("slabs", slabs, 0.8), ("plaster-rough", rough, 1.0))
+    assert read_material_pictures(tmp_path) == (("slabs", slabs, 0.8), ("plaster-rough", rough, 1.0))
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_what_cannot_be_laid_is_told(tmp_path: Path, name: str, size: tuple[int,
     put(tmp_path, "slabs-1m.png" if "2m" in name else "grass.png")
     put(tmp_path, name, size)
     with pytest.raises(InputError, match=message) as found:
-        material_pictures(tmp_path)
+        read_material_pictures(tmp_path)
     assert str(tmp_path) in str(found.value)
 
 
@@ -43,4 +43,4 @@ def test_a_broken_picture_is_told(tmp_path: Path) -> None:
     put(tmp_path, "grass.png")
     (tmp_path / "slabs.jpg").write_bytes(b"no picture")
     with pytest.raises(InputError, match=r"slabs\.jpg cannot be opened"):
-        material_pictures(tmp_path)
+        read_material_pictures(tmp_path)

@@ -13,7 +13,7 @@ from PIL.TiffImagePlugin import IFDRational
 from pyproj import CRS, Proj, Transformer
 from scipy.spatial.transform import Rotation
 
-from catalogs.readers.pictures.folders import image_files, photos_by_facade
+from catalogs.readers.pictures.folders import list_images, photos_by_facade
 from catalogs.readers.pictures.panoramas import read_panoramas
 from catalogs.readers.pictures.poses import read_poses
 from facade_core.core.errors import InputError
@@ -279,14 +279,14 @@ def test_unreadable_pictures_are_faults_unless_all_are(tmp_path: Path) -> None:
     picture(tmp_path / "f1.png")
     picture(tmp_path / "f2.webp")
     (tmp_path / "f3.png").write_bytes((tmp_path / "f1.png").read_bytes()[:-60])
-    paths, faults = image_files(tmp_path, "exemplar")
+    paths, faults = list_images(tmp_path, "exemplar")
     assert [path.name for path in paths] == ["f1.png", "f2.webp"]
     assert [(fault.id, fault.kind) for fault in faults] == [("f3.png", "exemplar")]
     assert sorted(photos_by_facade(tmp_path)[0]) == ["f1", "f2", "f3"], "its facade fails, when it comes to it"
     (tmp_path / "f1.png").unlink()
     (tmp_path / "f2.webp").unlink()
     with pytest.raises(InputError, match=r"f3\.png is cut off"):
-        image_files(tmp_path, "exemplar")
+        list_images(tmp_path, "exemplar")
 
 
 def test_a_thumbnail_does_not_make_a_cut_picture_whole(tmp_path: Path) -> None:
@@ -296,7 +296,7 @@ def test_a_thumbnail_does_not_make_a_cut_picture_whole(tmp_path: Path) -> None:
     segment = b"\xff\xe2" + (len(thumbnail) + 2).to_bytes(2, "big") + thumbnail
     (tmp_path / "a.jpg").write_bytes(whole[:2] + segment + whole[2:])
     (tmp_path / "b.jpg").write_bytes(whole[:2] + segment + whole[2 : len(whole) // 2])
-    paths, faults = image_files(tmp_path, "exemplar")
+    paths, faults = list_images(tmp_path, "exemplar")
     assert [path.name for path in paths] == ["a.jpg"]
     assert [fault.id for fault in faults] == ["b.jpg"]
 
@@ -322,7 +322,7 @@ def test_a_link_to_what_is_not_there_is_set_aside_and_not_overlooked(tmp_path: P
     picture(tmp_path / "a-0.png")
     (tmp_path / "b-0.png").symlink_to(tmp_path / "nowhere" / "b-0.png")
     os.mkfifo(tmp_path / "c-0.png")
-    for faults in (photos_by_facade(tmp_path)[1], image_files(tmp_path, "photo")[1]):
+    for faults in (photos_by_facade(tmp_path)[1], list_images(tmp_path, "photo")[1]):
         assert [(fault.id, fault.kind) for fault in faults] == [("b-0.png", "photo"), ("c-0.png", "photo")]
         assert all("leads to no file; mend" in fault.reason for fault in faults)
     assert sorted(photos_by_facade(tmp_path)[0]) == ["a-0"]

@@ -12,31 +12,31 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
 from catalogs.block.streets import block_streets
-from catalogs.buildings.outlines import SMALLEST, block_buildings
+from catalogs.buildings.outlines import MIN_FOOTPRINT_M2, assemble_buildings
 from catalogs.features import Centreline, Centrelines, Footprint, Footprints, Remark
-from catalogs.frames import utm_frame
+from catalogs.frames import utm_crs
 from catalogs.readers.vectors import osm
 from facade_core.core.types import Roof
 
-UTM = utm_frame(24.94, 60.17)
+UTM = utm_crs(24.94, 60.17)
 
 
 @pytest.fixture(scope="module")
 def footprints(pbf: Path) -> Footprints:
-    return osm.read_footprints(pbf)
+    return osm.read_osm_footprints(pbf)
 
 
 @pytest.fixture(scope="module")
 def centrelines(pbf: Path) -> Centrelines:
-    return osm.read_centrelines(pbf)
+    return osm.read_osm_centrelines(pbf)
 
 
 def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints) -> None:
     assert footprints.crs == "EPSG:4326"
     assert len({f.id for f in footprints.items}) == len(footprints.items) == 607
-    assert sum(f.part for f in footprints.items) == 139
-    assert sum(f.begins_above for f in footprints.items) == 84
-    whole = [f for f in footprints.items if not f.part and not f.begins_above]
+    assert sum(f.is_part for f in footprints.items) == 139
+    assert sum(f.starts_above_ground for f in footprints.items) == 84
+    whole = [f for f in footprints.items if not f.is_part and not f.starts_above_ground]
     assert sum(f.height is not None for f in whole) == 12
     assert sum(f.levels is not None for f in whole) == 156
     assert Counter(f.roof.shape for f in whole if f.roof) == {
@@ -48,10 +48,10 @@ def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints)
     assert Counter(remark.reason for remark in footprints.remarks) == {
         "roofs without walls set aside": 11,
     }
-    buildings = block_buildings([footprints], UTM, area=None, storey=3.2).items
+    buildings = assemble_buildings([footprints], UTM, area=None, floor_height=3.2).items
     assert len(buildings) == 580
     assert len({b.part_of for b in buildings if b.part_of}) == 49
-    assert min(b.footprint.area for b in buildings if not b.part_of) >= SMALLEST
+    assert min(b.footprint.area for b in buildings if not b.part_of) >= MIN_FOOTPRINT_M2
     assert sum(len(b.footprint.interiors) > 0 for b in buildings) > 50, "courtyards stay"
     assert all(2 <= b.height <= 80 for b in buildings if not b.part_of)
 
@@ -75,8 +75,8 @@ def test_order_of_the_source_does_not_matter(footprints: Footprints, centrelines
     for items in shuffled:
         random.Random(1).shuffle(items)
     area = shapely.buffer(shapely.Point(385_900, 6_671_800), 300)
-    one = block_buildings([footprints], UTM, area=area, storey=3.2).items
-    two = block_buildings([replace(footprints, items=tuple(shuffled[0]))], UTM, area=area, storey=3.2).items
+    one = assemble_buildings([footprints], UTM, area=area, floor_height=3.2).items
+    two = assemble_buildings([replace(footprints, items=tuple(shuffled[0]))], UTM, area=area, floor_height=3.2).items
     assert len(one) > 50
     assert one == two
     expected = block_streets(centrelines, UTM, area=area)[0]
@@ -115,7 +115,7 @@ def tagged(**tags: str) -> tuple[Footprint | None, list[str]]:
     """A building of 20 x 10 m with tags, whose colons are written as __."""
     remarks: list[Remark] = []
     stated = {key.replace("__", ":"): value for key, value in tags.items()}
-    found = osm.footprint_of("w1", shapely.box(0, 0, 20, 10), stated, remarks, degrees=False)
+    found = osm.parse_footprint("w1", shapely.box(0, 0, 20, 10), stated, remarks, is_lonlat=False)
     return found, [remark.reason for remark in remarks]
 
 
@@ -155,7 +155,7 @@ def test_heights_to_the_eaves_and_roofs(tags: dict[str, str], height: float | No
 
 def test_a_roof_in_degrees_is_as_high_as_in_metres() -> None:
     outline = shapely.transform(shapely.box(0, 0, 20, 10), lambda xy: xy / [55_600.0, 111_200.0] + [25.0, 60.0])
-    found = osm.footprint_of("w1", outline, {"roof:shape": "gabled", "roof:angle": "45"}, [], degrees=True)
+    found = osm.parse_footprint("w1", outline, {"roof:shape": "gabled", "roof:angle": "45"}, [], is_lonlat=True)
     assert found is not None
     assert found.roof is not None
     assert found.roof.height == pytest.approx(5.0, abs=0.02)
@@ -179,10 +179,10 @@ def test_what_has_no_walls_on_the_ground_is_set_aside(tags: dict[str, str]) -> N
 def test_where_a_part_begins() -> None:
     found, reasons = tagged(building__part="yes", min_height="4 m", height="10")
     assert found is not None
-    assert (found.part, found.raised, found.raised_levels, found.height, reasons) == (True, 4.0, None, 10.0, [])
+    assert (found.is_part, found.min_height, found.min_level, found.height, reasons) == (True, 4.0, None, 10.0, [])
     bridge, _ = tagged(building="yes", building__min_level="2")
     assert bridge is not None
-    assert (bridge.part, bridge.raised, bridge.raised_levels, bridge.begins_above) == (False, None, 2.0, True)
+    assert (bridge.is_part, bridge.min_height, bridge.min_level, bridge.starts_above_ground) == (False, None, 2.0, True)
 
 
 def square(x: float, y: float, side: float = 20.0) -> Polygon:
@@ -196,7 +196,7 @@ def footprint(
 
 
 def buildings_of(*items: Footprint) -> tuple[dict[str, tuple[float, str]], tuple[str, ...]]:
-    block = block_buildings([Footprints("EPSG:32635", items)], UTM, area=None, storey=3.0)
+    block = assemble_buildings([Footprints("EPSG:32635", items)], UTM, area=None, floor_height=3.0)
     buildings, notes = block.items, block.notes
     assert all(b.footprint.is_valid for b in buildings)
     total = {b.id: b.height + (b.roof.height if b.roof and b.height_source == "height" else 0.0) for b in buildings}

@@ -17,7 +17,7 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon
 
 from catalogs.readers.vectors import osm
-from catalogs.readers.vectors.features import read_centrelines, read_footprints
+from catalogs.readers.vectors.features import read_vector_centrelines, read_vector_footprints
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
@@ -53,7 +53,7 @@ def test_every_format_says_the_same(tmp_path: Path, suffix: str) -> None:
     if suffix == ".geojson":
         source = source.to_crs(4326)
     source.to_parquet(path) if suffix == ".parquet" else source.to_file(path)
-    found = read_footprints(path)
+    found = read_vector_footprints(path)
     assert found.crs == ("EPSG:4326" if suffix == ".geojson" else "EPSG:3067")
     items = sorted(found.items, key=lambda f: f.id)  # FlatGeobuf orders by place
     assert [(f.id, f.height, f.levels, f.name) for f in items] == [
@@ -86,7 +86,7 @@ def test_columns_of_many_names(
 ) -> None:
     path = tmp_path / "a.gpkg"
     frame([square()], **{column: [value]}).to_file(path)
-    (found,) = read_footprints(path).items
+    (found,) = read_vector_footprints(path).items
     assert found.height == (None if height is None else pytest.approx(height))
     assert found.levels == levels
 
@@ -94,7 +94,7 @@ def test_columns_of_many_names(
 def test_heights_above_the_datum_are_taken_off_the_ground(tmp_path: Path) -> None:
     path = tmp_path / "pand.gpkg"
     frame([square()], b3_h_maaiveld=[1.5], b3_h_dak_70p=[13.0], identificatie=["NL.IMBAG.Pand.1"]).to_file(path)
-    (found,) = read_footprints(path).items
+    (found,) = read_vector_footprints(path).items
     assert (found.id, found.height, found.base) == ("NL.IMBAG.Pand.1", 11.5, 1.5)
 
 
@@ -102,7 +102,7 @@ def test_roof_columns(tmp_path: Path) -> None:
     path = tmp_path / "a.gpkg"
     columns = {"roof_shape": ["skillion"], "roof_height": [2.0], "roof_direction": ["E"], "height": [10.0]}
     frame([square()], **columns).to_file(path)
-    (found,) = read_footprints(path).items
+    (found,) = read_vector_footprints(path).items
     assert (found.height, found.roof) == (8.0, Roof("skillion", 2.0, 90.0))
 
 
@@ -120,7 +120,7 @@ def test_roof_columns(tmp_path: Path) -> None:
 def test_ids_are_unique(tmp_path: Path, columns: dict[str, list[Any]], ids: list[str]) -> None:
     path = tmp_path / "a.parquet"
     frame([square(), square(20), square(40)], **columns).to_parquet(path)
-    assert [found.id for found in read_footprints(path).items] == ids
+    assert [found.id for found in read_vector_footprints(path).items] == ids
 
 
 HUGE = 2**53 + 1
@@ -147,7 +147,7 @@ def test_ids_of_geojson_are_what_it_states(tmp_path: Path, stated: list[Any], id
         (shapely.geometry.mapping(square(20.0 * row)), {} if id is None else {column: id, "name": id})
         for row, id in enumerate(stated)
     ]
-    found = read_footprints(geojson(tmp_path / "a.geojson", features))
+    found = read_vector_footprints(geojson(tmp_path / "a.geojson", features))
     assert [footprint.id for footprint in found.items] == ids
     assert [footprint.name for footprint in found.items if footprint.name] == [id for id in ids if "row" not in id]
     assert found.remarks == ()
@@ -162,7 +162,7 @@ def test_integers_of_over_53_bits_and_dates_are_whole_in_every_format(tmp_path: 
     if suffix == ".geojson":
         source = source.to_crs(4326)
     source.to_parquet(path) if suffix == ".parquet" else source.to_file(path)
-    items = read_footprints(path).items
+    items = read_vector_footprints(path).items
     assert {str(HUGE), str(HUGE + 1)} < {item.id for item in items}
     assert sorted(str(item.name) for item in items) == ["2020-01-01", "2020-01-02", "2020-01-03"]
 
@@ -170,7 +170,7 @@ def test_integers_of_over_53_bits_and_dates_are_whole_in_every_format(tmp_path: 
 @pytest.mark.parametrize("stated", [[2**70, 5, 6], [HUGE, 1.5, 2], [1, "a", 2**70 + 1]])
 def test_an_id_that_cannot_be_held_whole_is_remarked_on(tmp_path: Path, stated: list[Any]) -> None:
     features = [(shapely.geometry.mapping(square(20.0 * row)), {"id": id}) for row, id in enumerate(stated)]
-    (remark,) = read_footprints(geojson(tmp_path / "a.geojson", features)).remarks
+    (remark,) = read_vector_footprints(geojson(tmp_path / "a.geojson", features)).remarks
     assert remark.reason == "buildings of a.geojson whose id is a number too large to be held whole; write it as text"
     assert "e+" in remark.id or remark.id.endswith(".0")
 
@@ -178,12 +178,12 @@ def test_an_id_that_cannot_be_held_whole_is_remarked_on(tmp_path: Path, stated: 
 def test_buildings_of_one_id_are_remarked_on(tmp_path: Path) -> None:
     places = [shapely.geometry.mapping(square(20.0 * row)) for row in range(4)]
     rows = [{"id": id} for id in ("x", "y", "x", "z")]
-    found = read_footprints(geojson(tmp_path / "a.geojson", list(zip(places, rows, strict=True))))
+    found = read_vector_footprints(geojson(tmp_path / "a.geojson", list(zip(places, rows, strict=True))))
     assert [footprint.id for footprint in found.items] == ["x", "y", "x-2", "z"]
     assert [(r.id, r.reason) for r in found.remarks] == [
         ("x-2", "buildings of a.geojson numbered since another has their id")
     ]
-    found = read_footprints(geojson(tmp_path / "b.geojson", [(place, {"id": "x"}) for place in places]))
+    found = read_vector_footprints(geojson(tmp_path / "b.geojson", [(place, {"id": "x"}) for place in places]))
     assert [footprint.id for footprint in found.items] == ["0", "1", "2", "3"]
     reason = "buildings of b.geojson named by their row, since too few have an id of their own"
     assert [(r.id, r.reason) for r in found.remarks] == [(str(row), reason) for row in range(4)]
@@ -196,7 +196,7 @@ def test_streets_of_one_id_are_remarked_on_unless_they_are_pieces_of_one(tmp_pat
         for id, name in (("1", "A"), ("1", "A"), ("2", "B"), ("2", "C"), ("3", None), ("3", None))
     ]
     rows += [{"osm_id": str(id), "name": "D"} for id in range(4, 8)]
-    found = read_centrelines(geojson(tmp_path / "a.geojson", list(zip(lines, rows, strict=True))))
+    found = read_vector_centrelines(geojson(tmp_path / "a.geojson", list(zip(lines, rows, strict=True))))
     assert [piece.id for piece in found.items][:6] == ["1", "1-2", "2", "2-2", "3", "3-2"]
     assert [(r.id, r.reason) for r in found.remarks] == [
         (id, "streets of a.geojson numbered since another has their id") for id in ("2-2", "3-2")
@@ -207,7 +207,7 @@ def test_overture_columns(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     columns = {"id": ["u1", "u2"], "names": [{"primary": "Ateneum"}, None], "num_floors": [4, None]}
     frame([square(), square(20)], **columns, is_underground=[False, False]).to_parquet(path)
-    assert [(f.id, f.name, f.levels) for f in read_footprints(path).items] == [
+    assert [(f.id, f.name, f.levels) for f in read_vector_footprints(path).items] == [
         ("u1", "Ateneum", 4.0),
         ("u2", None, None),
     ]
@@ -219,7 +219,7 @@ def test_broken_outlines_are_faults_and_the_rest_is_read(tmp_path: Path) -> None
     path = tmp_path / "a.gpkg"
     geometries = [nan, None, Polygon(), bow, square()]
     frame(geometries, id=list("abcde"), height=[3.0, 3.0, 3.0, -1.0, 0.0]).to_file(path)
-    found = read_footprints(path)
+    found = read_vector_footprints(path)
     assert [f.id for f in found.items] == ["d", "e"], "an outline that crosses itself is left to the block"
     assert [(f.id, f.kind) for f in found.faults] == [("a", "building"), ("b", "building"), ("c", "building")]
     assert found.faults[0].place.bounds == (0, 0, 5, 5)
@@ -229,7 +229,7 @@ def test_broken_outlines_are_faults_and_the_rest_is_read(tmp_path: Path) -> None
 def test_a_ring_that_does_not_close_loses_only_itself(tmp_path: Path) -> None:
     broken = {"type": "Polygon", "coordinates": [[[0, 0], [1, 0]]]}
     path = geojson(tmp_path / "a.geojson", [(broken, {"id": "x"}), (shapely.geometry.mapping(square()), {"id": "y"})])
-    found = read_footprints(path)
+    found = read_vector_footprints(path)
     assert [f.id for f in found.items] == ["y"]
     assert [f.id for f in found.faults] == ["x"]
 
@@ -239,8 +239,8 @@ def test_parts_are_read_and_other_outlines_set_aside(tmp_path: Path) -> None:
     columns = {"building": ["yes", "yes", "roof", None, None], "min_height": [None, 6.0, None, None, 3.0]}
     part = [None, None, None, None, "yes"]
     frame([square(20 * i) for i in range(5)], id=list("abcde"), building_part=part, **columns).to_file(path)
-    found = read_footprints(path)
-    assert [(f.id, f.part, f.raised) for f in found.items] == [("a", False, None), ("b", False, 6.0), ("e", True, 3.0)]
+    found = read_vector_footprints(path)
+    assert [(f.id, f.is_part, f.min_height) for f in found.items] == [("a", False, None), ("b", False, 6.0), ("e", True, 3.0)]
     assert [r.reason for r in found.remarks] == [
         "roofs without walls set aside",
         "outlines that are not tagged as buildings set aside",
@@ -256,7 +256,7 @@ def test_z_is_the_ground_where_all_have_it(tmp_path: Path) -> None:
     ]:
         path = tmp_path / f"{name}.parquet"
         frame(geometries).to_parquet(path)
-        found = read_footprints(path)
+        found = read_vector_footprints(path)
         assert [f.base for f in found.items] == bases
         assert not any(f.outline.has_z for f in found.items)
 
@@ -267,7 +267,7 @@ def test_a_solid_drawn_as_faces_becomes_what_it_covers(tmp_path: Path) -> None:
     faces += [Polygon([a, b, (*b[:2], 9), (*a[:2], 9)]) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
     path = tmp_path / "solid.parquet"
     frame([shapely.multipolygons([faces])[0]]).to_parquet(path)
-    (found,) = read_footprints(path).items
+    (found,) = read_vector_footprints(path).items
     assert found.outline.area == pytest.approx(100)
     assert found.base == 2.0
 
@@ -278,31 +278,31 @@ def test_layers_are_told_apart_by_kind_and_name(tmp_path: Path) -> None:
     frame([square()], id=["house"]).to_file(path, layer="Buildings")
     frame([LineString([(0, 0), (9, 9)])], id=["river"]).to_file(path, layer="rivers")
     frame([LineString([(0, 0), (9, 0)])], id=["road"]).to_file(path, layer="roads_2024")
-    found = read_footprints(path)
+    found = read_vector_footprints(path)
     assert [f.id for f in found.items] == ["house"]
     assert [r.reason for r in found.remarks] == ["layers read of files that have several"]
-    assert [piece.id for piece in read_centrelines(path).items] == ["road"]
+    assert [piece.id for piece in read_vector_centrelines(path).items] == ["road"]
 
 
 def test_geojson_frames(tmp_path: Path) -> None:
     metres = [(shapely.geometry.mapping(square(385_000, 6_672_000)), {})]
     degrees = [(shapely.geometry.mapping(shapely.box(24, 60, 24.001, 60.001)), {})]
     member = {"crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3067"}}}
-    assert read_footprints(geojson(tmp_path / "a.geojson", metres)).crs is None
-    assert read_footprints(geojson(tmp_path / "b.geojson", metres, **member)).crs == "EPSG:3067"
-    assert read_footprints(geojson(tmp_path / "c.json", degrees)).crs == "EPSG:4326"
+    assert read_vector_footprints(geojson(tmp_path / "a.geojson", metres)).crs is None
+    assert read_vector_footprints(geojson(tmp_path / "b.geojson", metres, **member)).crs == "EPSG:3067"
+    assert read_vector_footprints(geojson(tmp_path / "c.json", degrees)).crs == "EPSG:4326"
 
 
 def test_a_file_without_a_frame(tmp_path: Path) -> None:
     path = tmp_path / "a.gpkg"
     frame([square()], crs=None).to_file(path)
-    assert read_footprints(path).crs is None
+    assert read_vector_footprints(path).crs is None
 
 
 def test_empty_files_hold_nothing(tmp_path: Path) -> None:
     path = geojson(tmp_path / "a.geojson", [])
-    assert read_footprints(path).items == ()
-    assert read_centrelines(path).items == ()
+    assert read_vector_footprints(path).items == ()
+    assert read_vector_centrelines(path).items == ()
 
 
 def test_centrelines_of_openstreetmap(tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ def test_centrelines_of_openstreetmap(tmp_path: Path) -> None:
         "name": ["A", "", None, "['B', 'C']", "", "", ""],
     }
     frame(lines, id=list("abcdefg"), **columns).to_file(path)
-    found = read_centrelines(path)
+    found = read_vector_centrelines(path)
     assert [(piece.id, piece.name) for piece in found.items] == [("a", "A"), ("d", "B")]
     assert found.faults == ()
 
@@ -325,7 +325,7 @@ def test_tunnels_are_no_streets_where_no_class_is_stated(tmp_path: Path) -> None
     path = tmp_path / "streets.gpkg"
     lines = [LineString([(0, 10 * i), (9, 10 * i)]) for i in range(3)]
     frame(lines, id=list("abc"), tunnel=["T", "F", None]).to_file(path)
-    assert [piece.id for piece in read_centrelines(path).items] == ["b", "c"]
+    assert [piece.id for piece in read_vector_centrelines(path).items] == ["b", "c"]
 
 
 def test_parts_are_numbered_broken_lines_are_faults_and_directions_one(tmp_path: Path) -> None:
@@ -339,7 +339,7 @@ def test_parts_are_numbered_broken_lines_are_faults_and_directions_one(tmp_path:
         None,
     ]
     frame(lines, id=list("abcde")).to_parquet(path)
-    found = read_centrelines(path)
+    found = read_vector_centrelines(path)
     assert [piece.id for piece in found.items] == ["a-0", "a-1"]
     assert [(fault.id, fault.kind) for fault in found.faults] == [("c", "street"), ("d", "street"), ("e", "street")]
     assert ["no length" in fault.reason for fault in found.faults] == [True, False, False]
@@ -349,7 +349,7 @@ def test_parts_are_numbered_broken_lines_are_faults_and_directions_one(tmp_path:
 def test_broken_files_are_refused_by_name(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"broken{suffix}"
     path.write_bytes(b"nothing of the kind")
-    for read in (read_footprints, read_centrelines):
+    for read in (read_vector_footprints, read_vector_centrelines):
         with pytest.raises(InputError, match=rf"broken\{suffix}"):
             read(path)
 
@@ -359,25 +359,25 @@ def test_the_wrong_kind_of_geometry_is_refused(tmp_path: Path) -> None:
     frame([LineString([(0, 0), (9, 0)])]).to_file(lines)
     geojson(points, [(shapely.geometry.mapping(Point(1, 2)), {})])
     with pytest.raises(InputError, match="holds no outlines but lines"):
-        read_footprints(lines)
+        read_vector_footprints(lines)
     with pytest.raises(InputError, match="holds no lines but"):
-        read_centrelines(points)
+        read_vector_centrelines(points)
 
 
 @pytest.mark.realdata
 def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     city = data / "city/helsinki"
-    package, extract = read_footprints(city / "buildings_lod1.gpkg"), osm.read_footprints(city / "Helsinki.osm.pbf")
+    package, extract = read_vector_footprints(city / "buildings_lod1.gpkg"), osm.read_osm_footprints(city / "Helsinki.osm.pbf")
     one, two = ({f.id: f for f in source.items} for source in (package, extract))
     # the package has no parts and no column of min_height, keeps outlines that pyrosm does not build, and lacks one
     assert len(one) == 478
     assert len(two) == 607
-    assert {id for id in two.keys() - one.keys() if not two[id].part} == {"r6077"}
+    assert {id for id in two.keys() - one.keys() if not two[id].is_part} == {"r6077"}
     assert len(one.keys() - two.keys()) == 4
     shared = one.keys() & two.keys()
     assert all(one[id].height == two[id].height or two[id].roof for id in shared)
     assert all(one[id].name == two[id].name for id in shared)
-    streets, ways = read_centrelines(city / "streets.gpkg"), osm.read_centrelines(city / "Helsinki.osm.pbf")
+    streets, ways = read_vector_centrelines(city / "streets.gpkg"), osm.read_osm_centrelines(city / "Helsinki.osm.pbf")
     assert streets.crs == "EPSG:3067"
     ids = {f"w{piece.id}" for piece in streets.items}, {piece.id for piece in ways.items}
     # the package has no links between carriageways and no column that tells tunnels
@@ -388,7 +388,7 @@ def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
 
 @pytest.mark.realdata
 def test_opendrive_outside_junctions(data: Path) -> None:
-    found = read_centrelines(data / "city/ingolstadt/centrelines_opendrive.geojson")
+    found = read_vector_centrelines(data / "city/ingolstadt/centrelines_opendrive.geojson")
     assert found.crs == "EPSG:25832"
     assert len(found.items) == 20
     assert found.faults == ()
@@ -426,10 +426,10 @@ def test_a_shapefile_without_its_whole_table_is_refused(
 ) -> None:
     path = tmp_path / "b.shp"
     frame([square(20 * x) for x in range(3)], id=["a", "b", "c"], height=[7.0, 8.0, 9.0]).to_file(path)
-    assert [item.height for item in read_footprints(path).items] == [7.0, 8.0, 9.0]
+    assert [item.height for item in read_vector_footprints(path).items] == [7.0, 8.0, 9.0]
     wound(tmp_path / "b.dbf")
     with pytest.raises(InputError) as refusal:
-        read_footprints(path)
+        read_vector_footprints(path)
     assert words in str(refusal.value)
     assert "; copy it again" in str(refusal.value)
 
@@ -438,7 +438,7 @@ def test_a_shapefile_in_capitals_has_its_table(tmp_path: Path) -> None:
     frame([square()], id=["a"], height=[7.0]).to_file(tmp_path / "b.shp")
     for part in list(tmp_path.iterdir()):
         part.rename(part.with_name(part.name.upper()))
-    assert [(item.id, item.height) for item in read_footprints(tmp_path / "B.SHP").items] == [("a", 7.0)]
+    assert [(item.id, item.height) for item in read_vector_footprints(tmp_path / "B.SHP").items] == [("a", 7.0)]
 
 
 @pytest.mark.parametrize(
@@ -464,6 +464,6 @@ def test_one_odd_height_leaves_the_others_as_they_are(odd: Any, height: float | 
     path = geojson(tmp_path / "b.geojson", features)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = read_footprints(path)
+        found = read_vector_footprints(path)
     assert [(item.id, item.height) for item in found.items] == [("a", 7.0), ("b", 9.5), ("c", height)]
     assert {remark.id.split()[0] for remark in found.remarks} <= {"c"}

@@ -6,17 +6,17 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from facade_core.atlas.arrays import FORMAT
-from facade_core.atlas.store import expire, open_repository
+from facade_core.atlas.arrays import STORE_FORMAT
+from facade_core.atlas.store import expire_snapshots, open_repository
 from tests.facade_core.atlas.stores import BUILDINGS, STREETS
 from tests.pipeline.stages import texture, write_block
 
 
 def main() -> None:
-    path = Path(__file__).with_name(f"format-{FORMAT}.tar.xz")
+    path = Path(__file__).with_name(f"format-{STORE_FORMAT}.tar.xz")
     with tempfile.TemporaryDirectory() as folder:
         made = texture(write_block(Path(folder) / "in", buildings=BUILDINGS, streets=STREETS), Path(folder) / "out")
-        expire(open_repository(made.run.store))
+        expire_snapshots(open_repository(made.run.store))
         with tarfile.open(path, "w:xz") as tar:
             tar.add(made.run.store, "store", filter=_nobodys)
     print(f"{path.name}: {path.stat().st_size} bytes")

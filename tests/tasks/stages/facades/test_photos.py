@@ -10,7 +10,7 @@ import pytest
 from PIL import ExifTags, Image
 
 from facade_core.core.errors import ImageError
-from facade_core.imagery.detect.detection import Seen, looked_for
+from facade_core.imagery.detect.detection import Detections, detectors_available
 from facade_core.imagery.rectify.crop import Cut
 from facade_core.synth.facade import facade as paint
 from tasks.stages.facades.evidence import evidence_of, photo_of
@@ -81,12 +81,12 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     path = tmp_path / "w1-f3.png"
     Image.fromarray(PAINTED.image).save(path)
     size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
-    assert not photo_of(path, True, size).seen.any() or looked_for()
+    assert not photo_of(path, True, size).seen.has_private_boxes() or detectors_available()
     looks = []
 
-    def look(image: np.ndarray) -> Seen:
+    def look(image: np.ndarray) -> Detections:
         looks.append(image.shape)
-        return Seen(faces=np.array([[40.0, 60, 60, 84]]))
+        return Detections(faces=np.array([[40.0, 60, 60, 84]]))
 
     monkeypatch.setattr("tasks.stages.facades.evidence.look", look)
     photo = photo_of(path, True, size)
@@ -96,7 +96,7 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     assert photo.fit.stretched == pytest.approx(1, abs=0.2)
     evidence = evidence_of("photo", None, 0, size, Imagery(photo=path), (), [])
     assert evidence.fit == photo.fit
-    assert evidence.masked == evidence.seen.boxes(size) != ()
+    assert evidence.masked == evidence.seen.private_boxes(size) != ()
 
 
 def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +107,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     hidden = np.zeros((150, 50), bool)
     cut = Cut(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
     monkeypatch.setattr("tasks.stages.facades.evidence.cut_to_facade", lambda image, hidden, model: cut)
-    monkeypatch.setattr("tasks.stages.facades.evidence.look", lambda image: Seen())
+    monkeypatch.setattr("tasks.stages.facades.evidence.look", lambda image: Detections())
     kept, found, stretched = photo_of(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found

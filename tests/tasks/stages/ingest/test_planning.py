@@ -16,7 +16,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from catalogs.block import Block, read_block
+from catalogs.block.reader import Block, read_block
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
 from facade_core.geometry.chart_packing import Places

@@ -13,11 +13,11 @@ import zarr
 
 import tasks.stages.shared.panorama_cameras as module
 from facade_core.atlas.arrays import create_arrays
-from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.synth.street_truth import synthetic_street
-from tasks.stages.facades.imagery import Taken
+from tasks.stages.shared.surface_panorama import PosedPanorama
 
 IMAGE = np.zeros((2, 4, 3), np.uint8)
 
@@ -35,7 +35,7 @@ def test_a_panorama_is_looked_at_once_and_again_when_it_changes(
     image = np.random.default_rng(0).integers(0, 255, (37, 75, 3), np.uint8)
     path = tmp_path / "a, b.jpg"
     path.write_bytes(b"a picture")
-    one = Taken(path, Pose(0, 0, 2.5, 0), (1.0, 1.0, 1.0), ())
+    one = PosedPanorama(path, Pose(0, 0, 2.5, 0), (1.0, 1.0, 1.0), ())
     for _ in range(2):
         np.testing.assert_array_equal(module._hidden(one, image, in_the_way), image[..., 0] > 128)
     assert len(looked) == 1
@@ -47,8 +47,8 @@ def test_a_panorama_is_looked_at_once_and_again_when_it_changes(
     assert len(module._LOOKED_AT) == module.KEPT
 
 
-def four() -> list[Taken]:
-    return [Taken(Path(f"{x}.jpg"), Pose(x, 0.0, 2.5, 0.0), (1.0, 1.0, 1.0), ()) for x in range(4)]
+def four() -> list[PosedPanorama]:
+    return [PosedPanorama(Path(f"{x}.jpg"), Pose(x, 0.0, 2.5, 0.0), (1.0, 1.0, 1.0), ()) for x in range(4)]
 
 
 def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
@@ -61,7 +61,7 @@ def test_no_more_is_open_than_one_chart_is_taken_from() -> None:
             nonlocal alive
             alive -= 1
 
-    def opens(asked: Taken) -> PanoramaCamera | None:
+    def opens(asked: PosedPanorama) -> PanoramaCamera | None:
         nonlocal alive
         opened.append((asked, alive))
         if asked == broken:
@@ -98,5 +98,5 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
     assert [name for name, *_ in told] == ["0.jpg", "1.jpg", "2.jpg"]
     assert sum(share for _, share, _ in told) == pytest.approx(1, abs=1e-3)
     for chart, numbers in ((0, {2}), (1, {1, 3})):
-        rasters = Rasters.of(scene.placement, [chart])
+        rasters = TexelLayout.of(scene.placement, [chart])
         assert set(read_rasters(group["facade_maps/camera"], scene.placement, rasters).tolist()) == numbers

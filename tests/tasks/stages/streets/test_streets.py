@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.block import read_block
-from facade_core.atlas.journal import forget_record, read_journal
+from catalogs.block.reader import read_block
+from facade_core.atlas.journal import clear_record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
-from facade_core.street.propagation.blend import blend
+from facade_core.street.propagation.blend import blend_views
 from tasks.engine.compute.connect import Serial
 from tasks.engine.context import plan_of_run
 from tasks.engine.run import Run
@@ -94,7 +94,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
         held = viewpoint._streets[ready, 0, "key"]
         assert isinstance(held, viewpoint._Progress)
         assert held.done == 1
-        return [held.window.colour.copy(), *blend(held.window.state)]
+        return [held.window.colour.copy(), *blend_views(held.window.state)]
 
     one()
     alone = kept()
@@ -128,7 +128,7 @@ def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run
     plan = plan_of_run(run)
     first = int(np.argmin(plan.wave))
     session = open_repository(run.store).writable_session(BRANCH)
-    forget_record(open_root(session), "viewpoints", plan.of_street(first)[0].id)
+    clear_record(open_root(session), "viewpoints", plan.of_street(first)[0].id)
     commit(session, "one viewpoint is due")
     with monkeypatch.context() as broken:
         broken.setattr(task, "viewpoints_unit", fail)

@@ -12,14 +12,14 @@ import numpy as np
 import shapely
 import zarr
 
-from catalogs.block import TextureSettings
+from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest, with_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
-from tasks.stages.shared.key_parts import changed_parts
+from tasks.engine.unit_key import changed_parts
 from tasks.stages.shared.nearby_panoramas import CAMERAS, LONG_M
 from tasks.stages.walls.stage import WALLS, names_of_walls, wall_units
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from catalogs.broken import single_line
 from catalogs.features import Fault
-from catalogs.readers.pictures.poses import LONLAT, SourcePose, day_of, implausible
+from catalogs.readers.pictures.poses import LONLAT, SourcePose, parse_day, find_implausible_value
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
@@ -46,7 +46,7 @@ class Wanted:
                 f"--bbox {said}: is no box; give WEST SOUTH EAST NORTH in degrees, west < east, south < north"
             )
         ends = [] if self.dates is None else self.dates.split("/")
-        if self.dates is not None and not (len(ends) == 2 and all(end == ".." or day_of(end) == end for end in ends)):
+        if self.dates is not None and not (len(ends) == 2 and all(end == ".." or parse_day(end) == end for end in ends)):
             raise InputError(
                 f"--dates {self.dates}: is no span; give FROM/TO such as 2023-01-01/2024-12-31 or 2025-01-01/.."
             )
@@ -103,7 +103,7 @@ def placed(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None) -> 
     if not (abs(lon) <= 360.0 and abs(lat) <= 90.0):
         raise ValueError(f"states longitude {lon:g}, latitude {lat:g}, which is no place on earth; tell its service")
     pose = SourcePose(LONLAT, lon, lat, None, looks, number(pitch) or 0.0, number(roll) or 0.0)
-    if problem := implausible(pose):
+    if problem := find_implausible_value(pose):
         raise ValueError(f"{problem}; tell its service")
     return pose
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.published.files import amiss, write_files
-from catalogs.published.made import Made
+from catalogs.published.file_list import amiss, write_files
+from catalogs.published.reuse import Made
 
 
 def never() -> bytes:

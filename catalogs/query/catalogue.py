@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.published.places import Folder
+from catalogs.published.folders import Folder
 from catalogs.published.runs import runs_in
 from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current
-from catalogs.query.answers import located
-from catalogs.query.asking import query
+from catalogs.query.execution import query
+from catalogs.query.formats import located
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.published.places import Folder, each, put, remove
+from catalogs.published.folders import Folder, each, put, remove
 from catalogs.published.runs import Run
 from catalogs.published.s3 import S3Folder, filesystem
 

@@ -14,11 +14,11 @@ from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.seams import least_path
 
 # Share of a picture's side within which its opposite borders are joined, and pixels over which the join is soft.
-JOINED, SOFT = 0.25, 2
-LEAST_PIXELS = 8
+JOIN_SHARE, JOIN_SOFTNESS_PX = 0.25, 2
+MIN_SIDE_PX = 8
 
 
-class Mips(NamedTuple):
+class MipLevels(NamedTuple):
     """A tile at its own size and at halves of that, each the means of the one before, as kernels read them.
 
     pixels (p, 3) float32, one tile after the other;
@@ -34,7 +34,7 @@ class Mips(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Material:
+class TiledMaterial:
     """A tile (h, w, 3) float32, 0..255, that goes on to the right into its left and down into its top; size (2,) is its width
     and height in metres."""
 
@@ -42,13 +42,13 @@ class Material:
     size: tuple[float, float]
 
     @classmethod
-    def of(cls, image: np.ndarray, metres_per_pixel: float, texels_per_metre: float) -> Material:
+    def of(cls, image: np.ndarray, metres_per_pixel: float, texels_per_metre: float) -> TiledMaterial:
         """A picture (h, w, 3) uint8 of a material, for texels of a density. Raises ImageError for one of a few pixels."""
-        if min(image.shape[:2]) < LEAST_PIXELS:
+        if min(image.shape[:2]) < MIN_SIDE_PX:
             raise ImageError(
                 f"a material of {image.shape[1]} x {image.shape[0]} pixels shows nothing; give a larger picture"
             )
-        tile = seamless(image)
+        tile = make_seamless(image)
         height, width = tile.shape[:2]
         size = (width * metres_per_pixel, height * metres_per_pixel)
         if (
@@ -60,10 +60,10 @@ class Material:
 
     def laid(self, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Colour (n, 3) at places of a plane, metres to the right and down, with footprints, metres, (n,) each."""
-        return _laid(self.mips, across, down, footprint)
+        return _sample_points(self.mips, across, down, footprint)
 
     @cached_property
-    def mips(self) -> Mips:
+    def mips(self) -> MipLevels:
         levels = [self.tile]
         while max(levels[-1].shape[:2]) > 1:
             rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
@@ -72,19 +72,19 @@ class Material:
         shapes = np.array([level.shape[:2] for level in levels])
         pixels = np.concatenate([level.reshape(-1, 3) for level in levels])
         area = shapes.prod(axis=1)
-        return Mips(pixels, np.cumsum(area) - area, shapes[:, 0].copy(), shapes[:, 1].copy(), np.array(self.size))
+        return MipLevels(pixels, np.cumsum(area) - area, shapes[:, 0].copy(), shapes[:, 1].copy(), np.array(self.size))
 
 
 @njit(cache=True)
-def _laid(mips: Mips, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+def _sample_points(mips: MipLevels, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
     out = np.empty((len(across), 3))
     for i in range(len(across)):
-        out[i] = laid_at(mips, across[i], down[i], footprint[i])
+        out[i] = sample_mip_levels(mips, across[i], down[i], footprint[i])
     return out
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def laid_at(mips: Mips, across: float, down: float, footprint: float) -> tuple[float, float, float]:
+def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: float) -> tuple[float, float, float]:
     """Colour at a place of a plane: bilinear in the tile whose pixels are about as large as the footprint, or the largest tile.
     Called from numba kernels."""
     level, side = 0, max(mips.size[0] / mips.columns[0], mips.size[1] / mips.rows[0])
@@ -105,7 +105,7 @@ def laid_at(mips: Mips, across: float, down: float, footprint: float) -> tuple[f
     )
 
 
-def seamless(image: np.ndarray) -> np.ndarray:
+def make_seamless(image: np.ndarray) -> np.ndarray:
     """A picture (h, w, 3) as a tile that goes on into itself, (h', w', 3) float32: a quarter less of either side.
 
     Light that changes over the whole picture is evened out; opposite borders are joined along the path where they differ least.
@@ -113,19 +113,19 @@ def seamless(image: np.ndarray) -> np.ndarray:
     flat = image.astype(np.float32)
     broad = cv2.GaussianBlur(flat, (0, 0), min(image.shape[:2]) / 4, borderType=cv2.BORDER_REFLECT)
     flat = np.clip(flat - broad + flat.mean(axis=(0, 1)), 0, 255)
-    once = _joined(flat, around=False)
-    return np.ascontiguousarray(_joined(once.transpose(1, 0, 2), around=True).transpose(1, 0, 2))
+    once = _join_borders(flat, around=False)
+    return np.ascontiguousarray(_join_borders(once.transpose(1, 0, 2), around=True).transpose(1, 0, 2))
 
 
-def _joined(image: np.ndarray, *, around: bool) -> np.ndarray:
+def _join_borders(image: np.ndarray, *, around: bool) -> np.ndarray:
     """The right border of (h, w, 3) laid over the left one, along the path of least difference from top to bottom; `around`
     where the rows go on into themselves, so that the path must too."""
     height, width = image.shape[:2]
-    strip = max(1, int(width * JOINED))
+    strip = max(1, int(width * JOIN_SHARE))
     left, right = image[:, :strip], image[:, width - strip :]
     error = ((left - right) ** 2).sum(axis=2).astype(np.float64)
     path = least_path(np.tile(error, (3, 1)))[height : 2 * height] if around else least_path(error)
-    share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * SOFT) + 0.5, 0, 1)[..., None].astype(np.float32)
+    share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * JOIN_SOFTNESS_PX) + 0.5, 0, 1)[..., None].astype(np.float32)
     # the join never shows at its ends: there the one border goes on as it was, and the other begins
     share[:, 0], share[:, -1] = np.minimum(share[:, 0], 0.5 if strip == 1 else 0), 1
     return np.concatenate([right * (1 - share) + left * share, image[:, strip : width - strip]], axis=1)

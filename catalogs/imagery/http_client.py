@@ -160,7 +160,7 @@ def shown_url(url: str) -> str:
 
 
 def _pieces(response: Response, largest: int, url: str) -> Iterator[bytes]:
-    """The bytes of an answer, no more than `largest` and for no longer than WHOLE_S."""
+    """The bytes of an answer, no more than `max_chart_side` and for no longer than WHOLE_S."""
     import requests
 
     ends, total = time.monotonic() + WHOLE_S, 0

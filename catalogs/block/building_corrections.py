@@ -11,15 +11,15 @@ import shapely
 
 from catalogs.block.corrections import OF_BUILDINGS, Correction, Corrections
 from catalogs.features import notes_by_reason
-from catalogs.frames import LONLAT, between
-from catalogs.readers.vectors.colours import ROOF_MATERIALS, WALL_MATERIALS, colour_of
-from catalogs.readers.vectors.roofs import usual_rise
+from catalogs.frames import LONLAT, coordinate_transform
+from catalogs.readers.vectors.colours import ROOF_MATERIAL_COLOURS, WALL_MATERIAL_COLOURS, parse_colour
+from catalogs.readers.vectors.roofs import estimate_roof_height
 from facade_core.core.types import Building, Finish, Roof
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-    from catalogs.block.reading import Block
+    from catalogs.block.reader import Block
 
 # A facade that was corrected is of a building that is no farther off than this, metres; a building stands over its own place,
 # give or take so much: next to what is gone there is another.
@@ -95,7 +95,7 @@ def _roof(building: Building, said: Mapping[str, Any]) -> Roof | None:
         if kept:
             return replace(before, confidence=1.0)  # type: ignore[type-var]
         rise = before.height if before is not None else 0.0
-        height = rise if rise > 0 else usual_rise(building.footprint, shape)
+        height = rise if rise > 0 else estimate_roof_height(building.footprint, shape)
     if kept:
         return replace(before, height=round(height, 2), pitch=None, confidence=1.0)  # type: ignore[type-var]
     return Roof(shape, round(height, 2))
@@ -103,13 +103,13 @@ def _roof(building: Building, said: Mapping[str, Any]) -> Roof | None:
 
 def _finish(finish: Finish, said: Mapping[str, Any]) -> Finish:
     """A colour that a material came with goes with it."""
-    for part, usual in (("wall", WALL_MATERIALS), ("roof", ROOF_MATERIALS)):
+    for part, usual in (("wall", WALL_MATERIAL_COLOURS), ("roof", ROOF_MATERIAL_COLOURS)):
         before, colour = getattr(finish, f"{part}_material"), getattr(finish, f"{part}_colour")
         material = said.get(f"{part}_material", before)
         if material != before and colour == usual.get(before or ""):
             colour = usual.get(material)
         if f"{part}_colour" in said:
-            colour = colour_of(said[f"{part}_colour"])
+            colour = parse_colour(said[f"{part}_colour"])
         finish = replace(finish, **{f"{part}_material": material, f"{part}_colour": colour})
     return finish
 
@@ -173,7 +173,7 @@ def _points(places: Sequence[Correction], crs: CRS | str) -> list[Any]:
     if not places:
         return []
     lonlat = np.array([one.place for one in places], float)
-    return shapely.points(np.column_stack(between(LONLAT, crs)(*lonlat.T))).tolist()
+    return shapely.points(np.column_stack(coordinate_transform(LONLAT, crs)(*lonlat.T))).tolist()
 
 
 def _placed(said: Mapping[str, Correction]) -> Correction | None:

@@ -17,21 +17,21 @@ from facade_core.core.errors import ModelError
 from facade_core.core.model_file import open_session
 from facade_core.geometry.raycast import MISS
 from facade_core.street.propagation.render import Panorama
-from facade_core.street.translator.equirectangular_taps import gather
+from facade_core.street.translator.equirectangular_taps import gather_taps
 
-SHIPPED = Path(__file__).parent / "models" / "translator.onnx"
+SHIPPED_TRANSLATOR = Path(__file__).parent / "models" / "translator.onnx"
 # Raised whenever the meaning of the inputs or outputs changes.
 TRANSLATOR_VERSION = 1
 # Constant, so that results do not depend on the machine's number of cores.
 _INTRA_OP_THREADS = 2
 # An output depends on no pixel that is farther away; a multiple of the network's stride of 4.
-REACH = 96
+RECEPTIVE_MARGIN = 96
 # Pixels that the network works on at once, reach included, at most: its memory is about 2 kB a pixel.
-NETWORK_PIXELS = 600_000
+MAX_NETWORK_PIXELS = 600_000
 
 
 @dataclass(frozen=True)
-class Neural:
+class NeuralTranslator:
     """A trained network; texture that the panorama has already is what it goes on from."""
 
     session: Any
@@ -53,9 +53,9 @@ class Neural:
         planes = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
         out = np.empty((height, width, 3), np.uint8)
         for top, bottom, left, right in _tiles(height, width):
-            first, last = max(top - REACH, 0), min(bottom + REACH, height)
-            reach = REACH if right - left < width else 0
-            seen = gather(planes, (first, last), (left - reach, right + reach))
+            first, last = max(top - RECEPTIVE_MARGIN, 0), min(bottom + RECEPTIVE_MARGIN, height)
+            reach = RECEPTIVE_MARGIN if right - left < width else 0
+            seen = gather_taps(planes, (first, last), (left - reach, right + reach))
             rgb = self.session.run(None, {"seen": seen[None]})[0][0]
             tile = rgb[:, top - first : bottom - first, reach : reach + right - left].transpose(1, 2, 0)
             out[top:bottom, left:right] = np.clip((tile + 1) * 127.5 + 0.5, 0, 255)
@@ -64,14 +64,14 @@ class Neural:
 
 def _tiles(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
     """Rows and columns (top, bottom, left, right) of tiles that make up a panorama, one where it is small."""
-    side = math.isqrt(NETWORK_PIXELS) - 2 * REACH
-    down, across = (height, width) if height * width <= NETWORK_PIXELS else (side // 4 * 4, side // 4 * 4)
+    side = math.isqrt(MAX_NETWORK_PIXELS) - 2 * RECEPTIVE_MARGIN
+    down, across = (height, width) if height * width <= MAX_NETWORK_PIXELS else (side // 4 * 4, side // 4 * 4)
     for top in range(0, height, down):
         for left in range(0, width, across):
             yield top, min(top + down, height), left, min(left + across, width)
 
 
-def load(path: Path = SHIPPED) -> Neural:
+def load_translator(path: Path = SHIPPED_TRANSLATOR) -> NeuralTranslator:
     """The translator of an .onnx file with its .json beside it.
 
     Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
@@ -79,11 +79,11 @@ def load(path: Path = SHIPPED) -> Neural:
     for file in (path, path.with_suffix(".json")):
         if not file.is_file():
             raise ModelError(f"{file}: no such file; a translator is an .onnx file with its .json beside it")
-    return _load(path.resolve(), path.stat().st_mtime_ns)
+    return _load_cached(path.resolve(), path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
-def _load(path: Path, _modified: int) -> Neural:
+def _load_cached(path: Path, _modified: int) -> NeuralTranslator:
     try:
         record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
         version = record["version"]
@@ -93,10 +93,10 @@ def _load(path: Path, _modified: int) -> Neural:
         ) from error
     if version != TRANSLATOR_VERSION:
         raise ModelError(f"{path}: made for another version of the translator; train it anew with this version")
-    return Neural(open_session(path, record, threads=_INTRA_OP_THREADS))
+    return NeuralTranslator(open_session(path, record, threads=_INTRA_OP_THREADS))
 
 
-def write(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
+def write_translator(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
     """Write an .onnx file and the .json beside it, checksum added to the record."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from catalogs.block.adding import add_imagery
+from catalogs.block.yaml_edits import add_imagery
 
 NAMED = {"path": "panoramas", "poses": "panoramas/poses.json"}
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from catalogs.published.files import Listed, digest_of, listed_in
-from catalogs.published.places import Folder, at
+from catalogs.published.file_list import Listed, digest_of, listed_in
+from catalogs.published.folders import Folder, at
 
 
 @dataclass

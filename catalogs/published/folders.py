@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from catalogs.published import objects
+from catalogs.published import object_store
 from catalogs.published.s3 import S3Folder
 
 Folder: TypeAlias = Path | S3Folder
@@ -25,14 +25,14 @@ def each(act: Callable[[T], R], items: Iterable[T], place: Folder) -> list[R]:
     """What comes of each item, in their order; what asks a bucket is under way many at a time."""
     if isinstance(place, Path):
         return list(map(act, items))
-    with ThreadPoolExecutor(objects.AT_ONCE) as threads:
+    with ThreadPoolExecutor(object_store.AT_ONCE) as threads:
         return list(threads.map(act, items))
 
 
 def put(path: Folder, data: bytes) -> None:
     """Write a file in one step: a reader sees the old one or the new one."""
     if isinstance(path, S3Folder):
-        objects.put(path.path, data)
+        object_store.put(path.path, data)
         return
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
     try:
@@ -76,7 +76,7 @@ def move(folder: F, to: F) -> None:
         os.replace(folder, to)
     elif isinstance(folder, S3Folder) and isinstance(to, S3Folder):
         to.remove()
-        each(lambda name: objects.copy(f"{folder.path}/{name}", f"{to.path}/{name}"), folder.sizes(), folder)
+        each(lambda name: object_store.copy(f"{folder.path}/{name}", f"{to.path}/{name}"), folder.sizes(), folder)
         (folder / "current").unlink()
         folder.remove()
 

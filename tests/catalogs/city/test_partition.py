@@ -10,8 +10,8 @@ import shapely
 from shapely import LineString
 
 from catalogs.block.segments import SHORTEST_SEGMENT_M, segments
-from catalogs.city.cutting import CONTEXT_M, cut_city, reach_of
 from catalogs.city.keys import check_city
+from catalogs.city.partition import CONTEXT_M, cut_city, reach_of
 from facade_core.core.types import Building, Street
 
 # Streets every 100 m both ways, two buildings between them: one at either side of the middle of what they enclose.

@@ -6,8 +6,8 @@ from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from catalogs.published import objects
-from catalogs.published.files import FILES
+from catalogs.published import object_store
+from catalogs.published.file_list import FILES
 from catalogs.published.s3 import S3Folder
 
 
@@ -20,10 +20,10 @@ def send(written: Path, final: S3Folder, earlier: S3Folder | None, linked: Colle
 
     def send_one(name: str) -> None:
         if name in linked and earlier is not None and earlier != final:
-            objects.copy(f"{earlier.path}/{name}", f"{final.path}/{name}")
+            object_store.copy(f"{earlier.path}/{name}", f"{final.path}/{name}")
         elif name not in linked:
-            objects.put(f"{final.path}/{name}", written / name)
+            object_store.put(f"{final.path}/{name}", written / name)
 
-    with ThreadPoolExecutor(objects.AT_ONCE) as threads:
+    with ThreadPoolExecutor(object_store.AT_ONCE) as threads:
         list(threads.map(send_one, (name for name in names if name != FILES)))
     send_one(FILES)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from catalogs.block.corrected import corrected_buildings, known_by_place, of_buildings, owners_of
+from catalogs.block.building_corrections import corrected_buildings, known_by_place, of_buildings, owners_of
 from catalogs.block.corrections import Correction, Corrections
-from catalogs.frames import LONLAT, between
+from catalogs.frames import LONLAT, coordinate_transform
 from facade_core.core.types import Building, Finish, Roof, Shell
 
 CRS = "EPSG:32635"
@@ -34,7 +34,7 @@ def corrected(building: Building, **values: object) -> Building:
 
 
 def at(x: float, y: float) -> tuple[float, float]:
-    longitude, latitude = between(CRS, LONLAT)(np.array([EAST + x]), np.array([NORTH + y]))
+    longitude, latitude = coordinate_transform(CRS, LONLAT)(np.array([EAST + x]), np.array([NORTH + y]))
     return float(longitude[0]), float(latitude[0])
 
 

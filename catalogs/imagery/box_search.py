@@ -7,7 +7,7 @@ from itertools import chain
 from typing import Any
 
 from catalogs.features import Fault
-from catalogs.imagery.offer import Box, fault
+from catalogs.imagery.remote_panorama import Box, fault
 
 # An answer of a round number of pictures, whatever limit was asked for, may be cut off at the service's own.
 ROUND = 100

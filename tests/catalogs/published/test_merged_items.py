@@ -10,11 +10,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from catalogs.published import joined
+from catalogs.published import merged_items
 from catalogs.published.items import write_items
-from catalogs.published.joined import join_runs, joined_in
+from catalogs.published.merged_items import join_runs, joined_in
 from catalogs.published.runs import Run
-from catalogs.query import asking, query
+from catalogs.query import execution
+from catalogs.query.execution import query
 from tests.catalogs.published.test_items import row
 
 
@@ -40,7 +41,7 @@ def test_a_query_of_what_is_joined_is_one_of_the_runs(
 ) -> None:
     before = answer(tmp_path)
     join_runs(tmp_path, runs)
-    monkeypatch.setattr(asking, "schema_of", lambda path: pytest.fail(f"{path} is read"))
+    monkeypatch.setattr(execution, "schema_of", lambda path: pytest.fail(f"{path} is read"))
     pd.testing.assert_frame_equal(answer(tmp_path), before)
     assert set(query(tmp_path, where="run = 'blocks/x2'").block) == {"x2"}
     west = before[before.id == "w12-f0"].iloc[0]
@@ -63,7 +64,7 @@ def test_a_run_that_published_since_is_asked_itself(tmp_path: Path, runs: list) 
 def test_only_the_files_of_runs_that_changed_are_written(
     tmp_path: Path, runs: list, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(joined, "PER_FILE", 2)
+    monkeypatch.setattr(merged_items, "PER_FILE", 2)
     join_runs(tmp_path, runs)
     files = {one.path.name: (one.path.stat().st_ino, sorted(one.runs)) for one in joined_in(tmp_path)}
     assert [of for _, of in files.values()] == [["blocks/x0", "blocks/x1"], ["blocks/x2", "blocks/x3"]]

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
-from catalogs.block.corrected import as_corrected
+from catalogs.block.block_file import BlockFile
+from catalogs.block.building_corrections import as_corrected
 from catalogs.block.corrections import NONE, Corrections, read_corrections
 from catalogs.block.digest import block_digest
-from catalogs.block.file import BlockFile
 from catalogs.block.geometry import Files, extent_of, read_geometry
 from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
 from catalogs.block.part import Part
 from catalogs.block.paths import named_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
-from catalogs.features import Fault, by_reason, notes_by_reason
-from catalogs.frames import known_frame
-from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
-from catalogs.readers.pictures.materials import MaterialPicture, material_pictures
+from catalogs.features import Fault, ids_by_reason, notes_by_reason
+from catalogs.frames import parse_crs
+from catalogs.readers.pictures.folders import list_images, photos_by_facade, check_picture
+from catalogs.readers.pictures.materials import MaterialPicture, read_material_pictures
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import SHIPPED_MODELS, Building, Elevation, Ground, Models, Privacy, Street
 
@@ -126,7 +126,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         poses = files.get("imagery.panoramas.poses", (None,))[0]
         found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
         panoramas, broken_panoramas = found.items, found.faults
-        far = notes_by_reason(by_reason(found.remarks))
+        far = notes_by_reason(ids_by_reason(found.remarks))
     return Block(
         name=keys.name,
         crs=frame,
@@ -171,7 +171,7 @@ def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
     from catalogs.block.extract import read_extract
 
     values = file.read("part.path", read_extract, *files["part.path"])
-    frame = file.read("part.path", known_frame, values.pop("crs"))
+    frame = file.read("part.path", parse_crs, values.pop("crs"))
     terrain = _terrain(files, frame, values.pop("extent"), file)
     return Block(
         name=keys.name,
@@ -211,7 +211,7 @@ def _terrain(files: Files, frame: CRS, extent: tuple[float, float, float, float]
 
 def _materials(files: Files, file: BlockFile) -> tuple[MaterialPicture, ...]:
     found = files.get("texture.materials")
-    return file.read("texture.materials", material_pictures, *found) if found else ()
+    return file.read("texture.materials", read_material_pictures, *found) if found else ()
 
 
 def _models(files: Files) -> Models:
@@ -232,7 +232,7 @@ def _pictures(
     faults: tuple[Fault, ...] = ()
     if "imagery.exemplars.path" in files:
         exemplars, broken = file.read(
-            "imagery.exemplars.path", image_files, *files["imagery.exemplars.path"], "exemplar"
+            "imagery.exemplars.path", list_images, *files["imagery.exemplars.path"], "exemplar"
         )
         faults += broken
     if "imagery.photos.path" in files:
@@ -250,7 +250,7 @@ def _aerial(keys: BlockKeys, files: Files, frame: CRS, buildings: Iterable[Build
 
     crs = keys.imagery.aerial.crs
     if crs is not None:
-        file.read("imagery.aerial.crs", known_frame, crs)
+        file.read("imagery.aerial.crs", parse_crs, crs)
     places = shapely.get_coordinates([building.footprint for building in buildings])
     return file.read("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
 
@@ -259,5 +259,5 @@ def _roof_material(keys: BlockKeys, files: Files, file: BlockFile) -> Material |
     if keys.texture.roof_material is None:
         return None
     path = files["texture.roof_material.path"][0]
-    file.read("texture.roof_material.path", whole_picture, path)
+    file.read("texture.roof_material.path", check_picture, path)
     return path.absolute(), keys.texture.roof_material.metres_per_pixel

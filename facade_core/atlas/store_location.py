@@ -9,16 +9,16 @@ if TYPE_CHECKING:
     import icechunk
 
 
-class Bucket(Protocol):
+class BucketFolder(Protocol):
     """A folder in a bucket. Equal ones are the same folder; they have a hash, and can be sent to workers."""
 
     @property
     def name(self) -> str: ...
 
     @property
-    def parent(self) -> Bucket: ...
+    def parent(self) -> BucketFolder: ...
 
-    def __truediv__(self, name: str, /) -> Bucket: ...
+    def __truediv__(self, name: str, /) -> BucketFolder: ...
 
     def is_dir(self) -> bool:
         """Whether anything lies in it."""
@@ -36,4 +36,4 @@ class Bucket(Protocol):
         """Remove all that lies below it."""
 
 
-Place: TypeAlias = Path | Bucket
+StoreLocation: TypeAlias = Path | BucketFolder

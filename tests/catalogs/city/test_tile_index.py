@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from catalogs.city.keys import check_city
-from catalogs.city.tiles import files_of_tiles
+from catalogs.city.tile_index import files_of_tiles
 from facade_core.core.errors import InputError
 
 BOXES = {"a": (24.90, 60.16, 24.92, 60.17), "b": (24.92, 60.16, 24.94, 60.17)}

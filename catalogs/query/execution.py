@@ -10,9 +10,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from catalogs.published.folders import Folder, each
 from catalogs.published.items import COLUMNS, arrow_type
-from catalogs.published.joined import Joined, joined_in, schema_of
-from catalogs.published.places import Folder, each
+from catalogs.published.merged_items import Joined, joined_in, schema_of
 from catalogs.published.runs import Run, runs_in
 from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
 from catalogs.published.snapshot import current

@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 from catalogs.features import file_stem
-from catalogs.imagery.offer import Offer
+from catalogs.imagery.remote_panorama import Offer
 from catalogs.readers.pictures.poses import LONLAT
 from facade_core.core.errors import InputError
 

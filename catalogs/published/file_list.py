@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from catalogs.published.places import Folder, at, put, sizes_in
+from catalogs.published.folders import Folder, at, put, sizes_in
 
 FILES = "files.json"
 # What queries and summaries are read from is compared by content each time, all else by size.

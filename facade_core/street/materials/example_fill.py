@@ -15,41 +15,41 @@ from facade_core.facade.texture.source_costs import UNUSABLE, Offers
 from facade_core.facade.texture.translations import correlation
 
 # So far from what pictures show ground is filled, metres.
-FILLED_M = 3.5
+MAX_FILL_M = 3.5
 # Side of the cells for which sources are chosen, metres: a joint between slabs is still seen.
-CELL_M = 0.2
+SOURCE_CELL_M = 0.2
 # A source lies at least so far away, metres; nearer ones copy a thing beside itself.
-LEAST_STEP_M = 0.8
+MIN_TRANSLATION_M = 0.8
 # What is larger than this is shade and not texture where sources are looked for, metres.
-SHADE_M = 2.0
+SHADING_SIGMA_M = 2.0
 # Metres around a hidden cell over which the pictured ground must look like itself under a translation.
-AROUND_M = 1.0
+CONTEXT_M = 1.0
 # Translations that are looked at, and the share of the pictured cells that must be seen twice under one.
-TRANSLATIONS, SEEN_TWICE = 40, 0.05
+MAX_TRANSLATIONS, MIN_OVERLAP_SHARE = 40, 0.05
 # Power of that share which the likeness is multiplied by.
-TRUST = 0.25
+OVERLAP_EXPONENT = 0.25
 # Prices, in the mean squared difference of two pictured cells: of a source of another kind of ground, of one for which nothing
 # around speaks, and of each metre to it.
-WRONG_KIND, UNTOLD, A_METRE = 2.0, 1.0, 0.01
+OTHER_KIND_COST, NO_EVIDENCE_COST, COST_PER_METRE = 2.0, 1.0, 0.01
 # Which share of what is around a cell the last but one counts as.
-FEW = 0.05
+EVIDENCE_PRIOR = 0.05
 # Price of a seam for each colour difference (0-1, three channels).
-SEAM = 0.02
+SEAM_COST = 0.02
 # What lies beyond the reach of all translations is filled from what was filled, in so many rounds at most.
-ROUNDS = 6
+MAX_ROUNDS = 6
 # What is narrower and was not reached is closed, metres.
-CRACK_M = 0.4
+MAX_CRACK_M = 0.4
 # Less pictured ground than this is no example, square metres.
-LEAST_M2 = 6.0
+MIN_EXAMPLE_M2 = 6.0
 
 
-def by_example(
+def fill_by_example(
     image: np.ndarray,
     known: np.ndarray,
-    there: np.ndarray,
-    kind: np.ndarray,
+    fillable: np.ndarray,
+    kinds: np.ndarray,
     density: float,
-    reach: float = FILLED_M,
+    max_distance_m: float = MAX_FILL_M,
 ) -> tuple[np.ndarray, np.ndarray]:
     """image (h, w, 3) uint8 with what is not `known` (h, w) bool filled as far as `reach` metres from that, and what was.
 
@@ -58,22 +58,22 @@ def by_example(
     import cv2
 
     nothing = np.zeros(known.shape, bool)
-    if known.sum() < LEAST_M2 * density**2 or known.all():
+    if known.sum() < MIN_EXAMPLE_M2 * density**2 or known.all():
         return image, nothing
     away = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    wanted = ~known & there & (away <= reach * density)
-    factor = max(1, round(CELL_M * density))
+    wanted = ~known & fillable & (away <= max_distance_m * density)
+    factor = max(1, round(SOURCE_CELL_M * density))
     out, done = image, known
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         before = done
-        out, done = _copied(out, done, wanted & ~done, kind, factor, factor / density)
+        out, done = _copy_parts(out, done, wanted & ~done, kinds, factor, factor / density)
         if (done | ~wanted).all() or (done == before).all():
             break
     filled = done & wanted
     if not filled.any():
         return image, nothing
     # a few texels to which parts' sources do not reach, as they are fitted to a texel
-    side = max(3, round(CRACK_M * density))
+    side = max(3, round(MAX_CRACK_M * density))
     opened = cv2.morphologyEx((wanted & ~done).astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0
     cracks = wanted & ~done & ~opened
     if cracks.any():
@@ -83,16 +83,16 @@ def by_example(
     return np.where(filled[..., None], out, image), filled
 
 
-def _copied(
+def _copy_parts(
     image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The image with what could be copied, and what of it is known now (h, w) bool; step: metres of `factor` texels."""
-    small, clear, hidden, kinds = _reduced(image, known, wanted, kind, factor)
+    small, clear, hidden, kinds = _reduce_to_cells(image, known, wanted, kind, factor)
     rows, columns = np.nonzero(hidden)
-    moves = _translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
+    moves = _best_translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
     if not len(moves):
         return image, known
-    offer = _offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
+    offer = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
     served = (offer.price < UNUSABLE).any(axis=0)
     if not served.any():
         return image, known
@@ -107,12 +107,12 @@ def _copied(
         ]
     )
     chosen = np.full(hidden.shape, -1)
-    chosen[at[:, 0], at[:, 1]] = choose(offer, edges, _rim(small, clear, at, moves), SEAM)
+    chosen[at[:, 0], at[:, 1]] = choose(offer, edges, _seam_costs(small, clear, at, moves), SEAM_COST)
     maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
-    return paint(image, known, chosen, maps, factor, AROUND_M / step)
+    return paint(image, known, chosen, maps, factor, CONTEXT_M / step)
 
 
-def _reduced(
+def _reduce_to_cells(
     image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Cells of factor texels a side: colours 0-1 float32, where all of a cell is known, where something of it is wanted and not
@@ -130,59 +130,59 @@ def _reduced(
     return small, clear, hidden, np.pad(kind, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
 
 
-def _translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarray:
+def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarray:
     """Steps (k, 2) in cells, down and right, under which what is clear looks most like itself, with what is seen of most; the
     normalised correlation of detail, for all steps at once."""
     import cv2
 
     height, width = clear.shape
     weight = clear.astype(np.float32)
-    sigma = SHADE_M / step
+    sigma = SHADING_SIGMA_M / step
     local = cv2.GaussianBlur(small * weight[..., None], (0, 0), sigma)
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
     # colour and its detail: kerbs and the edge of a carriageway are both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
     score, seen = correlation(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
-    usable = (np.hypot(down, right) * step >= LEAST_STEP_M) & (seen >= SEEN_TWICE * clear.sum())
+    usable = (np.hypot(down, right) * step >= MIN_TRANSLATION_M) & (seen >= MIN_OVERLAP_SHARE * clear.sum())
     # what is seen of a long translation is little, and more likely to fit by chance
-    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** TRUST, -1.0).astype(np.float32)
+    score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** OVERLAP_EXPONENT, -1.0).astype(np.float32)
     top = (score == cv2.dilate(score, np.ones((5, 5), np.uint8))) & usable
-    best = np.argsort(-score[top], kind="stable")[:TRANSLATIONS]
+    best = np.argsort(-score[top], kind="stable")[:MAX_TRANSLATIONS]
     return np.stack([down[top][best], right[top][best]], axis=1).astype(np.int64)
 
 
-def _offers(
+def _source_offers(
     small: np.ndarray, clear: np.ndarray, kinds: np.ndarray, at: np.ndarray, moves: np.ndarray, step: float
 ) -> Offers:
     """What cells (n, 2) could show under steps (k, 2), and how unlike what is around them their sources' surroundings are."""
     import cv2
 
     usual = 2 * float(small[clear].var(axis=0).mean())
-    side = 2 * round(AROUND_M / step) + 1
+    side = 2 * round(CONTEXT_M / step) + 1
     price = np.full((len(moves), len(at)), UNUSABLE, np.float32)
     colour = np.zeros((len(moves), len(at), 3), np.float32)
     for k, move in enumerate(moves):
-        from_, inside = _moved(at, move, clear.shape)
+        from_, inside = _shift_cells(at, move, clear.shape)
         inside[inside] = clear[from_[inside, 0], from_[inside, 1]]
-        error, told = _errors(small, clear, move)
+        error, told = _translation_errors(small, clear, move)
         total, count = (cv2.blur(one, (side, side), borderType=cv2.BORDER_CONSTANT) for one in (error, told))
-        near = (total + FEW * UNTOLD * usual) / (count + FEW)
+        near = (total + EVIDENCE_PRIOR * NO_EVIDENCE_COST * usual) / (count + EVIDENCE_PRIOR)
         here, there = at[inside], from_[inside]
         wrong = kinds[here[:, 0], here[:, 1]] != kinds[there[:, 0], there[:, 1]]
-        far = A_METRE * step * float(np.hypot(*move))
-        price[k, inside] = near[here[:, 0], here[:, 1]] + usual * (WRONG_KIND * wrong + far)
+        far = COST_PER_METRE * step * float(np.hypot(*move))
+        price[k, inside] = near[here[:, 0], here[:, 1]] + usual * (OTHER_KIND_COST * wrong + far)
         colour[k, inside] = small[there[:, 0], there[:, 1]]
     return Offers(price, colour)
 
 
-def _moved(at: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _shift_cells(at: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Cells (n, 2) a step away, and which of them the raster has (n,) bool."""
     there = at + move
     return there, ((there >= 0) & (there < shape)).all(axis=1)
 
 
-def _errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean squared colour difference (r, c) float32 of clear cells and those a step away, and where both are clear."""
     error, told = np.zeros(clear.shape, np.float32), np.zeros(clear.shape, np.float32)
     here = tuple(slice(max(0, -m), n - max(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
@@ -193,16 +193,16 @@ def _errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.
     return error, told
 
 
-def _rim(small: np.ndarray, clear: np.ndarray, at: np.ndarray, moves: np.ndarray) -> np.ndarray:
+def _seam_costs(small: np.ndarray, clear: np.ndarray, at: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """What the seam to clear neighbours costs under every step: (k, n) float32."""
     cost = np.zeros((len(moves), len(at)), np.float32)
     for beside in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
-        mine, rim = _moved(at, beside, clear.shape)
+        mine, rim = _shift_cells(at, beside, clear.shape)
         rim[rim] = clear[mine[rim, 0], mine[rim, 1]]
         for k, move in enumerate(moves):
-            theirs, inside = _moved(mine, move, clear.shape)
+            theirs, inside = _shift_cells(mine, move, clear.shape)
             both = rim & inside
             both[both] = clear[theirs[both, 0], theirs[both, 1]]
             a, b = mine[both], theirs[both]
-            cost[k, both] += 2 * SEAM * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
+            cost[k, both] += 2 * SEAM_COST * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
     return cost

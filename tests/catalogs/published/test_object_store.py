@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.published import objects
+from catalogs.published import object_store
 from catalogs.published.s3 import S3Folder
 from facade_core.core.errors import InputError
 from tests.bucket import KEY, SECRET, served
@@ -20,14 +20,14 @@ def test_keys_may_be_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         file.write_text(f"[night]\naws_access_key_id = {KEY}\naws_secret_access_key = {SECRET}\n")
         monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(file))
         monkeypatch.setenv("AWS_PROFILE", "night")
-        objects._store.cache_clear()
+        object_store._store.cache_clear()
         try:
-            tag = objects.put_if("profiles/a", b"1", None)
-            assert objects.get("profiles/a") == (b"1", tag)
-            assert objects.listed("profiles").keys() == {"a"}
+            tag = object_store.put_if("profiles/a", b"1", None)
+            assert object_store.get("profiles/a") == (b"1", tag)
+            assert object_store.listed("profiles").keys() == {"a"}
             assert S3Folder("profiles/a").read_text() == "1"
             with pytest.raises(InputError, match="no such bucket"):
-                objects.put("nobody-has-this/a", b"")
+                object_store.put("nobody-has-this/a", b"")
         finally:
-            objects._store.cache_clear()
+            object_store._store.cache_clear()
         assert bucket == "s3://profiles"

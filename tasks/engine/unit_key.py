@@ -1,0 +1,26 @@
+"""Keys of units: one digest per kind of input.
+
+A key is text ("code:0f3a... photo:77b1..."), so that two keys of a unit show why it is pending.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from facade_core.atlas.journal import unit_key
+
+
+def parts_key(code: str, **parts: Any) -> str:
+    """The key of a unit: of its stage's code, and its inputs by kind (strings, numbers, nested lists and dicts)."""
+    return " ".join([f"code:{code}", *(f"{kind}:{unit_key(value)[:16]}" for kind, value in parts.items())])
+
+
+def parts_of(key: str) -> dict[str, str]:
+    """The digests that a key is made of, by kind: "code" first."""
+    return dict(part.partition(":")[::2] for part in key.split())
+
+
+def changed_parts(recorded: str, key: str) -> list[str]:
+    """The kinds of input in which two keys of a unit differ."""
+    before, now = parts_of(recorded), parts_of(key)
+    return sorted(kind for kind in before | now if before.get(kind) != now.get(kind))

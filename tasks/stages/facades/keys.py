@@ -1,0 +1,91 @@
+"""Keys of facades: one for each source of imagery, in the order of trying."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from catalogs.file_digest import file_digest
+from facade_core.atlas.journal import unit_key
+from facade_core.core.types import AS_FOUND
+from facade_core.geometry.walls import JOINT_M
+from facade_core.plan.doors import has_back_door, turns_corner
+from facade_core.plan.plan import Plan
+from tasks.engine.run import Run
+from tasks.engine.stage_code import stage_code
+from tasks.engine.unit_key import parts_key
+from tasks.stages.facades.imagery import Imagery
+from tasks.stages.shared.key_parts import bounding_box, digests_between, model_parts, own_texture_parts, pose_numbers
+
+
+def facade_keys(
+    run: Run,
+    plan: Plan,
+    facade: int,
+    imagery: Imagery,
+    exemplars: Mapping[int, str],
+    textures: Sequence[Path],
+) -> tuple[str, ...]:
+    """The keys of a facade, one for each of its sources in order: when it is made from that, those before it having failed.
+
+    exemplars: the key of each exemplar that could be prepared, by index.
+    """
+    table, placement = plan.facades, plan.scene.placement
+    chart = int(table.chart[facade])
+    shape = (int(placement.width[chart]), int(placement.height[chart]))
+    size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
+    low, high = bounding_box(plan, table.chart[table.laid_out_with(facade)].tolist())
+    house: list[Any] = [
+        float(table.foot[facade]),
+        float(table.eaves[facade]),
+        int(table.storeys[facade]),
+        int(table.role[facade]),
+    ]
+    house += [bool(table.raised[facade]), int(table.house[facade])]
+    house += [turns_corner(plan.scene.charts, table, facade), has_back_door(table, facade)]
+    parts: dict[str, Any] = {
+        "entrances": [float(table.along[facade]), *imagery.entrances] if imagery.entrances else [],
+        "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
+        "geometry": [f"{plan.ids[chart]:016x}", shape, size],
+    }
+    if imagery.corrected != AS_FOUND:
+        said = imagery.corrected
+        parts["corrected"] = [said.elements, said.hide, said.keep, said.facade]
+    keys = []
+    for source in imagery.sources():
+        if source in ("photo", "panoramas"):
+            parts["privacy"] = run.privacy
+        if source in ("photo", "panoramas", "own"):
+            parts |= model_parts(run.models)
+        if source == "photo" and imagery.photo is not None:
+            parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
+        elif source == "panoramas":
+            parts["panoramas"], earlier = (
+                [
+                    [path.name, file_digest(path), pose_numbers(pose), *filter(None, [imagery.captured.get(path)])]
+                    for path, pose in pictures
+                ]
+                for pictures in (imagery.panoramas, imagery.earlier)
+            )
+            if earlier:
+                parts["earlier"] = earlier
+            parts["between"] = [
+                digests_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)
+            ]
+        elif source == "own":
+            parts["own"] = own_texture_parts(plan, [chart], textures)
+        elif imagery.exemplar is not None:
+            chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
+            parts |= {"exemplar": chosen, "walls": run.texture.walls}
+            parts["beside"] = [house, plan.things.within(low - JOINT_M, high + JOINT_M)]
+        else:
+            parts["walls"] = run.texture.walls
+        keys.append(parts_key(stage_code("facades"), **parts))
+    return tuple(keys)
+
+
+def add_building_part(key: str, pictured: Sequence[str]) -> str:
+    """The key of a facade without a picture, which takes its wall's colour from others of its house that have pictures, by the
+    keys of these."""
+    return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key

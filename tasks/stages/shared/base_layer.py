@@ -1,0 +1,6 @@
+"""The stages that write the base layer of the atlas."""
+
+from __future__ import annotations
+
+# The stages that seed charts, in the order in which they write.
+BASE_LAYER_STAGES = ("textures", "grounds", "walls", "facades")
