@@ -27,16 +27,16 @@ import shapely
 from benchmarks.cameras import photographed_street, psnr, refined, shown_reader
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.overhead_view import raster_points
+from facade_core.geometry.overhead_view import texel_points
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import taken_whole
+from facade_core.geometry.walls import is_main_surface
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view
-from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_world, position
+from facade_core.imagery.poses.panorama_camera import WALL_REACH_M, camera_from_world, camera_position
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
@@ -72,7 +72,7 @@ def _coarser(street: SyntheticStreet) -> Scene:
     scene = street.scene
     density = np.full(len(scene.charts), DENSITY)
     density[list(street.charts)] = scene.spec.texels_per_metre
-    placement = pack(scene.charts.size, density, scene.charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(scene.charts.size, density, scene.charts.building, page=2048, chunk=128, gutter=2)
     return replace(scene, placement=placement)
 
 
@@ -94,7 +94,7 @@ def _recovered(
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
     seconds: dict[str, list[float]] = {"take": [], "finish": []}
-    charts = [c for c in np.flatnonzero(taken_whole(scene.charts)).tolist() if c not in street.charts]
+    charts = [c for c in np.flatnonzero(is_main_surface(scene.charts)).tolist() if c not in street.charts]
     shown: dict[int, CameraView] = {}
     for chart in charts:
         start = time.perf_counter()
@@ -107,10 +107,10 @@ def _recovered(
     parts = []
     for chart in charts:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-        points = raster_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+        points = texel_points(scene, chart, np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
         views = [rectify_view(scene, chart, c.image, c.pose, size) for c in cameras]
         own = chart_coverage(scene, chart)
-        near = [np.linalg.norm(points - position(c.pose), axis=2) <= WALL_REACH_M for c in cameras]
+        near = [np.linalg.norm(points - camera_position(c.pose), axis=2) <= WALL_REACH_M for c in cameras]
         seen = np.stack([v.seen & own & n for v, n in zip(views, near, strict=True)])
         somewhere = np.asarray(seen.any(axis=0))
         if not somewhere.any():
@@ -157,8 +157,8 @@ def _before(street: SyntheticStreet, chart: int, points: np.ndarray, true: Pose,
 
 def _beside(street: SyntheticStreet, chart: int, points: np.ndarray, true: Pose, supposed: Pose) -> np.ndarray:
     """Where the raster of a chart shows another surface, or the sky, for the pose is not the true one: (h, w) bool."""
-    rays = (points - position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(true)
-    _, hit = street.scene.caster.cast(position(true), rays)
+    rays = (points - camera_position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(true)
+    _, hit = street.scene.caster.cast(camera_position(true), rays)
     surfaces = np.append(street.scene.charts.surface, -1)
     return surfaces[np.where(hit < 0, -1, hit)] != street.scene.charts.surface[chart]
 

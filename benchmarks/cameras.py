@@ -29,7 +29,7 @@ from benchmarks.poses import refined_poses
 from facade_core.atlas.surroundings import ChartReader
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
@@ -109,7 +109,7 @@ def refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -
 def _finer(scene: Scene) -> Scene:
     """The scene with its ground at DENSITY."""
     density = np.where(scene.charts.kind == ChartKind.GROUND, DENSITY, scene.placement.texels_per_metre)
-    placement = pack(scene.charts.size, density, scene.charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(scene.charts.size, density, scene.charts.building, page=2048, chunk=128, gutter=2)
     return replace(scene, placement=placement)
 
 
@@ -167,7 +167,7 @@ def _recovered(
             "truth": paint(points.reshape(-1, 3)[:, :2]).reshape(points.shape),
             "ours": ours,
             "plain": np.stack([v.rgb for v in views])[best, *np.indices(size)],
-            "material": materials.raster(chart).reshape(*size, 3),
+            "material": materials.chart_raster(chart).reshape(*size, 3),
             "hidden": np.asarray(~(seen & ~covered).any(axis=0)),
             "taken": camera >= 0,
             "example": provenance == Provenance.INPAINTED,

@@ -19,21 +19,21 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read, split
-from facade_core.parsing.confidence import Figures, certainty, observed
+from facade_core.parsing.confidence import FacadeFigures, load_calibration, observe_parse
 from facade_core.parsing.segmenter import parse
 
 _BINS = 10
 # What counts as near the truth: five points of the window share, the very number of windows and storeys.
-NEAR = Figures(0.05, 0, 0)
+NEAR = FacadeFigures(0.05, 0, 0)
 
 
 def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, Any]:
-    sure = certainty(model)
+    sure = load_calibration(model)
     said: dict[str, list[tuple[float, float, bool]]] = {}
-    misses: list[Figures] = []
-    halves: list[Figures] = []
+    misses: list[FacadeFigures] = []
+    halves: list[FacadeFigures] = []
     for facade in facades:
-        seen = observed(parse(facade.image, model=model), facade.labels, facade.possible)
+        seen = observe_parse(parse(facade.image, model=model), facade.labels, facade.possible)
         misses.append(seen.misses)
         halves.append(sure.halves(seen.doubts, seen.unseen))
         for element, is_right in zip(seen.found, seen.right.tolist(), strict=True):
@@ -44,7 +44,7 @@ def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, 
         **{
             name: held(np.array(miss), np.array(half), near)
             for name, near, miss, half in zip(
-                Figures._fields, NEAR, zip(*misses, strict=True), zip(*halves, strict=True), strict=True
+                FacadeFigures._fields, NEAR, zip(*misses, strict=True), zip(*halves, strict=True), strict=True
             )
         },
         "images": len(misses),

@@ -21,9 +21,9 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.types import Box
-from facade_core.imagery.detect.detection import LOWERMOST, UPPERMOST, Detections, find_plates, detect_on_image
-from facade_core.imagery.detect.faces import find_faces, box_ious
-from facade_core.parsing.occluders import things_in_front
+from facade_core.imagery.detect.detection import SEARCH_BOTTOM_SHARE, SEARCH_TOP_SHARE, Detections, detect_on_image, find_plates
+from facade_core.imagery.detect.faces import box_ious, find_faces
+from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 
 FACES, PLATES = "faces", "plates"
@@ -67,7 +67,7 @@ def measure_panoramas(folder: Path) -> dict[str, int]:
     for name, boxes in marked.items():
         with Image.open(folder / name) as picture:
             image = np.asarray(picture.convert("RGB"))
-        first, last = (round(share * len(image)) for share in (UPPERMOST, LOWERMOST))
+        first, last = (round(share * len(image)) for share in (SEARCH_TOP_SHARE, SEARCH_BOTTOM_SHARE))
         seen = Detections(faces=find_faces(image[first:last])[0]).translate(0, first)
         _count(counts, boxes, seen, image.shape[:2])
     return counts
@@ -85,7 +85,7 @@ def measure_photos(folder: Path) -> dict[str, Any]:
     for name, kinds in marked.items():
         with Image.open(folder / name) as picture:
             image = np.asarray(picture.convert("RGB"))
-        in_front = things_in_front(parse(image).occluded)[0]
+        in_front = occluder_mask(parse(image).occluded)[0]
         for kind, boxes in kinds.items():
             for box in boxes:
                 (part, place), counts = _around(image, [box]), result[kind]

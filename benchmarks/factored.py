@@ -21,7 +21,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
-from facade_core.export.models.glb import header_of
+from facade_core.export.models.glb import read_glb_header
 from facade_core.export.models.textured_mesh import local_frame
 from tasks.export.formats import export
 from tasks.published.opened import published
@@ -34,7 +34,7 @@ MIPMAPS = 4 / 3
 def measure(path: Path) -> dict[str, Any]:
     """Of a GLB."""
     with path.open("rb") as file:
-        document, start = header_of(file)
+        document, start = read_glb_header(file)
         texels, pictures = 0, 0
         for image in document["images"]:
             view = document["bufferViews"][image["bufferView"]]
@@ -79,11 +79,11 @@ def cameras(out: Path, wanted: Sequence[str]) -> list[tuple[str, float, list[flo
                 target = charts.points(chart, np.array([width / 2]), np.array([up]))[0]
                 foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
                 turn = 0.35 * charts.axis_u[chart]
-                eye = target + metres * (charts.normal()[chart] + turn) / np.linalg.norm(charts.normal()[chart] + turn)
+                eye = target + metres * (charts.normals()[chart] + turn) / np.linalg.norm(charts.normals()[chart] + turn)
                 eye[2] = foot[2] + 1.7
                 to_eye = eye - target
                 depth, _ = scene.caster.cast(
-                    target + 0.3 * charts.normal()[chart], (to_eye / np.linalg.norm(to_eye))[None]
+                    target + 0.3 * charts.normals()[chart], (to_eye / np.linalg.norm(to_eye))[None]
                 )
                 if depth[0] < metres:  # a house stands between
                     eye = target + 0.9 * float(depth[0]) * to_eye / np.linalg.norm(to_eye)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.export.pictures.rendering import file_of, perspective
-from facade_core.export.pictures.views import cameras, view_names
+from facade_core.export.pictures.rendering import encode_image, render_perspective
+from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.propagation.render import daylight_grey
@@ -54,9 +54,9 @@ def bare(scene: Scene, chart: int) -> np.ndarray:
     import cv2
 
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
-    normal, daylight = scene.charts.normal()[chart], scene.daylight
-    daylight.reach([chart])
-    rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.place[chart])
+    normal, daylight = scene.charts.normals()[chart], scene.daylight
+    daylight.compute([chart])
+    rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.start[chart])
     light = cv2.resize(daylight.light[first : first + rows * columns].reshape(rows, columns), (width, height))
     left = contact_light(scene, chart)
     grey = 255 * BARE * float(daylight_grey(normal)) * light.reshape(height, width) * (1.0 if left is None else left)
@@ -70,13 +70,13 @@ def main() -> None:
     parser.add_argument("--to", type=Path, default=Path("docs"), help="folder of the files")
     asked = parser.parse_args()
     with published(asked.out) as found:
-        views = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))
+        views = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))
         if asked.view not in views:
             parser.error(f"--view {asked.view}: there are {', '.join(views)}")
         scene, camera = found.plan.scene, views[asked.view]
         for name, raster in (("street", found.textured.raster), ("street-bare", lambda chart: bare(scene, chart))):
-            rgb = perspective(scene, camera, raster)
-            (asked.to / f"{name}.jpg").write_bytes(file_of(rgb, "JPEG", quality=84))
+            rgb = render_perspective(scene, camera, raster)
+            (asked.to / f"{name}.jpg").write_bytes(encode_image(rgb, "JPEG", quality=84))
     (asked.to / "street.html").write_text(PAGE, "utf-8")
 
 

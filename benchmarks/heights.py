@@ -21,9 +21,9 @@ import numpy as np
 import shapely
 
 from catalogs.buildings import heights
-from catalogs.buildings.outlines import assemble_buildings
+from catalogs.buildings.assembly import assemble_buildings
+from catalogs.crs import parse_metric_crs
 from catalogs.features import Footprint, Footprints
-from catalogs.frames import parse_metric_crs
 from catalogs.readers.vectors.osm import read_osm_footprints
 
 STOREY_M = 3.2

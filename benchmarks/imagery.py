@@ -25,12 +25,12 @@ import numpy as np
 
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Pose
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.imagery.rectify.fusion import Fused, View, fuse_views
-from facade_core.imagery.rectify.panorama import rectify_view, sightings
+from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
 from facade_core.synth.street_truth import SyntheticStreet, hidden, panorama, synthetic_street
 
 # Views of a wall that are compared or fused, and the least share of it that each shows.
@@ -50,11 +50,11 @@ def scene_of_walls(corners: np.ndarray, texels_per_metre: float) -> Scene:
     charts = Charts(np.full(n, ChartKind.WALL, np.uint8), each, each, *frame, size)
     triangles = (np.array([[0, 3, 2], [0, 2, 1]]) + 4 * each[:, None, None]).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(corners.reshape(-1, 3), triangles, np.repeat(each, 2), np.repeat(each, 4))
-    placement = pack(charts.size, texels_per_metre, each, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, texels_per_metre, each, page=2048, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
 
 
-def edge_tilt(view: View) -> dict[str, float | None]:
+def edge_tilt(view: ChartView) -> dict[str, float | None]:
     """Median tilt in degrees, by length, of the near-level and near-upright edges of a rectified wall; None without."""
     import cv2
 
@@ -100,7 +100,7 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
     measured: dict[str, Any] = {"poses": poses, "walls": {}, "agreement": {}}
     tilts: dict[str, list[float]] = {"before": [], "after": []}
     for chart, wall in enumerate(names):
-        shown = sightings(scene, chart, given, [image.shape[:2] for image in images])
+        shown = find_sightings(scene, chart, given, [image.shape[:2] for image in images])
         shown = [s for s in shown if s.seen >= LEAST_SEEN][:VIEWS]
         if not shown:
             continue
@@ -213,7 +213,7 @@ def _recovered(
     for facade, chart in enumerate(street.charts):
         truth = street.painted[facade].image
         size = truth.shape[:2]
-        shown = sightings(street.scene, chart, poses, [image.shape[:2] for image in images])[:VIEWS]
+        shown = find_sightings(street.scene, chart, poses, [image.shape[:2] for image in images])[:VIEWS]
         views = []
         for s in shown:
             view = rectify_view(street.scene, chart, images[s.panorama], poses[s.panorama], size)
@@ -240,9 +240,9 @@ def psnr(image: np.ndarray, truth: np.ndarray, shown: np.ndarray) -> float:
 
 def pose_errors(poses: Sequence[Pose], true: Sequence[Pose]) -> dict[str, float]:
     """Means, medians and largest over poses of the distance, metres, and the turn, degrees, from the true ones."""
-    from facade_core.imagery.poses.panorama_camera import camera_from_world, position
+    from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 
-    metres = [float(np.linalg.norm(position(a) - position(b))) for a, b in zip(poses, true, strict=True)]
+    metres = [float(np.linalg.norm(camera_position(a) - camera_position(b))) for a, b in zip(poses, true, strict=True)]
     turns = [camera_from_world(a) @ camera_from_world(b).T for a, b in zip(poses, true, strict=True)]
     degrees = [float(np.degrees(np.arccos(np.clip((np.trace(t) - 1) / 2, -1, 1)))) for t in turns]
     told = {}
@@ -253,7 +253,7 @@ def pose_errors(poses: Sequence[Pose], true: Sequence[Pose]) -> dict[str, float]
     return told
 
 
-def ssim(one: View | Fused, other: View | Fused) -> float | None:
+def ssim(one: ChartView | FusedView, other: ChartView | FusedView) -> float | None:
     """Mean SSIM of the grey pictures, 10 pixels per metre, over what both show; None where that is little."""
     import cv2
     from skimage.metrics import structural_similarity

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.parsing.occluder_labels import ground_floor
+from facade_core.parsing.occluder_labels import ground_floor_rows
 from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import exemplars
 
@@ -50,7 +50,7 @@ def measure_things(
             true[kind] += 1
             found[kind] += int(there[y0:y1, x0:x1].mean() >= _FOUND)
             inside[y0:y1, x0:x1] = True
-        top, bottom = ground_floor(facade.labels, facade.possible)
+        top, bottom = ground_floor_rows(facade.labels, facade.possible)
         seen, covered = seen + int(there[top:bottom].sum()), covered + int(inside[top:bottom].sum())
         floors += there[top:bottom].size
         free = there[top:bottom, ~inside.any(0)]
@@ -71,7 +71,7 @@ def false_masks(facades: Iterable[LabelledFacade], hidden: Hidden) -> dict[str, 
     shares = []
     for facade in facades:
         upper = np.zeros(facade.labels.shape, bool)
-        upper[: ground_floor(facade.labels, facade.possible)[0]] = True
+        upper[: ground_floor_rows(facade.labels, facade.possible)[0]] = True
         upper &= facade.possible != ANY_CLASS
         if upper.any():
             shares.append(float(hidden(facade.image)[upper].mean()))

@@ -30,7 +30,7 @@ import numpy as np
 from benchmarks.layout.baselines import ours
 from benchmarks.layout.figures import matches as matched
 from benchmarks.parsing import confusion, f1, matches, scores
-from catalogs.block.corrections import Correction, checked
+from catalogs.block.corrections import Correction, validate_correction
 from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read, split
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.core.errors import InputError
@@ -39,7 +39,7 @@ from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as SHIPPED_LAYOUTS
 from facade_core.facade.layout.model import load_layout_model
 from facade_core.parsing.elements import elements
-from facade_core.parsing.network import SHIPPED
+from facade_core.parsing.network import SHIPPED_NETWORK
 from facade_core.parsing.segmenter import parse
 from tasks.training.corrected import CorrectedFacade
 from tasks.training.layout import train_layout
@@ -68,7 +68,7 @@ def corrected(name: str, facade: LabelledFacade) -> CorrectedFacade:
         for e in elements(facade.labels)
         if e.width > 0 and e.height > 0
     ]
-    said = checked(Correction(facade.name, "elements", boxes)).value
+    said = validate_correction(Correction(facade.name, "elements", boxes)).value
     # of what the set does not tell nobody said that it is no element
     return CorrectedFacade(f"{name}/{facade.name}", facade.image, facade.labels != UNKNOWN, said)
 
@@ -127,8 +127,8 @@ def of_parser(data: Path, out: Path, name: str, seed: int) -> dict[str, Any]:
         "corrected": len(mine),
         "others": len(others),
         "cpu seconds": round(seconds),
-        **gains(parsed(others, SHIPPED), parsed(others, model), parser_figures),
-        "kept": gains(parsed(ecp, SHIPPED), parsed(ecp, model), parser_figures),
+        **gains(parsed(others, SHIPPED_NETWORK), parsed(others, model), parser_figures),
+        "kept": gains(parsed(ecp, SHIPPED_NETWORK), parsed(ecp, model), parser_figures),
     }
 
 

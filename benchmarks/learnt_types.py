@@ -23,9 +23,16 @@ from benchmarks.labelled_facades import elements_of, facades
 from benchmarks.window_types import STATES, UNSEEN
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import box_array, group_by_size
-from facade_core.facade.variation.element_types import cluster, descriptors, filled
-from facade_core.facade.variation.patches import align, cut, light, mask_of, patch_size, wall_sums
-from facade_core.facade.variation.rendering import depth_of
+from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_from_similar
+from facade_core.facade.variation.patches import (
+    align_boxes,
+    box_mask,
+    cut_patches,
+    patch_size,
+    relative_light,
+    wall_integrals,
+)
+from facade_core.facade.variation.rendering import drawing_depth
 from facade_core.synth.facade import facade
 from facade_core.synth.styles import STYLES
 
@@ -45,15 +52,15 @@ class Windows(NamedTuple):
 def windows_of(image: np.ndarray, elements: Sequence[Element], states: Sequence[str]) -> Iterator[Windows]:
     """As `facade_core.facade.variation.variations` cuts them."""
     box = box_array(elements).astype(np.int32)
-    sums = wall_sums(image, mask_of(box, image.shape[:2]))
-    front = mask_of(box[[depth_of(e.label) > depth_of("window") for e in elements]], image.shape[:2])
+    sums = wall_integrals(image, box_mask(box, image.shape[:2]))
+    front = box_mask(box[[drawing_depth(e.label) > drawing_depth("window") for e in elements]], image.shape[:2])
     for members in group_by_size(elements):
         if elements[members[0]].label == "window":
             size = patch_size(box[members])
-            own = align(image, box[members], size)
-            shade = light(sums, box[members])[:, None, None, None].astype(np.float32)
-            seen = cut(front.astype(np.float32), own, size) < 0.5
-            yield Windows(cut(image, own, size) / shade, seen, [states[i] for i in members])
+            own = align_boxes(image, box[members], size)
+            shade = relative_light(sums, box[members])[:, None, None, None].astype(np.float32)
+            seen = cut_patches(front.astype(np.float32), own, size) < 0.5
+            yield Windows(cut_patches(image, own, size) / shade, seen, [states[i] for i in members])
 
 
 def features(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -69,7 +76,7 @@ def features(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
         value[..., 3] = cv2.resize(np.abs(across) / usual, SIZE, interpolation=cv2.INTER_AREA)
         value[..., 4] = cv2.resize(np.abs(down) / usual, SIZE, interpolation=cv2.INTER_AREA)
         whole[:] = cv2.resize(visible.astype(np.float32), SIZE, interpolation=cv2.INTER_AREA) > 0.9
-    flat = filled(values, known).reshape(len(patches), -1)
+    flat = fill_from_similar(values, known).reshape(len(patches), -1)
     return np.concatenate([flat, flat - np.median(flat, axis=0)], axis=1)
 
 
@@ -162,7 +169,7 @@ def main() -> None:
     hanging = [next(name for name in HANGING if state.endswith(name)) for state in truth]
     metrics = {
         "one type a size group": lambda patches, seen: np.zeros(len(patches), int),
-        "present": lambda patches, seen: cluster(descriptors(filled(patches, seen), seen))[0],
+        "present": lambda patches, seen: cluster_types(compute_descriptors(fill_from_similar(patches, seen), seen))[0],
         "types": learn(np.concatenate(plain), truth, given.epochs),
         "states": learn(np.concatenate(plain + worn), hanging * 2, given.epochs),
     }

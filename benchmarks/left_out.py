@@ -30,13 +30,13 @@ import yaml
 from benchmarks.city.runs import run
 from catalogs.block.reader import Block, read_block
 from facade_core.core.types import Pose
-from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.rendering import aim, averaged
+from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.rendering import average_samples, cast_view
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders
-from facade_core.imagery.poses.panorama_camera import in_view, position, shares
-from facade_core.imagery.rectify.panorama import SKIN_M
+from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
+from facade_core.imagery.rectify.panorama import OCCLUSION_TOLERANCE_M
 from tasks.published.opened import Published, published
 from tasks.stages.shared.images import read_panorama
 from tasks.stages.shared.refined_poses import is_refused, select_pose
@@ -72,7 +72,7 @@ class Seen:
     @property
     def rgb(self) -> np.ndarray:
         """Means over pixels."""
-        return averaged(self.dense_rgb, SAMPLES)
+        return average_samples(self.dense_rgb, SAMPLES)
 
     @property
     def chart(self) -> np.ndarray:
@@ -204,20 +204,20 @@ def _placed(found: Published, names: Sequence[str], taken: dict[str, Taken]) -> 
     }
 
 
-def _cameras(pose: Pose) -> list[Camera]:
+def _cameras(pose: Pose) -> list[PerspectiveCamera]:
     """Views around a panorama."""
     turns = np.arange(HEADINGS) * 360 / HEADINGS
     return [
-        Camera.towards(position(pose), heading=turn, pitch=0.0, field_of_view=FIELD_OF_VIEW, size=(SIDE, SIDE))
+        PerspectiveCamera.from_heading(camera_position(pose), heading=turn, pitch=0.0, field_of_view=FIELD_OF_VIEW, size=(SIDE, SIDE))
         for turn in turns.tolist()
     ]
 
 
-def _seen(found: Published, camera: Camera) -> Seen:
+def _seen(found: Published, camera: PerspectiveCamera) -> Seen:
     """What a camera sees of what was published, without haze."""
     scene = found.plan.scene
-    picture = aim(scene, camera, samples=SAMPLES)
-    for chart in picture.seen[np.argsort(scene.placement.page[picture.seen], kind="stable")].tolist():
+    picture = cast_view(scene, camera, samples=SAMPLES)
+    for chart in picture.visible_charts[np.argsort(scene.placement.page[picture.visible_charts], kind="stable")].tolist():
         picture.paint({chart: found.textured.raster(chart)})
     chart = np.full(picture.rgb.shape[:2], MISS, np.int32)
     depth = np.full(chart.shape, np.inf)
@@ -234,21 +234,21 @@ def _kinds(found: Published, chart: np.ndarray) -> dict[str, np.ndarray]:
 
 def _sampled(one: Taken, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a panorama shows in directions (..., 3): colours (..., 3) uint8, and where it does, clear of what is before."""
-    share = shares(directions, one.pose)
+    share = project_to_panorama(directions, one.pose)
     left, top, width, height = one.pose.view
     rows, columns = one.image.shape[:2]
     x = ((share[..., 0] - left) % 1.0 / width * columns - 0.5).astype(np.float32)
     y = ((share[..., 1] - top) / height * rows - 0.5).astype(np.float32)
     rgb = cv2.remap(one.image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
     at = (np.clip(np.rint(y), 0, rows - 1).astype(int), np.clip(np.rint(x), 0, columns - 1).astype(int))
-    return rgb, in_view(share, one.pose) & ~one.hidden[at] & (rgb.max(axis=-1) > 0)
+    return rgb, is_in_view(share, one.pose) & ~one.hidden[at] & (rgb.max(axis=-1) > 0)
 
 
-def _picture(one: Taken, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def _picture(one: Taken, camera: PerspectiveCamera) -> tuple[np.ndarray, np.ndarray]:
     """The view of a camera as the panorama itself shows it, and where nothing stands before the block."""
-    dense = Camera(camera.position, camera.target, camera.field_of_view, (SIDE * SAMPLES, SIDE * SAMPLES))
+    dense = PerspectiveCamera(camera.position, camera.target, camera.field_of_view, (SIDE * SAMPLES, SIDE * SAMPLES))
     rgb, _ = _sampled(one, dense.rays())
-    return averaged(rgb, SAMPLES), _sampled(one, camera.rays())[1]
+    return average_samples(rgb, SAMPLES), _sampled(one, camera.rays())[1]
 
 
 def _projected(found: Published, view: Seen, others: Sequence[Taken]) -> tuple[np.ndarray, np.ndarray]:
@@ -259,22 +259,22 @@ def _projected(found: Published, view: Seen, others: Sequence[Taken]) -> tuple[n
     best = np.full(hit.shape, np.inf)
     shown = np.zeros(hit.shape, bool)
     for one in others:
-        to = np.where(hit[..., None], points - position(one.pose), 1.0)
+        to = np.where(hit[..., None], points - camera_position(one.pose), 1.0)
         distance = np.linalg.norm(to, axis=-1)
-        depth, _ = found.plan.scene.caster.cast(position(one.pose), to / distance[..., None])
+        depth, _ = found.plan.scene.caster.cast(camera_position(one.pose), to / distance[..., None])
         colours, clear = _sampled(one, to)
-        sees = hit & (depth > distance - 2 * SKIN_M) & (distance < FARTHEST_M) & (colours.max(axis=-1) > 0)
+        sees = hit & (depth > distance - 2 * OCCLUSION_TOLERANCE_M) & (distance < FARTHEST_M) & (colours.max(axis=-1) > 0)
         shown |= sees & clear
         worth = np.where(clear, distance, distance + FARTHEST_M)
         better = sees & (worth < best)
         rgb[better], best[better] = colours[better], worth[better]
-    return averaged(rgb, SAMPLES), shown[SAMPLES // 2 :: SAMPLES, SAMPLES // 2 :: SAMPLES]
+    return average_samples(rgb, SAMPLES), shown[SAMPLES // 2 :: SAMPLES, SAMPLES // 2 :: SAMPLES]
 
 
 def _compared(
     found: Published,
     one: Taken,
-    camera: Camera,
+    camera: PerspectiveCamera,
     ours: Seen,
     known: dict[str, Taken],
     taken: dict[str, Taken],

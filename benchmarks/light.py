@@ -22,8 +22,8 @@ from PIL import Image
 
 from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.core.types import Sun
-from facade_core.export.models.textured_mesh import local_frame, y_up
-from facade_core.export.pictures.views import cameras, view_names
+from facade_core.export.models.textured_mesh import local_frame, to_y_up
+from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.street.lighting.sun import sun_direction
 from tasks.export.formats import export
 from tasks.export.lighting import lighting
@@ -47,11 +47,11 @@ def main() -> None:
     if CHROMIUM is None or not (PACKAGES / "three").is_dir():
         parser.error("Chromium and three.js draw it; install chromium, and run `make clients`")
     with published(asked.out) as found:
-        view = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))[asked.view]
+        view = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))[asked.view]
         frame = local_frame(found.plan.scene.mesh)
         sun = lighting(found).sun or NOON
     eye, target = frame.points(np.array([view.position, view.target]))
-    seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": y_up(sun_direction(sun)[None])[0].tolist()}
+    seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": to_y_up(sun_direction(sun)[None])[0].tolist()}
     seen |= {"width": SIZE[0], "height": SIZE[1]}
     told: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as scratch:

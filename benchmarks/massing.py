@@ -19,10 +19,10 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Ground
 from facade_core.geometry import block_surfaces as surfaces
 from facade_core.geometry.buildings.eaves import Overhang
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.carriageways import fitted
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.carriageways import fit_ground
+from facade_core.geometry.ground.terrain import build_terrain
 
 DENSITY = 16.0
 
@@ -30,20 +30,20 @@ DENSITY = 16.0
 def measure(block: Block) -> dict[str, Any]:
     """Counts of charts, triangles, texels and chunks; and how far roofs leave the planes of their charts at most, metres."""
     spec = AtlasSpec(1, DENSITY)
-    ground = fitted(block.ground or Ground(), block.streets, [building.footprint for building in block.buildings])
-    charts, mesh, _ = surfaces.block_surfaces(
+    ground = fit_ground(block.ground or Ground(), block.streets, [building.footprint for building in block.buildings])
+    charts, mesh, _ = surfaces.build_block_surfaces(
         block.buildings,
         block.streets,
-        terrain=terrain_of(block.buildings, block.terrain),
+        terrain=build_terrain(block.buildings, block.terrain),
         ground_margin=block.texture.visibility_range,
         largest=spec.max_chart_side,
         within=ground.outline,
     )
     texels = charts.texels(DENSITY)
-    placement = pack(charts.size, DENSITY, charts.building, page=spec.page, chunk=spec.chunk, gutter=spec.gutter)
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=spec.page, chunk=spec.chunk, gutter=spec.gutter)
     chunks = [placement.chunks(chart, spec.chunk, spec.gutter) for chart in range(len(charts))]
     own = mesh.vertex_chart
-    off = np.abs(np.einsum("ij,ij->i", mesh.vertices - charts.origin[own], charts.normal()[own]))
+    off = np.abs(np.einsum("ij,ij->i", mesh.vertices - charts.origin[own], charts.normals()[own]))
     return {
         "charts": len(charts),
         "triangles": len(mesh.triangles),

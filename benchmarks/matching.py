@@ -19,7 +19,7 @@ import numpy as np
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
-from facade_core.imagery.poses.photo_matching import likely_walls, taken_by
+from facade_core.imagery.poses.photo_matching import estimate_orientation, match_walls
 from facade_core.imagery.rectify.photo import rectify
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from tasks.matching.finding import CANDIDATES, LEAST, SURE
@@ -31,7 +31,7 @@ def photo_of(street: SyntheticStreet, chart: int, rng: np.random.Generator) -> t
     """A photo (h, w, 3) of a wall from across the street, where it was taken (2,), and its heading."""
     charts = street.scene.charts
     width, height = charts.size[chart]
-    normal, along = charts.normal()[chart], charts.axis_u[chart]
+    normal, along = charts.normals()[chart], charts.axis_u[chart]
     foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
     place = foot + 16.0 * normal + rng.uniform(-3, 3) * along
     toward = np.degrees(np.arctan2(foot[0] - place[0], foot[1] - place[1]))
@@ -71,7 +71,7 @@ def measure(streets: int, buildings: int) -> dict[str, Any]:
             begun = time.perf_counter()
             try:
                 found = rectify(photo)
-                taken = taken_by(found.image, found.seen, found.homography, found.focal, photo.shape[:2])
+                taken = estimate_orientation(found.image, found.seen, found.homography, found.focal, photo.shape[:2])
             except ImageError:
                 taken = None
             near = np.append(place + rng.normal(0, 5 / np.sqrt(2), 2), 0.0)
@@ -81,7 +81,7 @@ def measure(streets: int, buildings: int) -> dict[str, Any]:
                 if taken is None:
                     counts["lost"] += 1
                     continue
-                likely = likely_walls(street.scene, walls, taken, near, stated[name], seed=0).likely
+                likely = match_walls(street.scene, walls, taken, near, stated[name], seed=0).probability
                 counts[_outcome(walls, likely, chart)] += 1
             seconds.append(time.perf_counter() - begun)
     return {name: dict(sorted(counts.items())) for name, counts in told.items()} | {

@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.labels import UNKNOWN
-from facade_core.imagery.rectify.crop import facade_box
+from facade_core.imagery.rectify.crop import find_facade_box
 
 # A side of a box is right within this share of the picture's height or width.
 _NEAR = 0.03
@@ -64,7 +64,7 @@ def measure_boxes(facades: Iterable[LabelledFacade], outside: Outside) -> dict[s
         truth, nothing = facade.outside == 1, np.zeros(facade.outside.shape, bool)
         height, width = truth.shape
         right = np.array(best_box(truth))
-        x0, y0, x1, y1 = box = facade_box(outside(facade.image), nothing) or (0, 0, width, height)
+        x0, y0, x1, y1 = box = find_facade_box(outside(facade.image), nothing) or (0, 0, width, height)
         size = np.array([width, height, width, height])
         sides += [(abs(np.array(one) - right) <= _NEAR * size).sum() for one in (box, (0, 0, width, height))]
         kept = truth[y0:y1, x0:x1]

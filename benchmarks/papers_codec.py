@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
-from facade_core.facade.variation.appearance import DIMENSIONS
-from facade_core.facade.variation.contents import Group
-from facade_core.facade.variation.element_types import filled
-from facade_core.facade.variation.patches import bare_wall, cut, mask_of, patch_size
-from facade_core.facade.variation.rendering import back_to_front, blend, depth_of, element_boxes
+from facade_core.facade.variation.appearance import PRINCIPAL_COMPONENTS
+from facade_core.facade.variation.contents import ElementGroup
+from facade_core.facade.variation.element_types import fill_from_similar
+from facade_core.facade.variation.patches import bare_wall, box_mask, cut_patches, patch_size
+from facade_core.facade.variation.rendering import drawing_depth, element_boxes, fade_patch, order_by_depth
 from facade_core.facade.variation.variations import Variations
 
 # What the wall and the axes are coded with, and the step of coordinates in grey levels a value.
@@ -32,9 +32,9 @@ class PapersFile(NamedTuple):
 
 def papers_file(image: np.ndarray, of: Variations) -> PapersFile:
     """Of a facade whose variations are known."""
-    wall, wall_file = _webp(bare_wall(image, mask_of(element_boxes(of.groups), image.shape[:2])), _WALL_QUALITY)
+    wall, wall_file = _webp(bare_wall(image, box_mask(element_boxes(of.groups), image.shape[:2])), _WALL_QUALITY)
     files, headers, shown = [wall_file], [], {}
-    for group, first in back_to_front(of.groups):
+    for group, first in order_by_depth(of.groups):
         patches, basis, header = _group(image, group, of.groups)
         files.append(basis)
         headers.append(header)
@@ -52,25 +52,25 @@ def papers_file(image: np.ndarray, of: Variations) -> PapersFile:
         for k, content in enumerate(files):
             archive.writestr(zipfile.ZipInfo(f"{k}.webp"), content, zipfile.ZIP_STORED)
     canvas = wall.astype(np.float32)
-    for group, first in back_to_front(of.groups):
+    for group, first in order_by_depth(of.groups):
         for box, patch, light in zip(group.boxes.tolist(), shown[first], group.light, strict=True):
-            blend(canvas, patch * np.float32(light), box)
+            fade_patch(canvas, patch * np.float32(light), box)
     return PapersFile(out.getvalue(), np.clip(canvas.round(), 0, 255).astype(np.uint8))
 
 
-def _group(image: np.ndarray, group: Group, groups: Sequence[Group]) -> tuple[np.ndarray, bytes, dict[str, object]]:
+def _group(image: np.ndarray, group: ElementGroup, groups: Sequence[ElementGroup]) -> tuple[np.ndarray, bytes, dict[str, object]]:
     """A group's patches as a reader sees them, (N, h, w, 3) float32; its axes as a file; the rest."""
     size = patch_size(group.boxes)
-    front = [g.boxes for g in groups if depth_of(g.label) > depth_of(group.label)]
-    in_front = mask_of(np.concatenate(front) if front else np.zeros((0, 4), int), image.shape[:2])
-    seen = cut(in_front.astype(np.float32), group.boxes, size) < 0.5
-    patches = filled(cut(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32), seen)
+    front = [g.boxes for g in groups if drawing_depth(g.label) > drawing_depth(group.label)]
+    in_front = box_mask(np.concatenate(front) if front else np.zeros((0, 4), int), image.shape[:2])
+    seen = cut_patches(in_front.astype(np.float32), group.boxes, size) < 0.5
+    patches = fill_from_similar(cut_patches(image, group.boxes, size) / group.light[:, None, None, None].astype(np.float32), seen)
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     mean = flat.mean(axis=0)
     _, strength, axes = np.linalg.svd(flat - mean, full_matrices=False)
     # Less than half a grey level per value is not worth an axis.
-    axes = axes[: min(DIMENSIONS, len(flat) - 1)][
-        strength[: min(DIMENSIONS, len(flat) - 1)] ** 2 > 0.25 * flat.shape[1]
+    axes = axes[: min(PRINCIPAL_COMPONENTS, len(flat) - 1)][
+        strength[: min(PRINCIPAL_COMPONENTS, len(flat) - 1)] ** 2 > 0.25 * flat.shape[1]
     ]
     scale = np.abs(axes).max(axis=1, initial=1e-12)[:, None]
     stack = np.concatenate([mean[None], 128 + 127 * axes / scale]).clip(0, 255).round().astype(np.uint8)

@@ -31,12 +31,12 @@ import numpy as np
 from benchmarks import in_front, outline
 from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read, split, swiss
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
-from facade_core.core.model_file import read_record
+from facade_core.core.model_file import read_model_record
 from facade_core.core.types import Element
-from facade_core.parsing.confidence import right
+from facade_core.parsing.confidence import match_elements
 from facade_core.parsing.elements import elements
 from facade_core.parsing.network import Network
-from facade_core.parsing.segmenter import SHIPPED, load_segmenter, parse, parse_with, seen_outside
+from facade_core.parsing.segmenter import DEFAULT_MODEL, load_segmenter, outside_mask, parse, parse_with_segmenter
 
 SETS = {
     "ecp": (ECP, "facades/ecp"),
@@ -65,7 +65,7 @@ def measure(
     seconds = []
     for facade in facades:
         start = time.perf_counter()
-        labels = parse_with(facade.image, segmenter, regular=regular).labels
+        labels = parse_with_segmenter(facade.image, segmenter, regular=regular).labels
         seconds.append(time.perf_counter() - start)
         counts += confusion(facade.labels, labels)
         boxes += matches(elements(facade.labels), elements(np.where(facade.labels == UNKNOWN, UNKNOWN, labels)))
@@ -103,7 +103,7 @@ def matches(true: Sequence[Element], elements: Sequence[Element]) -> Counter[tup
     """How many elements of a class are (class, "true"), (class, "found") and (class, "both"): paired one to one for
     the greatest sum of IoU, where it is at least 0.5."""
     counts: Counter[tuple[str, str]] = Counter()
-    good = right(elements, true)
+    good = match_elements(elements, true)
     for name in ELEMENT_CLASSES:
         counts[name, "true"] = sum(element.label == name for element in true)
         counts[name, "found"] = sum(element.label == name for element in elements)
@@ -178,7 +178,7 @@ def measure_outline(data: Path, model: Path | None) -> dict[str, Any]:
     """The figures of outline."""
 
     def outside(image: np.ndarray) -> np.ndarray:
-        return seen_outside(image, np.zeros(image.shape[:2], bool), model=model)
+        return outside_mask(image, np.zeros(image.shape[:2], bool), model=model)
 
     _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
     photos = data / "streetphotos"
@@ -210,7 +210,7 @@ def put_in_front(
 
 def unseen(facades: Iterable[LabelledFacade], name: str, model: Path | None) -> Iterator[LabelledFacade]:
     """The facades of a set that the model was not trained on."""
-    trained_on = set(read_record(model or SHIPPED).get("training_set", []))
+    trained_on = set(read_model_record(model or DEFAULT_MODEL).get("training_set", []))
     return (facade for facade in facades if f"{name}/{facade.name}" not in trained_on)
 
 
@@ -248,7 +248,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     options = parser.parse_args(arguments)
     chosen = options.sets or [*SETS, *OTHERS]
-    result: dict[str, Any] = {"benchmark": "parsing", "model": (options.model or SHIPPED).name}
+    result: dict[str, Any] = {"benchmark": "parsing", "model": (options.model or DEFAULT_MODEL).name}
     for name in chosen:
         if name in SETS:
             recipe, folder = SETS[name]

@@ -33,14 +33,14 @@ from benchmarks.imagery import (
     street_with_cameras,
 )
 from catalogs.block.reader import read_block
-from catalogs.examples.sources import BLOCKS
+from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.joint_refinement import Alone, refine_together
+from facade_core.imagery.poses.joint_refinement import PriorPose, refine_jointly
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.imagery.rectify.fusion import Fused, View, fuse_views
-from facade_core.imagery.rectify.panorama import rectify_view, sightings
+from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
 from facade_core.synth.street_truth import SyntheticStreet, hidden
 from tasks.stages.ingest.planning import plan_of
 from tasks.stages.shared.images import read_panorama
@@ -57,13 +57,13 @@ def left_out(
     walls: Sequence[int],
     images: Sequence[np.ndarray],
     poses: Sequence[Pose],
-    view: Callable[[int, int], View],
+    view: Callable[[int, int], ChartView],
     texels_per_metre: float,
 ) -> dict[str, Any]:
     """Each panorama's views of walls, foretold by the others'; `view` makes that of a wall's chart by a panorama's number."""
     told: dict[str, list[float]] = {"psnr": [], "ssim": [], "registered": [], "shift_m": []}
     for chart in walls:
-        shown = sightings(scene, chart, poses, [image.shape[:2] for image in images])
+        shown = find_sightings(scene, chart, poses, [image.shape[:2] for image in images])
         views = {s.panorama: view(chart, s.panorama) for s in shown if s.seen >= LEAST_SEEN}
         for number, seen in views.items():
             others = [other for panorama, other in views.items() if panorama != number][:VIEWS]
@@ -75,7 +75,7 @@ def left_out(
     return {**means, "views": len(told["psnr"])}
 
 
-def _compare(told: dict[str, list[float]], seen: View, foretold: Fused, texels_per_metre: float) -> None:
+def _compare(told: dict[str, list[float]], seen: ChartView, foretold: FusedView, texels_per_metre: float) -> None:
     clear = seen.seen if seen.occluded is None else seen.seen & ~seen.occluded
     shown = replace(seen, seen=clear)
     other = replace(foretold, seen=foretold.seen & ~foretold.occluded)
@@ -97,7 +97,7 @@ def _compare(told: dict[str, list[float]], seen: View, foretold: Fused, texels_p
     told["shift_m"].append(float(np.hypot(dx, dy)) / texels_per_metre)
 
 
-def _shift(seen: View, foretold: Fused, reach: int) -> tuple[int, int]:
+def _shift(seen: ChartView, foretold: FusedView, reach: int) -> tuple[int, int]:
     """Texels right and down by which the middle of what is foretold lies best on what is seen; none on a wall so small."""
     height, width = seen.seen.shape
     if min(height, width) <= 4 * reach:
@@ -140,9 +140,9 @@ def painted(streets: int) -> dict[str, Any]:
 def refined_poses(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> dict[str, Sequence[Pose]]:
     """The poses given, those refined alone, and those refined together after that, as a run has them in the end."""
     alone = [refine_pose(scene, image, pose) for image, pose in zip(images, given, strict=True)]
-    start = [Alone(one.pose, one.spread) for one in alone]
+    start = [PriorPose(one.pose, one.covariance) for one in alone]
     surfaces = np.flatnonzero(np.isin(scene.charts.kind, (ChartKind.WALL, ChartKind.GROUND))).tolist()
-    found = refine_together(scene, surfaces, images, start)
+    found = refine_jointly(scene, surfaces, images, start)
     return {"given": given, "refined": [one.pose for one in alone], "together": [one.pose for one in found]}
 
 
@@ -151,7 +151,7 @@ def _left_out_of(
 ) -> dict[str, Any]:
     facade = {chart: number for number, chart in enumerate(street.charts)}
 
-    def view(chart: int, n: int) -> View:
+    def view(chart: int, n: int) -> ChartView:
         size = street.painted[facade[chart]].image.shape[:2]
         found = rectify_view(street.scene, chart, images[n], taken[n], size)
         return replace(found, occluded=hidden(street, facade[chart], true[n], size, supposed=taken[n]))
@@ -166,7 +166,7 @@ def amsterdam(data: Path) -> dict[str, Any]:
     placed, cameras = 0, 0
     os.environ["STREETLOOM_DATA"] = str(data.resolve())  # which the packaged block files name
     for name in ("amsterdam-dam", "amsterdam-ij"):
-        block = read_block(BLOCKS / f"{name}.yaml")
+        block = read_block(EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml")
         plan = plan_of(block)
         scene, facades = plan.scene, plan.facades.chart.tolist()
         images = [read_panorama(panorama.path) for panorama in block.panoramas]
@@ -181,12 +181,12 @@ def amsterdam(data: Path) -> dict[str, Any]:
                 scene: Scene = scene,
                 images: Sequence[np.ndarray] = images,
                 taken: Sequence[Pose] = taken,
-            ) -> View:
+            ) -> ChartView:
                 size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
                 return rectify_view(scene, chart, images[n], taken[n], size)
 
             for chart in facades:
-                shown = [s for s in sightings(scene, chart, plan.poses, sizes) if s.seen >= LEAST_SEEN][:VIEWS]
+                shown = [s for s in find_sightings(scene, chart, plan.poses, sizes) if s.seen >= LEAST_SEEN][:VIEWS]
                 edges = [edge_tilt(view(chart, s.panorama)) for s in shown]
                 tilts.setdefault(pose_of, []).extend(abs(v) for e in edges for v in e.values() if v is not None)
             if len(images) > 1:  # of the Dam one panorama has a pose

@@ -26,10 +26,10 @@ import numpy as np
 from benchmarks import faces_and_plates, in_front, shop_signs
 from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read, split
 from facade_core.core.errors import ImageError
-from facade_core.facade.pipeline import from_photo
+from facade_core.facade.pipeline import build_facade_from_photo
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.imagery.detect.detection import detectors_available
-from facade_core.parsing.occluders import things_in_front
+from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.synth.exemplars import exemplars
 
@@ -58,7 +58,7 @@ def measure_pasted(facades: Sequence[LabelledFacade], pieces: Sequence[tuple[str
             continue  # neither windows nor a door tell its scale
         rng = np.random.default_rng(number)
         image, things = _with_things(facade.image, scale, pieces, rng)
-        hidden = things_in_front(parse(image).occluded)[0]
+        hidden = occluder_mask(parse(image).occluded)[0]
         for kind, solid in things:
             share = float(hidden[solid].mean())
             there[kind] += 1
@@ -68,10 +68,10 @@ def measure_pasted(facades: Sequence[LabelledFacade], pieces: Sequence[tuple[str
         images += 1
         if number % _FINISHED:
             continue
-        made = from_photo(image, np.zeros(facade.labels.shape, bool), seed=number)
+        made = build_facade_from_photo(image, np.zeros(facade.labels.shape, bool), seed=number)
         finished += 1
         found = parse(made.image).occluded
-        for x0, y0, x1, y1 in things_in_front(found)[1]:
+        for x0, y0, x1, y1 in occluder_mask(found)[1]:
             anew = made.occluded[y0:y1, x0:x1][found[y0:y1, x0:x1]].mean()
             again["made_anew" if anew >= _MOSTLY else "of_the_photo"] += 1
     return {

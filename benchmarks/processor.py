@@ -50,14 +50,14 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     begun = time.process_time()
     clock = Clock(profiled)
     from catalogs.block.reader import read_block
-    from facade_core.kernel_warmup import PARTS
+    from facade_core.kernel_warmup import WARMUPS
     from tasks.engine.compute.connect import Serial
     from tasks.engine.fan_out import process_batch
-    from tasks.engine.forecast import due_of
+    from tasks.engine.pending import find_pending_units
     from tasks.engine.run_key import run_of
     from tasks.examples.demo import write_demo
     from tasks.stages.ingest.task import ingest_block
-    from tasks.stages.order import KINDS
+    from tasks.stages.order import STAGES_IN_ORDER
     from tasks.stages.publish.task import publish_block
     from tasks.stages.streets.task import texture_street
 
@@ -67,17 +67,17 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
 
     out.mkdir(parents=True, exist_ok=True)
     clock.took("imports", time.process_time() - begun)
-    for part in PARTS:
+    for part in WARMUPS:
         clock.run(f"compile {part.__name__}", part)
     source = block_file or clock.run("paint", write_demo, out / "input")
     block, compute = read_block(source), Timed()
     run = run_of(block, out)
     outline = clock.run("ingest", ingest_block.fn, run, block)
     run = replace(run, ingested=outline.ingested)
-    for kind in KINDS:
+    for kind in STAGES_IN_ORDER:
         clock.stage = kind.stage
         if kind.units is not None and kind.function is not None:
-            due = clock.run("keys", due_of, run, block, kind)
+            due = clock.run("keys", find_pending_units, run, block, kind)
             for piece in due.pieces[::every]:
                 clock.run("commits", process_batch.fn, run, kind.stage, "1", kind.function, [piece], compute)
         elif kind.part_of is None:

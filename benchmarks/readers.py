@@ -52,7 +52,7 @@ def _apart(path: Path) -> dict[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     """Read a file twice: the first time for its memory, the second, when all is imported and compiled, for its time."""
-    from catalogs.readers.files import read_buildings
+    from catalogs.readers.formats import read_buildings
 
     found, memory = _peak(lambda: read_buildings(path))
     count, faults = len(found.items), len(found.faults)
@@ -175,7 +175,7 @@ def _meshes(path: Path, folder: Path) -> Iterator[Path]:
     import trimesh
 
     from catalogs.features import BuildingModels
-    from catalogs.readers.files import read_buildings
+    from catalogs.readers.formats import read_buildings
 
     with np.load(path) as city:
         triangles, feature = city["triangles"].astype(np.float64), city["feature"]
@@ -210,7 +210,7 @@ def _block(name: str) -> dict[str, Any]:
     import shapely
 
     from catalogs.block.reader import read_block
-    from catalogs.examples.sources import BLOCKS as FOLDER
+    from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER as FOLDER
     from facade_core.geometry.charts import ChartKind
     from tasks.stages.ingest.planning import plan_of
 
@@ -221,7 +221,7 @@ def _block(name: str) -> dict[str, Any]:
     charts, facades = plan.scene.charts, plan.facades
     footprints = shapely.union_all([building.footprint for building in block.buildings])
     places = shapely.points([viewpoint.position[:2] for viewpoint in plan.viewpoints])
-    normal = charts.normal()
+    normal = charts.normals()
     middle = charts.points(np.arange(len(charts)), *charts.size.T / 2)
     before = shapely.points((middle + 0.5 * normal)[:, :2])
     large = (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= 3.0) & (charts.size[:, 1] >= 2.5)

@@ -13,9 +13,9 @@ import os
 from pathlib import Path
 
 from catalogs.learning.datasets import ecp
-from facade_core.imagery.rectify.shadow import shaded_share
+from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.parsing.segmenter import parse
-from facade_core.plan.exemplar_style import SHADED
+from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
 
 MARKED = frozenset(
     {
@@ -53,10 +53,10 @@ def main(arguments: list[str] | None = None) -> None:
     )
     options = parser.parse_args(arguments)
     told = {
-        photo.name.removeprefix("monge_"): shaded_share(photo.image, parse(photo.image).labels)
+        photo.name.removeprefix("monge_"): shadow_share(photo.image, parse(photo.image).labels)
         for photo in ecp(options.data / "facades" / "ecp")
     }
-    over = {name for name, share in told.items() if share > SHADED}
+    over = {name for name, share in told.items() if share > USUAL_SHADED_SHARE}
     print(
         json.dumps(
             {

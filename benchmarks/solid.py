@@ -50,32 +50,38 @@ def of_model(given: Path, folder: Path) -> Path:
     """The buildings of a file as they are exported, without textures: what was read of it becomes charts, and these a file."""
     from catalogs.block.reader import read_block
     from facade_core.core.grouping import group_rows
-    from facade_core.export.bodies.building_models import modelled
+    from facade_core.export.bodies.building_models import build_building_model
     from facade_core.export.city_models.attribution import Attribution
-    from facade_core.export.city_models.cityjson import Pool, document, geometry_of
-    from facade_core.export.models.textured_mesh import SMALLEST_M2, Textured, layout_of, part_of, shown_area
-    from facade_core.geometry.block_surfaces import block_surfaces
-    from facade_core.geometry.ground.terrain import terrain_of
+    from facade_core.export.city_models.cityjson import VertexPool, build_geometry, empty_document
+    from facade_core.export.models.textured_mesh import (
+        MIN_TRIANGLE_M2,
+        TexturedMesh,
+        filter_triangles,
+        pack_charts,
+        triangle_areas,
+    )
+    from facade_core.geometry.block_surfaces import build_block_surfaces
+    from facade_core.geometry.ground.terrain import build_terrain
 
     path = folder / "block.yaml"
     path.write_text(
         json.dumps({"name": "model", "buildings": {"path": str(given.resolve())}, "texture": {"walls": "translate"}})
     )
     block = read_block(path)
-    terrain = terrain_of(block.buildings, None)
-    charts, mesh, _ = block_surfaces(block.buildings, [], terrain=terrain, ground_margin=10, largest=150)
-    mesh = part_of(mesh, shown_area(mesh) > SMALLEST_M2)
+    terrain = build_terrain(block.buildings, None)
+    charts, mesh, _ = build_block_surfaces(block.buildings, [], terrain=terrain, ground_margin=10, largest=150)
+    mesh = filter_triangles(mesh, triangle_areas(mesh) > MIN_TRIANGLE_M2)
     texels = np.maximum(1, np.ceil(charts.size)).astype(np.int64)
-    source = Textured(charts, mesh, charts.size, texels, lambda chart: np.zeros((1, 1, 3), np.uint8))
-    drawn = layout_of(source, source.chosen(np.arange(len(block.buildings))))
-    pool = Pool(np.floor(mesh.vertices.min(axis=0)))
-    city = document("model", pool.origin, None, Attribution(()))
+    source = TexturedMesh(charts, mesh, charts.size, texels, lambda chart: np.zeros((1, 1, 3), np.uint8))
+    drawn = pack_charts(source, source.select_charts(np.arange(len(block.buildings))))
+    pool = VertexPool(np.floor(mesh.vertices.min(axis=0)))
+    city = empty_document("model", pool.origin, None, Attribution(()))
     for index, triangles in group_rows(charts.building[mesh.chart]).items():
         if index < 0:
             continue
-        body = modelled(drawn, triangles, {}, {}, pool.origin).body
-        kind = "Solid" if body.solid else "MultiSurface"
-        geometry = geometry_of(body.faces, body.surfaces, pool, "2", kind)
+        body = build_building_model(drawn, triangles, {}, {}, pool.origin).body
+        kind = "Solid" if body.is_solid else "MultiSurface"
+        geometry = build_geometry(body.faces, body.surfaces, pool, "2", kind)
         geometry.pop("texture", None)
         city["CityObjects"][block.buildings[index].id] = {"type": "Building", "geometry": [geometry]}
     city["vertices"] = pool.tables([])["vertices"] if not pool.pages else [list(vertex) for vertex in pool.vertices]

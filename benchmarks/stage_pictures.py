@@ -19,11 +19,11 @@ from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
 from facade_core.core.types import Pose, Street
-from facade_core.export.pictures.rendering import file_of, perspective
-from facade_core.export.pictures.stage_pictures import StoredFacade, chart_raster, stages_of
-from facade_core.export.pictures.views import cameras, view_names
+from facade_core.export.pictures.rendering import encode_image, render_perspective
+from facade_core.export.pictures.stage_pictures import StoredFacade, iterate_stage_pictures, read_chart_raster
+from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
+from facade_core.geometry.walls import BACK, SIDE, STREET, is_main_surface
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
@@ -98,11 +98,11 @@ def from_above(
 
 def imagery(found: Published) -> np.ndarray:
     """A block's facades on streets, panoramas every few metres, and the fewest that show what all of them show."""
-    from facade_core.plan.panorama_choice import fewest
+    from facade_core.plan.panorama_choice import choose_panoramas
 
     plan = found.plan
     poses = [Pose(x, y, z, 0.0) for x, y, z in (view.position.tolist() for view in plan.viewpoints)]
-    chosen = set(fewest(plan.scene, plan.facades, poses, [(4096, 8192)] * len(poses)).chosen)
+    chosen = set(choose_panoramas(plan.scene, plan.facades, poses, [(4096, 8192)] * len(poses)).chosen)
     on_street = plan.facades.role == STREET
     rest = [number for number in range(len(poses)) if number not in chosen]
     return from_above(plan, on_street, ((rest, (150, 150, 150), 4), (sorted(chosen), (40, 90, 170), 9)))
@@ -114,7 +114,7 @@ def staged(found: Published, facade: str, titles: Sequence[str], height: int = 4
     chart, record = int(found.plan.facades.chart[number]), found.records[number]
     exemplars = [made["unit"] if made else "" for made in found.journals["exemplars"]]
     stored = StoredFacade(found.group, found.plan.scene.placement, chart, record, exemplars)
-    named = {stage.viewer.name: stage.draw for stage in stages_of(stored) if stage.viewer is not None}
+    named = {stage.viewer.name: stage.draw for stage in iterate_stage_pictures(stored) if stage.viewer is not None}
     return beside([named[title]() for title in titles], height)
 
 
@@ -130,20 +130,20 @@ def first_made(found: Published) -> str:
 
 def surfaces(found: Published) -> np.ndarray:
     """A street as it is textured, and by where each texel comes from."""
-    views = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))
+    views = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))
     scene, camera = found.plan.scene, views["street-0"]
 
     def source(chart: int) -> np.ndarray:
-        return SOURCES[chart_raster(found.group, scene.placement, chart, "atlas/provenance")]
+        return SOURCES[read_chart_raster(found.group, scene.placement, chart, "atlas/provenance")]
 
-    drawn = [perspective(scene, camera, raster) for raster in (found.textured.raster, source)]
+    drawn = [render_perspective(scene, camera, raster) for raster in (found.textured.raster, source)]
     return beside(drawn, 380)
 
 
 def publish(found: Published) -> np.ndarray:
     """A page of the atlas, and the block from afar."""
-    above = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))["above"]
-    return beside([found.page(0), perspective(found.plan.scene, above, found.textured.raster)], 520)
+    above = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))["above"]
+    return beside([found.page(0), render_perspective(found.plan.scene, above, found.textured.raster)], 520)
 
 
 def rectified() -> np.ndarray:
@@ -204,7 +204,7 @@ def ground() -> np.ndarray:
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = MaterialField(scene, (line,), seed=1)
-    material = materials.raster(chart).reshape(*size, 3)
+    material = materials.chart_raster(chart).reshape(*size, 3)
     pictured = {c: part for c, part in shown.items() if part is not None}
     taken = np.where(pictured[chart].is_visible[..., None], pictured[chart].rgb, material)
     known = KnownTexture(shown_reader(scene, pictured), pictured, ())
@@ -228,7 +228,7 @@ def walls() -> np.ndarray:
         )
         for image, pose, factor, own in zip(images, poses, exposure_factors(squares), squares, strict=True)
     ]
-    plain = [c for c in np.flatnonzero(taken_whole(scene.charts)).tolist() if c not in street.charts]
+    plain = [c for c in np.flatnonzero(is_main_surface(scene.charts)).tolist() if c not in street.charts]
     shown = {c: part for c in plain if (part := fuse_wall_view(scene, c, seen)) is not None}
     chart = max(shown, key=lambda c: float(shown[c].is_visible.sum()))
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
@@ -276,7 +276,7 @@ def main() -> None:
     with published(asked.out) as found:
         drawn = {**of_run(found, asked.facade, asked.made or first_made(found)), **OF_NOTHING}
         for name in asked.only or drawn:
-            (asked.to / f"{name}.jpg").write_bytes(file_of(drawn[name](), "JPEG", quality=82))
+            (asked.to / f"{name}.jpg").write_bytes(encode_image(drawn[name](), "JPEG", quality=82))
 
 
 if __name__ == "__main__":

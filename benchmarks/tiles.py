@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from facade_core.export.models.glb import BYTE_KINDS, header_of
+from facade_core.export.models.glb import COMPONENT_DTYPES, read_glb_header
 from facade_core.geometry.charts import ChartKind
 from tasks.export.formats import export
 from tasks.published.opened import published
@@ -58,7 +58,7 @@ def _sum(tiles: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
 
 def _tile(glb: bytes, folder: Path) -> dict[str, float]:
     """Of one, whose pictures may lie beside its folder."""
-    document, start = header_of(io.BytesIO(glb))
+    document, start = read_glb_header(io.BytesIO(glb))
     sizes, held = [], 0.0
     for image in document["images"]:
         if "uri" in image:
@@ -76,7 +76,7 @@ def _tile(glb: bytes, folder: Path) -> dict[str, float]:
     def accessor(number: int) -> np.ndarray:
         one = document["accessors"][number]
         view = document["bufferViews"][one["bufferView"]]
-        kind, width = np.dtype(BYTE_KINDS[one["componentType"]]), {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[one["type"]]
+        kind, width = np.dtype(COMPONENT_DTYPES[one["componentType"]]), {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[one["type"]]
         stride = view.get("byteStride", kind.itemsize * width)
         at = start + view.get("byteOffset", 0) + one.get("byteOffset", 0)
         values = np.ndarray((one["count"], width), kind, glb, at, (stride, kind.itemsize))

@@ -24,11 +24,11 @@ from benchmarks.labelled_facades import elements_of, facades
 from benchmarks.papers_codec import papers_file
 from benchmarks.window_types import labelled, planted
 from facade_core.core.types import Element
-from facade_core.facade.variation.codec import PHOTO
+from facade_core.facade.variation.codec import AVIF_OPTIONS
 from facade_core.facade.variation.encoding import encode
-from facade_core.facade.variation.sampling import exchange
-from facade_core.facade.variation.structure import relax
-from facade_core.facade.variation.variations import Variations, variations
+from facade_core.facade.variation.sampling import permute_within_types
+from facade_core.facade.variation.structure import relax_structure
+from facade_core.facade.variation.variations import Variations, find_variations
 
 SAMPLES = 20
 
@@ -63,7 +63,7 @@ def energies(of: Variations) -> tuple[bool, bool]:
     falls, settled = True, True
     for matrix in of.levels[0]:
         first, cost = next((f, c) for f, c in of.costs if f <= matrix.max() < f + len(c))
-        for step in relax(np.where(matrix >= 0, matrix - first, -1), cost):
+        for step in relax_structure(np.where(matrix >= 0, matrix - first, -1), cost):
             if np.isfinite(step.alpha):
                 falls &= bool((np.diff(step.energies) < 0).all())
                 settled &= len(step.energies) <= 15 * matrix.size
@@ -75,7 +75,7 @@ def measure(name: str, image: np.ndarray, elements: list[Element], *, others: bo
     start = time.process_time()
     hierarchy = encode(image, elements)
     seconds = time.process_time() - start
-    first, of = hierarchy.reconstruct(0), variations(image, elements)
+    first, of = hierarchy.reconstruct(0), find_variations(image, elements)
     falls, settled = energies(of)
     figures: dict[str, object] = {
         "facade": name,
@@ -83,7 +83,7 @@ def measure(name: str, image: np.ndarray, elements: list[Element], *, others: bo
         "levels": len(hierarchy.levels),
         "types": len(hierarchy.representatives),
         "bytes": hierarchy.nbytes,
-        "bytes but the photo": hierarchy.nbytes - len(coded(image, "AVIF", **PHOTO)),
+        "bytes but the photo": hierarchy.nbytes - len(coded(image, "AVIF", **AVIF_OPTIONS)),
         "png of the photo over bytes": len(coded(image, "PNG")) / hierarchy.nbytes,
         "ssim": ssim(image, first),
         "energy falls": falls,
@@ -157,7 +157,7 @@ def large() -> dict[str, object]:
         points = rng.random((types, 3))
         cost = ((points[:, None] - points) ** 2).sum(axis=2) ** 3
         start = time.process_time()
-        relax(structure, cost / cost.max())
+        relax_structure(structure, cost / cost.max())
         seconds[f"relaxing 450 windows of {types} types, s"] = round(time.process_time() - start, 2)
     painted = facade((90.0, 50.0), floors=15, columns=30, style="brick", metres_per_pixel=0.06, seed=3)
     encode(painted.image, painted.elements[:2])
@@ -175,7 +175,7 @@ def samples(folder: Path, *, every: int) -> dict[str, object]:
         level = len(hierarchy.levels) // 2
         now, photo = hierarchy.types_at(level), hierarchy.types_at(0)
         differ.append(len({hierarchy.sample(level, seed).tobytes() for seed in range(SAMPLES)}) == SAMPLES)
-        shown = [exchange(now, seed) for seed in range(SAMPLES)]
+        shown = [permute_within_types(now, seed) for seed in range(SAMPLES)]
         kept.append(all((now[s] == now).all() and (np.sort(photo[s]) == np.sort(photo)).all() for s in shown))
     return {"facades": len(differ), "20 samples differ": float(np.mean(differ)), "counts kept": float(np.mean(kept))}
 

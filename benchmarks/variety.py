@@ -30,7 +30,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.pipeline import prepare_exemplar
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts
-from facade_core.plan.exemplar_style import NEIGHBOURS_M, look_of
+from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
 from facade_core.plan.plan import Plan
 from tasks.stages.facades.stage import exemplars_of, shops_of, walls_of
 from tasks.stages.ingest.planning import plan_of
@@ -77,7 +77,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
         begun = time.process_time()
         seen = read_exemplar_picture(picture)
         labels = read_labels(picture, seen.hidden.shape)
-        made = prepare_exemplar(seen.rgb, seen.hidden, storey=block.storey, labels=labels)
+        made = prepare_exemplar(seen.rgb, seen.hidden, floor_height=block.storey, labels=labels)
         height, width = (side * made.metres_per_pixel for side in made.labels.shape)
         records.append(
             Record(
@@ -88,9 +88,9 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
                 height_m=height,
                 floors=made.floors,
                 hidden=float(made.occluded.mean()),
-                shaded=made.shaded,
+                shaded=made.shaded_share,
                 shop_width=float((made.labels == FacadeClass.SHOP).any(axis=0).mean()),
-                look=look_of(made.image, made.labels, made.metres_per_pixel),
+                look=style_descriptor(made.image, made.labels, made.metres_per_pixel),
             )
         )
         seconds.append(time.process_time() - begun)
@@ -115,7 +115,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
 
 def _counted(rows: pd.DataFrame, lines: Mapping[str, shapely.LineString]) -> dict[str, Any]:
     near = shapely.STRtree([lines[id] for id in rows.id])
-    one, other = near.query(near.geometries, predicate="dwithin", distance=NEIGHBOURS_M)
+    one, other = near.query(near.geometries, predicate="dwithin", distance=NEIGHBOURHOOD_M)
     pairs = {
         tuple(sorted((rows.building.iloc[a], rows.building.iloc[b])))
         for a, b in zip(one.tolist(), other.tolist(), strict=True)
@@ -157,7 +157,7 @@ def _store_bytes(output: Output) -> float:
 
 
 def _foot(charts: Charts, chart: int) -> shapely.LineString:
-    ends = charts.at_shares(np.array([chart]), np.array([[0.0, 1.0], [1.0, 1.0]]))[0, :, :2]
+    ends = charts.points_at_shares(np.array([chart]), np.array([[0.0, 1.0], [1.0, 1.0]]))[0, :, :2]
     return shapely.LineString(ends)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.labelled_facades import elements_of, facades
 from facade_core.core.types import Element
-from facade_core.facade.variation.variations import variations
+from facade_core.facade.variation.variations import find_variations
 
 # What windows of 20 ECP facades show, told by eye.
 STATES = Path(__file__).with_name("window_states.json")
@@ -29,7 +29,7 @@ class Told(NamedTuple):
 
 def told(image: np.ndarray, elements: Sequence[Element], states: Mapping[int, str]) -> Told:
     """Of the elements whose state is known by their index."""
-    of = variations(image, elements)
+    of = find_variations(image, elements)
     boxes = np.concatenate([g.boxes for g in of.groups])
     labels = np.repeat([g.label for g in of.groups], [len(g.boxes) for g in of.groups])
     group = np.repeat(np.arange(len(of.groups)), [len(g.boxes) for g in of.groups])

@@ -1,4 +1,4 @@
-"""Footprints and centrelines as a source states them, before they become buildings and streets of a block."""
+"""Footprints, models and centrelines of a source, before they become the buildings and streets of a block."""
 
 from __future__ import annotations
 
@@ -24,22 +24,24 @@ MAX_STEM_LENGTH = 120
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A building outline in the source's frame.
+    """Building outline in the frame of its source; None where the source states nothing.
 
-    Args:
-        id: unique in the source.
-        outline: in plan.
-        height: metres from the ground to the eaves; None where unstated.
-        levels: storeys; None where unstated.
-        name: what it is called, where stated.
-        base: height of the ground, where stated.
-        roof: what is above the eaves, where its shape is stated; "flat" is one.
-        rise: height of the roof where that is stated, but no shape.
-        kind: what it is used as, by OpenStreetMap's values of `building`, where stated.
-        built: the year, where stated.
-        finish: colours and materials, where stated.
-        part: whether it is a part of a building whose outline another feature is.
-        raised: metres, or else raised_levels: storeys, from the ground to where it begins, where stated.
+    Attributes
+    ----------
+    id : unique in the source.
+    outline : polygon in plan.
+    height : metres from the ground to the eaves.
+    levels : number of floors, as in the tag `building:levels`.
+    name : name of the building.
+    base : height of the ground, metres.
+    roof : roof of a stated shape; "flat" is a shape.
+    roof_height : metres, stated without a shape.
+    use : value of the OpenStreetMap tag `building`.
+    year_built : year of construction.
+    finish : colours and materials.
+    is_part : part of a building that another feature outlines.
+    min_height : metres from the ground to the lower end, as in the tag `min_height`.
+    min_level : the same as a number of floors, used without min_height.
     """
 
     id: str
@@ -59,21 +61,22 @@ class Footprint:
 
     @property
     def starts_above_ground(self) -> bool:
-        """Whether it begins above the ground."""
+        """Return True where the lower end is above the ground."""
         return bool(self.min_height or self.min_level)
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingModel:
-    """A building modelled in 3D.
+    """3D model of a building; None where the source states nothing.
 
-    Args:
-        id: unique in the source.
-        shell: in the source's frame: x east or longitude, y north or latitude, z metres up.
-        height: metres from the ground to the top, where stated.
-        levels: storeys, where stated.
-        name: what it is called, where stated.
-        base: height of the ground, where stated.
+    Attributes
+    ----------
+    id : unique in the source.
+    shell : in the frame of the source: x east or longitude, y north or latitude, z metres up.
+    height : metres from the ground to the top.
+    levels : number of floors.
+    name : name of the building.
+    base : height of the ground, metres.
     """
 
     id: str
@@ -86,7 +89,14 @@ class BuildingModel:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a reader did to one outline: reason is a plural, e.g. "roofs without walls set aside"."""
+    """Note of a reader on one feature.
+
+    Attributes
+    ----------
+    id : id of the feature.
+    reason : plural that groups the remarks, such as "roofs without walls set aside".
+    geometry : geometry in the frame of the source, or None.
+    """
 
     id: str
     reason: str
@@ -95,13 +105,14 @@ class Remark:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A unit that is set aside since it is broken: a run goes on without it, exits with 1 and keeps the reason.
+    """Broken unit of the input: the run goes on without it, reports the reason and exits with 1.
 
-    Args:
-        id: the unit's, or the name of its file.
-        kind: "building", "street", "panorama", "photo" or "exemplar".
-        reason: what is wrong and the remedy, one line.
-        place: a geometry in the source's frame, where it has one.
+    Attributes
+    ----------
+    id : id of the unit, or the name of its file.
+    kind : "building", "street", "panorama", "photo" or "exemplar".
+    reason : defect and remedy, one line.
+    place : geometry in the frame of the source, or None.
     """
 
     id: str
@@ -112,7 +123,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Centreline:
-    """A piece of street centreline in the source's frame; pieces of one name are merged later."""
+    """Piece of a street centreline in the frame of its source; pieces of one name are merged later."""
 
     id: str
     line: LineString
@@ -121,7 +132,7 @@ class Centreline:
 
 @dataclass(frozen=True, slots=True)
 class GroundFeature:
-    """What a map states of the ground, in the source's frame: a point, a line or an outline, and its tags."""
+    """Ground feature of a map in the frame of its source: point, line or outline, with tags."""
 
     id: str
     geometry: Any
@@ -130,7 +141,7 @@ class GroundFeature:
 
 @dataclass(frozen=True, slots=True)
 class Footprints:
-    """All outlines of one source, the frame they are in (None where it states none), and what the reader says of some."""
+    """Footprints of one source; crs is None where the source states none."""
 
     crs: str | None
     items: tuple[Footprint, ...]
@@ -138,15 +149,15 @@ class Footprints:
     faults: tuple[Fault, ...] = ()
 
     def bounding_boxes(self) -> np.ndarray:
-        """(xmin, ymin, xmax, ymax) of each outline, (n, 4)."""
+        """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the outlines."""
         return _bounding_boxes(footprint.outline for footprint in self.items)
 
     def item_outline(self, index: int) -> Any:
-        """The outline of an item."""
+        """Return the outline of an item."""
         return self.items[index].outline
 
     def translate(self, offset: Sequence[float]) -> Footprints:
-        """All outlines and ground heights moved by (x, y, z)."""
+        """Return a copy with outlines and ground heights translated by (x, y, z)."""
         x, y, z = offset
 
         def move(outline: Any) -> Any:
@@ -160,7 +171,16 @@ class Footprints:
 
 @dataclass(frozen=True, slots=True)
 class BuildingModels:
-    """All modelled buildings of one source; textures are the pictures that their shells' texture indices count."""
+    """Building models of one source.
+
+    Attributes
+    ----------
+    crs : None where the source states none.
+    items : models in the order of the source.
+    textures : pictures that the texture indices of the shells refer to.
+    remarks : notes of the reader.
+    faults : broken models.
+    """
 
     crs: str | None
     items: tuple[BuildingModel, ...]
@@ -169,15 +189,15 @@ class BuildingModels:
     faults: tuple[Fault, ...] = ()
 
     def bounding_boxes(self) -> np.ndarray:
-        """(xmin, ymin, xmax, ymax) of each model, (n, 4)."""
+        """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the models."""
         return _bounding_boxes(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
 
-    def place(self, index: int) -> Any:
-        """The box around an item."""
+    def item_outline(self, index: int) -> Any:
+        """Return the bounding box of an item as a polygon."""
         return shapely.box(*shapely.bounds(shapely.multipoints(self.items[index].shell.vertices[:, :2])))
 
-    def moved(self, offset: Sequence[float]) -> BuildingModels:
-        """All shells and ground heights moved by (x, y, z)."""
+    def translate(self, offset: Sequence[float]) -> BuildingModels:
+        """Return a copy with shells and ground heights translated by (x, y, z)."""
 
         def move(model: BuildingModel) -> BuildingModel:
             shell = replace(model.shell, vertices=model.shell.vertices + np.asarray(offset, np.float64))
@@ -188,8 +208,16 @@ class BuildingModels:
 
 @dataclass(frozen=True, slots=True)
 class Centrelines:
-    """All centrelines of one source, the frame they are in (None where it states none), those that are broken, what the
-    reader says of some, and what the source states of the ground, the streets among it."""
+    """Centrelines and ground features of one source.
+
+    Attributes
+    ----------
+    crs : None where the source states none.
+    items : centrelines.
+    faults : broken centrelines.
+    remarks : notes of the reader.
+    ground : ground features; they include the streets.
+    """
 
     crs: str | None
     items: tuple[Centreline, ...]
@@ -197,8 +225,8 @@ class Centrelines:
     remarks: tuple[Remark, ...] = ()
     ground: tuple[GroundFeature, ...] = ()
 
-    def boxes(self) -> np.ndarray:
-        """(xmin, ymin, xmax, ymax) of each line, (n, 4)."""
+    def bounding_boxes(self) -> np.ndarray:
+        """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the lines."""
         return _bounding_boxes(piece.line for piece in self.items)
 
 
@@ -207,8 +235,10 @@ def _bounding_boxes(geometries: Iterable[Any]) -> np.ndarray:
 
 
 def file_stem(identifier: str) -> str:
-    """An id as a file's name without suffix, of LONGEST_STEM letters at most: itself where it is one on every system, else told
-    apart by a short digest."""
+    """Return an id as a file name without suffix, of at most MAX_STEM_LENGTH characters.
+
+    An id that is a valid name on every file system stays; others get a short digest as suffix.
+    """
     if len(identifier) <= MAX_STEM_LENGTH and re.fullmatch(r"[\w{}()+=@-][\w {}()+=@.-]*", identifier, re.ASCII):
         return identifier
     plain = re.sub(r"[^\w{}()+=@-]", "_", identifier[:80], flags=re.ASCII)
@@ -217,14 +247,22 @@ def file_stem(identifier: str) -> str:
 
 
 def natural_sort_key(identifier: str) -> tuple[tuple[str, int, str], ...]:
-    """Sort key that puts w9 before w10, however many digits there are."""
+    """Return a sort key that puts w9 before w10, for any number of digits."""
     found = re.findall(r"(\D*)(\d*)", identifier)
     stripped = [(text, number.lstrip("0") or number[:1]) for text, number in found]
     return tuple((text, len(number), number) for text, number in stripped)
 
 
 def make_unique_id(identifier: str, id_counts: Counter[str], remarks: list[Remark], path: Path) -> str:
-    """An id of a building of a file that has not been `seen` yet: a second one of a kind is numbered, with a remark."""
+    """Return an id that is unique in its file; a repeated one gets a number and a remark.
+
+    Parameters
+    ----------
+    identifier : id as stated.
+    id_counts : number of occurrences of each id so far; updated.
+    remarks : receives the remark.
+    path : file that the remark names.
+    """
     id_counts[identifier] += 1
     if id_counts[identifier] == 1:
         return identifier
@@ -234,7 +272,7 @@ def make_unique_id(identifier: str, id_counts: Counter[str], remarks: list[Remar
 
 
 def ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
-    """The ids that each reason is remarked on."""
+    """Return the ids of the remarks by their reason."""
     found: dict[str, list[str]] = {}
     for remark in remarks:
         found.setdefault(remark.reason, []).append(remark.id)
@@ -242,7 +280,7 @@ def ids_by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
 
 
 def notes_by_reason(reasons: Mapping[str, Iterable[str]], *, max_ids: int = 8) -> tuple[str, ...]:
-    """One note per reason, with the number of features it concerns and the first ids."""
+    """Return one note per reason: the number of features and the first `max_ids` ids."""
     notes = []
     for reason, found in reasons.items():
         ids = sorted(found, key=natural_sort_key)

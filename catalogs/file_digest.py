@@ -1,4 +1,4 @@
-"""Digests of files that a block names, by their content."""
+"""Digests of input files by content."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def file_digest(path: Path) -> str:
-    """The sha256 of a file's content; read once as long as its size and date stay."""
+    """Return the sha256 of a file, cached until its size or modification time changes."""
     state = path.stat()
     return _content_digest(path, state.st_size, state.st_mtime_ns)
 

@@ -1,7 +1,6 @@
-"""Small examples of what numba compiles: each calls a part of the algorithms once, so that its kernels are in numba's cache.
+"""Small runs of every numba kernel, which fill numba's cache before units run.
 
-A machine compiles for a minute when it first runs them. Workers that go through these before their first units share that work;
-else each of them would compile all of it, at the same time.
+Compilation takes a minute on a new machine. Without the warm-up, all workers would compile everything at the same time.
 """
 
 from __future__ import annotations
@@ -13,20 +12,20 @@ from shapely.geometry import LineString, box
 
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Element, Street, Sun
-from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.rendering import perspective
+from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.rendering import render_perspective
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.pipeline import from_exemplar
+from facade_core.facade.pipeline import build_facade_from_exemplar
 from facade_core.facade.texture.building_walls import Wall
 from facade_core.facade.texture.inpainting import inpaint
-from facade_core.facade.texture.retargeting import style_of
+from facade_core.facade.texture.retargeting import extract_style
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import ingest
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import KnownTexture, paint_visible_texels, finish_chart
+from facade_core.street.surfaces import KnownTexture, finish_chart, paint_visible_texels
 from facade_core.street.translator.translators import MaterialFieldTranslator
 from facade_core.synth.facade import facade
 from facade_core.synth.styles import STYLES
@@ -35,26 +34,26 @@ DENSITY = 10.0
 SIZE_M = (7.0, 9.0)
 
 
-def layouts() -> None:
-    """Complete a layout of which the lower half is hidden."""
+def compile_layout_kernels() -> None:
+    """Complete a layout whose lower half is hidden."""
     seen = [Element("window", x, 1.0, x + 1.0, 2.5) for x in (1.0, 3.0, 5.0)]
     complete(seen, (0.0, 0.0, 7.0, 8.0), [(0.0, 0.0, 7.0, 4.0)])
 
 
-def textures() -> None:
-    """Retarget an exemplar, and inpaint it."""
+def compile_texture_kernels() -> None:
+    """Retarget and inpaint an exemplar."""
     painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
     height, width = painted.labels.shape
     wall = Wall.alone(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))
-    from_exemplar(style_of(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
+    build_facade_from_exemplar(extract_style(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
     hidden = np.zeros((height, width), bool)
     hidden[height // 2 :, : width // 3] = True
     inpaint(painted.image, hidden, labels=painted.labels, elements=painted.elements, method="floors")
 
 
-def streets() -> None:
-    """Texture the street before a house from one viewpoint, by swatches, finish all surfaces, and take a picture of them."""
+def compile_street_kernels() -> None:
+    """Texture a street from one viewpoint, finish its surfaces, and render a picture of them."""
     plan = ingest(
         [Building("a", box(0, 0, 12, 10), 9.0, "height")],
         [Street("s", "s", LineString([(0, -6), (12, -6)]))],
@@ -69,9 +68,9 @@ def streets() -> None:
     )
     scene, placement = plan.scene, plan.scene.placement
     charts = plan.charts_of_street(0)
-    rasters, writable = TexelBuffer.layout(placement, charts, charts)
+    rasters, writable = TexelBuffer.plan_layout(placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    window = TexelBuffer.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
+    window = TexelBuffer.allocate(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
     swatches = MaterialFieldTranslator(scene, plan.streets, seed=0, ground=plan.ground)
     panorama = render(scene, window, plan.viewpoints[0], (32, 64))
     swatches.translate(panorama)
@@ -88,9 +87,11 @@ def streets() -> None:
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, FacadeClass.WALL, np.uint8)
     relight_facade(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
-    camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
-    perspective(scene, camera, swatches.materials.raster)
+    camera = PerspectiveCamera.from_heading(
+        plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8)
+    )
+    render_perspective(scene, camera, swatches.materials.chart_raster)
 
 
 # The longest first.
-PARTS: tuple[Callable[[], None], ...] = (streets, layouts, textures)
+WARMUPS: tuple[Callable[[], None], ...] = (compile_street_kernels, compile_layout_kernels, compile_texture_kernels)

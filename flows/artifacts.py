@@ -34,7 +34,7 @@ from tasks.city.running import TIME_IS_UP
 from tasks.engine.progress import listen
 from tasks.engine.run import Run
 from tasks.engine.store.commits import journal
-from tasks.stages.order import KINDS, STAGES
+from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +59,7 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
-EXPECTED = {"ingest", "publish"} | {kind.stage for kind in KINDS if kind.in_every_block}
+EXPECTED = {"ingest", "publish"} | {kind.stage for kind in STAGES_IN_ORDER if kind.in_every_block}
 
 
 @contextmanager
@@ -142,7 +142,7 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
             "seconds": round(sum(record.get("seconds", {}).values()), 2),
             "worker": record.get("worker", ""),
         }
-        for stage in STAGES
+        for stage in STAGE_NAMES
         for record in journal(run.store, stage)
         if record
     ]

@@ -32,15 +32,17 @@ from flows.log_file import told_to_prefect
 from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import spread
 from tasks.engine.fan_out import AT_ONCE, batches, process_batch
-from tasks.engine.forecast import Due, due_of, what_is_due, what_is_set_aside
+from tasks.engine.forecast import describe_set_aside, forecast_work
 from tasks.engine.outcome import Outcome, refused
+from tasks.engine.outline import Outline
+from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
 from tasks.engine.store.disk_space import require_room
 from tasks.examples.demo import NAME, write_demo
 from tasks.published.prune import pruned
-from tasks.stages.ingest.task import Outline, ingest_block
-from tasks.stages.order import KINDS
+from tasks.stages.ingest.task import ingest_block
+from tasks.stages.order import STAGES_IN_ORDER
 from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.memory import street_memory
 from tasks.stages.streets.redo import chosen_streets
@@ -157,14 +159,14 @@ def _texture(
     with faults_told(run), _announced(connect(workers, dask, run.out, until), ready) as compute:
         outline = (ingest or submit(ingest_block, run, block, cast)).result()
         run = replace(run, ingested=outline.ingested)
-        for line in what_is_set_aside(outline):
+        for line in describe_set_aside(outline):
             tell(line)
-        ahead = what_is_due(run, block, outline)
+        ahead = forecast_work(run, block, outline)
         if ahead.said:
             tell(ahead.said)
         outcome = Outcome()
         changed: set[str] = set()
-        for kind in KINDS:
+        for kind in STAGES_IN_ORDER:
             if kind.part_of is not None:  # done with the stage that it is part of
                 continue
             if kind.units is None:
@@ -172,7 +174,7 @@ def _texture(
             else:
                 # keys are computed once, unless something was done since that they stand on
                 known = None if changed & set(kind.reads) else ahead.units.get(kind.stage)
-                ended = _process(run, due_of(run, block, kind, known), compute, submit)
+                ended = _process(run, find_pending_units(run, block, kind, known), compute, submit)
             if ended.done or ended.failed:
                 changed.add(kind.stage)
             outcome += ended
@@ -200,12 +202,12 @@ def _announced(connecting: AbstractContextManager[Compute], ready: Future[Comput
         ready.cancel()
 
 
-def _process(run: Run, due: Due, compute: Compute, submit: Submit) -> Outcome:
+def _process(run: Run, due: PendingUnits, compute: Compute, submit: Submit) -> Outcome:
     """All batches of a stage, AT_ONCE on their way at a time."""
     if not due.total:
         return Outcome()
     require_room(run.local)
-    stage, function = due.kind.stage, due.kind.function
+    stage, function = due.stage.stage, due.stage.function
     begin_stage(stage, due.total, len(due.done))
     outcome = Outcome(skipped=len(due.done), refused=refused(due.done))
     waiting = list(batches(due.pieces, compute))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from catalogs.visible import escape_invisible
+from catalogs.printable_text import escape_invisible
 
 # What begins emphasis, code, a link, a tag, an entity, a table's cell or a line through; what makes an address a link; what
 # makes a line a heading, a list or a rule.

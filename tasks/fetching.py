@@ -12,22 +12,22 @@ import numpy as np
 from catalogs.block.keys import check_keys
 from catalogs.block.paths import named_paths
 from catalogs.block.reader import Block, read_block
-from catalogs.block.yaml_edits import add_imagery, imagery_line
+from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
 from catalogs.block.yaml_files import read_yaml
+from catalogs.crs import bounds_to_lonlat
 from catalogs.features import Fault
-from catalogs.frames import bounds_to_lonlat
-from catalogs.imagery.fetch_log import Account, is_fetched, read_account
-from catalogs.imagery.fetching import fetch_offers
+from catalogs.imagery.fetch_log import FetchLog, is_fetched, read_fetch_log
+from catalogs.imagery.fetching import fetch_panoramas
 from catalogs.imagery.remote_panorama import Box, Offer, Wanted
 from catalogs.imagery.services import Service
-from catalogs.readers.pictures.opening import read_picture
+from catalogs.readers.pictures.decoding import read_picture
 from catalogs.readers.pictures.panoramas import project_pose
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.types import Pose
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.imagery.rectify.fisheye import is_fisheye
-from facade_core.plan.ingest import on_ground
-from facade_core.plan.panorama_choice import Choice, fewest
+from facade_core.plan.ingest import place_poses
+from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
 from tasks.engine.progress import advance, begin_stage
 from tasks.stages.ingest.planning import plan_of
 
@@ -58,11 +58,11 @@ class Fetched:
     """
 
     service: str
-    account: Account
+    account: FetchLog
     offered: int
     chosen: int
     earlier: int
-    choice: Choice | None
+    choice: PanoramaChoice | None
     faults: tuple[Fault, ...]
     refused: int
     missing: int
@@ -70,14 +70,14 @@ class Fetched:
 
     def lines(self) -> list[str]:
         """What was done, one fact a line."""
-        there = [one for one in self.account.kept.values() if not one.refused]
+        there = [one for one in self.account.pictures.values() if not one.refused]
         licences = sorted({one.licence or "not stated" for one in there})
         days = sorted(one.captured for one in there if one.captured)
         choice = self.choice
         return [
             f"offered    {self.offered} panoramas by {self.service}"
             + (
-                f", {self.offered - choice.covering} of which show no facade, or less than half as well"
+                f", {self.offered - choice.covering_panoramas} of which show no facade, or less than half as well"
                 if choice
                 else ""
             ),
@@ -119,7 +119,7 @@ def fetch_for_block(
             f"{block_file}: imagery.panoramas names {named}, and a block has one folder; take that out of the block file, "
             f"fetch, then: streetloom fetch-imagery {block_file} --from {named}"
         )
-    account = read_account(folder)
+    account = read_fetch_log(folder)
     block = read_block(block_file)
     begin_stage("search", 1)
     offers, faults = _asked(service, Wanted(_box(block), dates, licence, block.crs.to_string()))
@@ -127,14 +127,14 @@ def fetch_for_block(
     choice = _choice(block, offers)
     chosen = [offers[i] for i in choice.chosen[:most]]
     fetched = _fetched(service, account, offers, chosen, faults, choice)
-    if named is not None or not any(not one.refused for one in account.kept.values()):
+    if named is not None or not any(not one.refused for one in account.pictures.values()):
         return fetched
     folder_name = Path(os.path.relpath(folder.resolve(), block_file.parent.resolve())).as_posix()
     poses = f"{folder_name}/{account.write_poses().name}"
     values = {"path": folder_name, "poses": poses}
     if add_imagery(block_file, "panoramas", values):
         return fetched
-    return replace(fetched, named=f"imagery: {{{imagery_line('panoramas', values)}}}")
+    return replace(fetched, named=f"imagery: {{{format_imagery_entry('panoramas', values)}}}")
 
 
 def fetch_for_box(
@@ -148,7 +148,7 @@ def fetch_for_box(
 ) -> Fetched:
     """Fetch all panoramas inside a box in degrees into a folder; no more than `most`, the newest first. As fetch_for_block."""
     wanted = Wanted(box, dates, licence)
-    account = read_account(to)
+    account = read_fetch_log(to)
     begin_stage("search", 1)
     offers, faults = _asked(service, wanted)
     advance("search", 1)
@@ -188,34 +188,34 @@ def _asked(service: Service, wanted: Wanted) -> tuple[list[Offer], tuple[Fault, 
     return sorted(by_id, key=lambda offer: offer.captured or "", reverse=True), tuple(faults)
 
 
-def _choice(block: Block, offers: Sequence[Offer]) -> Choice:
+def _choice(block: Block, offers: Sequence[Offer]) -> PanoramaChoice:
     frames: dict = {}
     poses = [project_pose(offer.pose, _FULL, block.crs, frames) for offer in offers]
     plan = plan_of(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
-    terrain = terrain_of(block.buildings, block.terrain)
-    there: tuple[Pose, ...] = on_ground(poses, terrain, block.texture.viewpoint_height)
-    return fewest(plan.scene, plan.facades, there, [offer.size or USUAL_SIZE for offer in offers])
+    terrain = build_terrain(block.buildings, block.terrain)
+    there: tuple[Pose, ...] = place_poses(poses, terrain, block.texture.viewpoint_height)
+    return choose_panoramas(plan.scene, plan.facades, there, [offer.size or USUAL_SIZE for offer in offers])
 
 
 def _fetched(
     service: Service,
-    account: Account,
+    account: FetchLog,
     offers: Sequence[Offer],
     chosen: Sequence[Offer],
     faults: tuple[Fault, ...],
-    choice: Choice | None,
+    choice: PanoramaChoice | None,
 ) -> Fetched:
-    earlier = sum(account.holds(service.name, offer.id) is not None for offer in chosen)
+    earlier = sum(account.find_picture(service.name, offer.id) is not None for offer in chosen)
     begin_stage("fetch", len(chosen))
 
     def arrived(usable: bool) -> None:
         advance("fetch", 1, 0 if usable else 1)
 
     try:
-        broken = fetch_offers(service.name, chosen, account, service.get, _look, arrived)
+        broken = fetch_panoramas(service.name, chosen, account, service.get, _look, arrived)
     finally:
         account.write_poses()
-    held = [account.holds(service.name, offer.id) for offer in chosen]
+    held = [account.find_picture(service.name, offer.id) for offer in chosen]
     return Fetched(
         service.name,
         account,

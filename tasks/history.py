@@ -27,14 +27,14 @@ class Moment:
 
     def charts(self) -> list[int]:
         """The charts that the street sees; all others were as they are."""
-        return sorted(self.window.rasters.charts.tolist())
+        return sorted(self.window.layout.charts.tolist())
 
     def raster(self, chart: int) -> tuple[np.ndarray, np.ndarray]:
         """Colour (h, w, 3) and provenance (h, w), uint8, of one of the charts."""
         placement = self.plan.scene.placement
-        if chart not in self.window.rasters.charts:
+        if chart not in self.window.layout.charts:
             raise InputError(f"the street does not see chart {chart}; charts() tells which it sees")
-        texels = self.window.rasters.slice(placement, chart)
+        texels = self.window.layout.texel_slice(placement, chart)
         shape = (int(placement.height[chart]), int(placement.width[chart]))
         return self.window.colour[texels].reshape(*shape, 3), self.window.provenance[texels].reshape(shape)
 
@@ -56,7 +56,7 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
         raise InputError(
             f"{out}: {said} {street!r}; there are {', '.join(f'{o.id} ({o.name})' if o.name else o.id for o in known)}"
         )
-    own = plan.of_street(chosen[0])
+    own = plan.street_viewpoints(chosen[0])
     if not 0 <= step < len(own):
         raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
     if not group["journal/viewpoints"][own[step].id].item():

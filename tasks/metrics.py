@@ -14,7 +14,7 @@ from catalogs.published.folders import Folder, sizes_in
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 
 # What becomes of a unit.
 STATES = ("done", "failed", "stale")
@@ -35,7 +35,7 @@ def metrics_of(runs: Mapping[str, Folder]) -> CollectorRegistry:
         repository = open_repository(folder / "store")
         root = open_root(repository.readonly_session(BRANCH))
         begun = [0.0]
-        for stage in STAGES:
+        for stage in STAGE_NAMES:
             records = [record for record in read_journal(root, stage) if record]
             counts = Counter(record["status"] for record in records)
             for state in sorted({*STATES, *counts}):  # an alarm is on what grows: it is there before there is any

@@ -88,7 +88,7 @@ def test_what_a_page_names_is_there(page: Path) -> None:
 
 
 def test_what_is_gone_is_found() -> None:
-    said = "`tasks/due.py`, `flows/block.py`, `tasks.stages.order.KINDS`, `tasks.stages.order.ORDER`, `nowhere.py`, `tasks/old/`"
+    said = "`tasks/due.py`, `flows/block.py`, `tasks.stages.order.STAGES_IN_ORDER`, `tasks.stages.order.ORDER`, `nowhere.py`, `tasks/old/`"
     assert missing(said, ARCHITECTURE) == ["tasks/due.py", "tasks.stages.order.ORDER", "nowhere.py", "tasks/old/"]
     assert missing("`flows.block:city_block`, `catalogs.open(out)`, `catalogs.readers`", ARCHITECTURE) == []
 

@@ -192,7 +192,7 @@ def test_units_know_no_room_above_them_and_no_prefect() -> None:
     everything = ("facade_core", "catalogs", "tasks", "flows", "benchmarks")
     units = [name for name in modules("tasks") if within(name, ["tasks.units"])]
     seen = reached(units, arrows(everything))
-    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.opening"} <= seen
+    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.decoding"} <= seen
     own = {name for name in seen if not within(name, ["facade_core", "catalogs", "tasks.units"])}
     assert own <= {"tasks", "tasks.engine.run", "tasks.engine.outcome", "tasks.engine.progress"}
     paths = {name: path for layer in everything for name, path in modules(layer).items()}

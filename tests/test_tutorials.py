@@ -17,7 +17,7 @@ import shapely
 from click.testing import CliRunner
 from PIL import Image
 
-from tasks.stages.order import CODED, STAGES
+from tasks.stages.order import CODE_STAGES, STAGE_NAMES
 
 ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -154,7 +154,7 @@ def test_every_stage_of_a_run_has_a_page() -> None:
         for cells in re.findall(r"^\| \[[^\]]+\]\(stages/\w+\.md\) \| (.*?) \|", index, re.MULTILINE)
         for name in re.findall(r"`(\w+)`", cells)
     }
-    assert told == {*STAGES, *CODED}
+    assert told == {*STAGE_NAMES, *CODE_STAGES}
     assert {f"stages/{page.name}" for page in (ROOT / "docs" / "stages").glob("*.md")} <= set(
         re.findall(r"\((stages/\w+\.md)\)", index)
     )

@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.changes.pairs import KINDS, Pair, pair_of
 from benchmarks.changes.walls import real_pairs
 from catalogs.learning.datasets import ECP, LabelledFacade, read, split
-from facade_core.imagery.rectify.change_detection import compare, cues_of
+from facade_core.imagery.rectify.change_detection import change_cues, detect_changes
 
 FITTED, UNCHANGED = 40, 3
 AT = 0.3
@@ -50,7 +50,7 @@ def fit(data: Path) -> list[float]:
     facades, _ = split(list(read(ECP, data / "facades" / "ecp")))
     cues, changed = [], []
     for _, pair in pairs(facades[:FITTED], facades[FITTED:], 0):
-        found, both = cues_of(pair.newer, pair.older, pair.density)
+        found, both = change_cues(pair.newer, pair.older, pair.density)
         share = cv2.resize(pair.changed.astype(np.float32), both.shape[::-1], interpolation=cv2.INTER_AREA)
         clear = np.flatnonzero(both & ((share < 0.02) | (share > 0.98)))[::7]
         cues.append(found.reshape(-1, found.shape[2])[clear])
@@ -66,11 +66,11 @@ def measure(made: Iterator[tuple[str, Pair]]) -> dict[str, Any]:
     rows: dict[str, list[tuple[float, float]]] = {}
     cells = np.zeros(3)
     for kind, pair in made:
-        told, both = compare(pair.newer, pair.older, pair.density), pair.newer.clear & pair.older.clear
-        if told.share is None:
+        told, both = detect_changes(pair.newer, pair.older, pair.density), pair.newer.clear & pair.older.clear
+        if told.changed_share is None:
             continue
-        rows.setdefault(kind, []).append((float((pair.changed & both).sum() / both.sum()), told.share))
-        mine, true = told.changed & both, pair.changed & both
+        rows.setdefault(kind, []).append((float((pair.changed & both).sum() / both.sum()), told.changed_share))
+        mine, true = told.is_changed & both, pair.changed & both
         cells += [(mine & true).sum(), mine.sum(), true.sum()]
     of = {kind: np.array(values) for kind, values in rows.items()}
     nothing = of["nothing"][:, 1]

@@ -9,7 +9,7 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.labels import FacadeClass
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.synth.occluders import paint_occluders
 
 # Metres that the facades are taken to be high: they have five to seven storeys.
@@ -22,8 +22,8 @@ CORNER_M, WHOLE_M = 0.06, 0.25
 class Pair(NamedTuple):
     """Views of one facade, newer and older; texels per metre; changed (h, w) bool, where the wall itself differs."""
 
-    newer: View
-    older: View
+    newer: ChartView
+    older: ChartView
     density: float
     changed: np.ndarray
 
@@ -36,7 +36,7 @@ def pair_of(facade: LabelledFacade, others: Sequence[LabelledFacade], kind: str,
     return Pair(views[1], views[0], density, changed)
 
 
-def _taken(image: np.ndarray, labels: np.ndarray, density: float, rng: np.random.Generator) -> View:
+def _taken(image: np.ndarray, labels: np.ndarray, density: float, rng: np.random.Generator) -> ChartView:
     """A wall as a camera shows it on some day: its windows mirror something, light, shadow, things in front, pose, lens."""
     import cv2
 
@@ -62,7 +62,7 @@ def _taken(image: np.ndarray, labels: np.ndarray, density: float, rng: np.random
     shown = cv2.resize(
         np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR)), (columns, rows), interpolation=cv2.INTER_LINEAR
     )
-    return View(shown, seen.astype(bool), np.full((rows, columns), share, np.float32), hidden)
+    return ChartView(shown, seen.astype(bool), np.full((rows, columns), share, np.float32), hidden)
 
 
 def _mirrored(image: np.ndarray, labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.changes.pairs import Pair
 from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read
 from facade_core.core.labels import UNKNOWN, FacadeClass
-from facade_core.imagery.rectify.fusion import View
-from facade_core.parsing.occluders import things_in_front
+from facade_core.imagery.rectify.fusion import ChartView
+from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 
 # Matches that a plane explains, at least; share of the first photo that both then show.
@@ -42,14 +42,14 @@ def real_pairs(folder: Path) -> Iterator[tuple[str, Pair]]:
             continue
         rgb, changed = newer.rgb.copy(), np.zeros(both.shape, bool)
         rgb[top:bottom], changed[top:bottom] = other[top:bottom], True
-        yield "storeys", Pair(View(rgb, newer.seen, newer.quality, newer.occluded), older, DENSITY, changed)
+        yield "storeys", Pair(ChartView(rgb, newer.seen, newer.quality, newer.occluded), older, DENSITY, changed)
 
 
-def _view(photo: LabelledFacade, warp: np.ndarray | None, like: LabelledFacade) -> View:
+def _view(photo: LabelledFacade, warp: np.ndarray | None, like: LabelledFacade) -> ChartView:
     """A photo laid over another; sky and what is not labelled are not shown, nor what the parser sees in front."""
     import cv2
 
-    hidden, _ = things_in_front(parse(photo.image).occluded)
+    hidden, _ = occluder_mask(parse(photo.image).occluded)
     wall = (photo.labels != FacadeClass.SKY) & (photo.labels != UNKNOWN)
     rgb, quality = photo.image, np.ones(like.labels.shape, np.float32)
     if warp is not None:
@@ -59,7 +59,7 @@ def _view(photo: LabelledFacade, warp: np.ndarray | None, like: LabelledFacade) 
             cv2.warpPerspective(mask.astype(np.uint8), warp, size, flags=cv2.INTER_NEAREST).astype(bool)
             for mask in (hidden, wall)
         )
-    return View(rgb, wall, quality, hidden)
+    return ChartView(rgb, wall, quality, hidden)
 
 
 def _plane(first: np.ndarray, second: np.ndarray) -> np.ndarray | None:

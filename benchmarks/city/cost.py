@@ -114,7 +114,7 @@ def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mappin
 
     plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
     placement = plan.scene.placement
-    texels = float((placement.width.astype(float) * placement.height)[plan.own].sum())
+    texels = float((placement.width.astype(float) * placement.height)[plan.in_core].sum())
     had = Counts(
         facades=count("facades"),
         viewpoints=count("viewpoints"),

@@ -18,7 +18,7 @@ from benchmarks.city.blocks import write_block
 from catalogs.block.reader import read_block
 from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.party_walls import enclosed
+from facade_core.geometry.party_walls import enclosed_texels
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
 from tasks.stages.ingest.planning import plan_again, plan_of
 
@@ -48,7 +48,7 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
         beside = time.process_time() - start
         walls = np.flatnonzero(charts.kind == ChartKind.WALL).tolist()
         start = time.process_time()
-        shut = sum(int(enclosed(plan.scene, chart).sum()) for chart in walls)
+        shut = sum(int(enclosed_texels(plan.scene, chart).sum()) for chart in walls)
         party = time.process_time() - start
         found[f"{size}x"] = {
             "facades": len(plan.facades),
@@ -57,7 +57,7 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
             "plan_s": round(first, 2),
             "plan_again_s": round(again, 2),
             "pieces_beside_ms": round(1000 * beside / len(asked), 3),
-            "party_walls_of_walls": round(shut / int(plan.texels()[walls].sum()), 3),
+            "party_walls_of_walls": round(shut / int(plan.texel_counts()[walls].sum()), 3),
             "party_walls_s": round(party, 2),
         }
     return found

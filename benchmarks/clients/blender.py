@@ -15,9 +15,9 @@ import numpy as np
 from benchmarks.clients.browser import PATIENCE_S
 from benchmarks.programs import blender, cjio
 from facade_core.export.models.textured_mesh import local_frame
-from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.rendering import aim, averaged
-from facade_core.export.pictures.views import cameras, view_names
+from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.rendering import average_samples, cast_view
+from facade_core.export.pictures.views import choose_cameras, view_names
 from tasks.published.opened import Published
 
 # Of pixels, so many are edges: those with the steepest brightness.
@@ -55,13 +55,13 @@ def moved_by_cjio(city: Path) -> np.ndarray:
     return np.array(document["vertices"]).min(axis=0) * scale + translate
 
 
-def of_street(found: Published) -> Camera:
+def of_street(found: Published) -> PerspectiveCamera:
     """The first of a block's views along a street, small; that from above where there is none."""
-    views = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))
+    views = dict(zip(view_names(found.plan), choose_cameras(found.plan, found.records), strict=True))
     return replace(views.get("street-0", views["above"]), size=SIZE)
 
 
-def shot(camera: Camera, origin: np.ndarray, to: Path) -> dict[str, Any]:
+def shot(camera: PerspectiveCamera, origin: np.ndarray, to: Path) -> dict[str, Any]:
     """What a step renders: a camera's picture of a file whose coordinates begin at an origin (3,) of the block's."""
     return {
         "to": str(to),
@@ -77,17 +77,17 @@ def origin_of_models(found: Published) -> np.ndarray:
     return local_frame(found.plan.scene.mesh).origin
 
 
-def own_picture(found: Published, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def own_picture(found: Published, camera: PerspectiveCamera) -> tuple[np.ndarray, np.ndarray]:
     """Streetloom's picture from a camera, (h, w, 3) uint8, without haze, which no export has, and where it shows a wall or
     roof, (h, w)."""
     samples = 2
-    picture = aim(found.plan.scene, camera, samples=samples)
-    for chart in picture.seen.tolist():
+    picture = cast_view(found.plan.scene, camera, samples=samples)
+    for chart in picture.visible_charts.tolist():
         picture.paint({chart: found.textured.raster(chart)})
     built = np.zeros(picture.rgb.shape[:2], np.uint8).reshape(-1)
     built[picture.pixel[found.plan.scene.charts.building[picture.chart] >= 0]] = 255
-    whole = averaged(np.repeat(built.reshape(*picture.rgb.shape[:2], 1), 3, axis=2), samples)[..., 0] == 255
-    return averaged(picture.rgb, samples), whole
+    whole = average_samples(np.repeat(built.reshape(*picture.rgb.shape[:2], 1), 3, axis=2), samples)[..., 0] == 255
+    return average_samples(picture.rgb, samples), whole
 
 
 def compared(own: np.ndarray, theirs: Path, built: np.ndarray) -> dict[str, float]:

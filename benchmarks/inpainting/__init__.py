@@ -50,7 +50,7 @@ _HIDDEN = 0.3  # an element hidden by more than this share was not observed
 def observe(case: Case) -> tuple[np.ndarray, list[Element]]:
     """What the pipeline knows: labels parsed from the visible part, and the layout completed from its elements."""
     from facade_core.facade.layout.completion import complete
-    from facade_core.facade.layout.observed import dilate_by_window, visible_boxes
+    from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
 
     parsing = parse(np.dstack([case.image, np.where(case.mask, 0, 255).astype(np.uint8)]))
     seen = [e for e in elements(parsing) if _hidden_share(case.mask, e) <= _HIDDEN]
@@ -130,12 +130,12 @@ def measure(
     methods, and peers as a whole; all where it is empty."""
     from PIL import Image
 
-    from facade_core.facade.texture.floor_pitch import bay_width, floor_height
+    from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 
     seconds: dict[str, list[float]] = {}
     for case in chosen:
         rng = np.random.default_rng(0)
-        pitch = [p or 64 for p in (floor_height(case.image, case.mask, rng), bay_width(case.image, case.mask, rng))]
+        pitch = [p or 64 for p in (estimate_floor_height(case.image, case.mask, rng), estimate_bay_width(case.image, case.mask, rng))]
         (work / f"{case.name}.pitch.json").write_text(json.dumps(pitch))
         files = {"truth": case.truth, "image": case.image, "mask": case.mask.astype(np.uint8) * 255}
         for kind, picture in files.items():

@@ -49,7 +49,7 @@ from facade_core.facade.layout.facade_frame import fit_facade_frame
 from facade_core.facade.layout.grid_extension import Extension
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL, LayoutModel, load_layout_model
-from facade_core.facade.layout.policy_optimisation import optimise_policy, initial_layout
+from facade_core.facade.layout.policy_optimisation import initial_layout, optimise_policy
 from facade_core.facade.layout.proposals import propose_elements
 from facade_core.facade.layout.rectangles import WINDOW, pairwise_iou
 from facade_core.facade.layout.scores import score_terms
@@ -109,8 +109,8 @@ def ablation(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, A
     for k, term in enumerate(TERMS):
         without = dataclasses.replace(model, weights=np.where(np.arange(len(TERMS)) == k, 0.0, model.weights))
         found[f"without {term}"] = run(records, policy_search(without))["all"]["f1@0.5"]
-    other = dataclasses.replace(model, mean=not model.mean)
-    found["sums" if model.mean else "means"] = run(records, policy_search(other))["all"]["f1@0.5"]
+    other = dataclasses.replace(model, averages_terms=averages_termsmodel.averages_terms)
+    found["sums" if model.averages_termsages_terms else "means"] = run(records, policy_search(other))["all"]["f1@0.5"]
     return found
 
 
@@ -146,7 +146,7 @@ def places(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, dic
             if not seen or not len(hidden):
                 continue
             visible = np.array(region, float).reshape(-1, 4)
-            guesses = propose_elements(seen, fit_grids(seen), domain, visible, model.usual)
+            guesses = propose_elements(seen, fit_grids(seen), domain, visible, model.priors)
             made = box_array([e for e in ours(model, 1)(seen, domain, region)[0] if e.label == "window"])
             near = pairwise_iou(hidden, made).max(axis=1, initial=0.0)
             proposed = pairwise_iou(hidden, guesses.box[guesses.label == WINDOW]).max(axis=1, initial=0.0) >= 0.5
@@ -165,19 +165,19 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     """Painted facades by style and seed, with a tree and a car: the share of the hidden texels that get the label of the truth;
     elements of the completed layout that a parse of the finished picture finds again, F1 at IoU 0.5, of all and of those that
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
-    from facade_core.facade.pipeline import from_photo
-    from facade_core.parsing.confidence import share_of
+    from facade_core.facade.pipeline import build_facade_from_photo
+    from facade_core.parsing.confidence import masked_share
     from facade_core.synth.facade import facade
 
     texels, counts = {}, np.zeros((3, 3))
     for style, seed in which:
         truth = facade((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
-        made = from_photo(truth.image, truth.occluded, clean=True, seed=1, front=True)
+        made = build_facade_from_photo(truth.image, truth.occluded, clean=True, seed=1, front=True)
         assert made.completion is not None
         texels[f"{style} {seed}"] = round(float((made.labels == truth.labels)[truth.occluded].mean()), 3)
         layout, again = made.completion.elements, made.elements
-        touched = [[e for e in of if share_of(truth.occluded, e) > 0.02] for of in (layout, again)]
-        cut = [e for e in truth.elements if 0.05 < share_of(truth.occluded, e) < 0.95]
+        touched = [[e for e in of if masked_share(truth.occluded, e) > 0.02] for of in (layout, again)]
+        cut = [e for e in truth.elements if 0.05 < masked_share(truth.occluded, e) < 0.95]
         pairs = ((layout, again), (touched[0], touched[1]), (cut, again))
         counts += [matches(wanted, got, 0.5).sum(axis=0) for wanted, got in pairs]
     return {
@@ -193,9 +193,9 @@ def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, floa
     for record in records[:7]:
         seen, region = training_cases.hide_part("right", record.elements, record.domain, np.random.default_rng(0))
         start = initial_layout(seen, record.domain, np.array(region), model)
-        optimise_policy(model.policies, start, model.densities, model.weights, model.mean, 1, 1, 0)
+        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_termsages_terms, 1, 1, 0)
         begin = time.process_time()
-        optimise_policy(model.policies, start, model.densities, model.weights, model.mean, 10, 10, 0)
+        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_termsages_terms, 10, 10, 0)
         seconds.append(10 * (time.process_time() - begin))
     return {"median": round(float(np.median(seconds)), 2), "largest": round(max(seconds), 2)}
 

@@ -10,22 +10,22 @@ from catalogs.learning.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.facade_frame import Box
+from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grid_extension import Extension, extend_grids, extension_context
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.policy import roll_out
-from facade_core.facade.layout.policy_optimisation import optimise_policy, initial_layout, score_candidate
-from facade_core.facade.layout.rectangles import pairwise_iou, may_overlap, pairwise_overlap
+from facade_core.facade.layout.policy_optimisation import initial_layout, optimise_policy, score_candidate
+from facade_core.facade.layout.rectangles import may_overlap, pairwise_iou, pairwise_overlap
 from facade_core.facade.layout.selection import select_proposals
 
-Method = Callable[[list[Element], Box, list[Box]], list[list[Element]]]
+Method = Callable[[list[Element], Rectangle, list[Rectangle]], list[list[Element]]]
 # Of the policy search: generations of ten policies, completions a policy.
 GENERATIONS, TRIES = 5, 4
 _NOTHING = np.zeros((0, 5))
 
 
-def cleared(rows: np.ndarray, seen: list[Element], domain: Box, region: list[Box]) -> list[Element]:
+def cleared(rows: np.ndarray, seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[Element]:
     """Rows (N, 5) of label and corners, first come first served, without what overlaps, was seen or lies outside."""
     box, label = rows[:, 1:], rows[:, 0].astype(int)
     inside = (box[:, :2] >= domain[:2]).all(axis=1) & (box[:, 2:] <= domain[2:]).all(axis=1)
@@ -40,7 +40,7 @@ def rows_of(elements: Sequence[Element]) -> np.ndarray:
     return np.array(found, float).reshape(-1, 5)
 
 
-def median_pitch(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+def median_pitch(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
     """Every grid carried on at its median spacing, in both directions, its gaps filled."""
     found = []
     for grid in fit_grids(seen):
@@ -65,7 +65,7 @@ def median_pitch(seen: list[Element], domain: Box, region: list[Box]) -> list[li
 def extension(how: Extension) -> Method:
     """Grids carried on with filled gaps, own sizes, patterns and balconies."""
 
-    def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+    def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         return [cleared(rows_of(list(extend_grids(extension_context(seen, fit_grids(seen)), domain, how))), seen, domain, region)]
 
     return method
@@ -74,7 +74,7 @@ def extension(how: Extension) -> Method:
 def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
     """The hidden part of the database's layout that agrees best with what is seen, stretched to the domain."""
 
-    def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+    def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         best, most = _NOTHING, -1.0
         wanted = rows_of(seen)
         for record in database:
@@ -92,7 +92,7 @@ def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
     return method
 
 
-def low_rank(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+def low_rank(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
     """Each label's occupancy on a raster of 64 x 64, its hidden cells filled by a matrix of rank two."""
     from scipy import ndimage
 
@@ -127,7 +127,7 @@ def low_rank(seen: list[Element], domain: Box, region: list[Box]) -> list[list[E
 def annealing(model: LayoutModel, steps: int = 400) -> Method:
     """Add, delete or move single elements by simulated annealing on our own score, as the paper's Fig. 14 does."""
 
-    def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+    def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         rng = np.random.default_rng(0)
         start = initial_layout(seen, domain, np.array(region), model)
         first = rows_of(seen)
@@ -137,7 +137,7 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
             _, contiguous = np.unique(grid, return_inverse=True)
             return score_candidate(
                 np.ascontiguousarray(rows[:, 1:]), rows[:, 0].astype(np.int64), contiguous.astype(np.int64),
-                start.domain, model.densities, model.weights, model.mean,
+                start.domain, model.densities, model.weights, model.averages_termsages_terms,
             )  # fmt: skip
 
         current = value(rows, grid)
@@ -171,10 +171,10 @@ def annealing(model: LayoutModel, steps: int = 400) -> Method:
 def policy_search(model: LayoutModel) -> Method:
     """The paper's own method: the layout of the policy search with the best score."""
 
-    def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+    def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         start = initial_layout(seen, domain, np.array(region), model)
         used, seeds, scores = optimise_policy(
-            model.policies, start, model.densities, model.weights, model.mean, GENERATIONS, TRIES, 0
+            model.policies, start, model.densities, model.weights, model.averages_termsages_terms, GENERATIONS, TRIES, 0
         )
         box, label, _ = roll_out(used[scores.argmax()], start, int(seeds[scores.argmax()]))
         return [cleared(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
@@ -185,7 +185,7 @@ def policy_search(model: LayoutModel) -> Method:
 def ours(model: LayoutModel, n: int) -> Method:
     """`complete`; n completions."""
 
-    def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
+    def method(seen: list[Element], domain: Rectangle, region: list[Rectangle]) -> list[list[Element]]:
         return [list(c.elements[len(seen) :]) for c in complete(seen, domain, region, n=n, model=model)]
 
     return method

@@ -13,9 +13,9 @@ from catalogs.learning.layouts import LayoutRecord
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.facade_frame import Box, fit_facade_frame
+from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
 from facade_core.facade.layout.grids import box_array
-from facade_core.facade.layout.rectangles import pairwise_iou, may_overlap, pairwise_overlap
+from facade_core.facade.layout.rectangles import may_overlap, pairwise_iou, pairwise_overlap
 
 
 def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: float) -> np.ndarray:
@@ -35,7 +35,7 @@ def f1(counts: np.ndarray) -> float:
     return round(float(2 * counts[0] / max(counts[1] + counts[2], 1)), 3)
 
 
-def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element], domain: Box) -> list[float]:
+def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element], domain: Rectangle) -> list[float]:
     """spacing, alignment and count errors, pairs that overlap, elements outside the domain."""
     truth = fit_facade_frame([*seen, *hidden], domain)
     guess = fit_facade_frame([*seen, *proposed], domain)

@@ -12,7 +12,7 @@ from catalogs.learning.layouts import LayoutRecord
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.facade_frame import Box
+from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.model import LayoutModel
 
 OF_A_KIND, COLUMNS, SIDE, GAP = 10, 8, 240, 10
@@ -46,14 +46,14 @@ def sheet(records: Sequence[LayoutRecord], model: LayoutModel, out: Path) -> Non
 
 
 def _drawn(
-    seen: Sequence[Element], made: Sequence[Element], domain: Box, region: Sequence[Box], name: str
+    seen: Sequence[Element], made: Sequence[Element], domain: Rectangle, region: Sequence[Rectangle], name: str
 ) -> Image.Image:
     x0, y0, x1, y1 = domain
     scale = SIDE / max(x1 - x0, y1 - y0)
     tile = Image.new("RGB", (SIDE, 14 + round((y1 - y0) * scale)), "white")
     pen = ImageDraw.Draw(tile)
 
-    def at(box: Box) -> tuple[float, float, float, float]:
+    def at(box: Rectangle) -> tuple[float, float, float, float]:
         return (
             (box[0] - x0) * scale,
             14 + (box[1] - y0) * scale,

@@ -16,7 +16,7 @@ import shapely
 from catalogs.published.snapshot import Snapshot, current
 from facade_core.atlas.store import open_root_of_any_format
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.zarr_types import StoreGroup, group_at
+from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import RayCaster
@@ -52,8 +52,8 @@ class Output:
     @cached_property
     def scene(self) -> Scene:
         """The geometry, for what casts rays and draws."""
-        page, chunk, gutter = (group_at(self.group, "charts").attrs[name] for name in ("page_size", "chunk", "gutter"))
-        whole = float(group_at(self.group, "atlas").attrs["texels_per_metre"])
+        page, chunk, gutter = (get_subgroup(self.group, "charts").attrs[name] for name in ("page_size", "chunk", "gutter"))
+        whole = float(get_subgroup(self.group, "atlas").attrs["texels_per_metre"])
         spec = AtlasSpec(self.placement.pages, whole, page, chunk, gutter)
         return Scene(self.mesh, self.charts, self.placement, spec)
 
@@ -126,7 +126,7 @@ def read_output(out: Path) -> Output:
     """What the run in a folder published last. Raises InputError or StoreError where there is none that can be read."""
     snapshot = current(out)
     group = open_root_of_any_format(snapshot.session())
-    column = {name: array[:] for name, array in group_at(group, "charts").arrays()}
+    column = {name: array[:] for name, array in get_subgroup(group, "charts").arrays()}
     kind, surface, building, *frame = (
         column[name] for name in ("kind", "surface", "building", "origin", "axis_u", "axis_v", "size")
     )
@@ -134,7 +134,7 @@ def read_output(out: Path) -> Output:
         group[f"mesh/{name}"][:] for name in ("vertices", "triangles", "triangle_chart", "vertex_chart")
     )
     page, x, y, width, height = (column[name] for name in ("page", "x", "y", "width", "height"))
-    whole = float(group_at(group, "atlas").attrs["texels_per_metre"])
+    whole = float(get_subgroup(group, "atlas").attrs["texels_per_metre"])
     points, of = group["streets/point"][:], group["streets/point_street"][:]
     return Output(
         snapshot,

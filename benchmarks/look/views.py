@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from benchmarks.look.outputs import Output
-from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.rendering import Picture, aim, averaged
+from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.rendering import RenderedView, average_samples, cast_view
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 
@@ -35,20 +35,20 @@ class View:
     """What a camera shows: rgb (h, w, 3) uint8; distance (h, w) metres, inf for sky; chart (h, w), MISS for sky; above (h, w)
     metres over the ground under the camera."""
 
-    camera: Camera
+    camera: PerspectiveCamera
     rgb: np.ndarray
     distance: np.ndarray
     chart: np.ndarray
     above: np.ndarray
 
 
-def street_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[list[Camera]]:
+def street_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[list[PerspectiveCamera]]:
     """Cameras on the centrelines of the first output's streets that show streets in all outputs: `count` lists of one for each,
     at the same place and in the same direction, on each output's own ground."""
     rng = np.random.default_rng(seed)
     lines = outputs[0].streets
     share = np.array([line.length for line in lines])
-    found: list[list[Camera]] = []
+    found: list[list[PerspectiveCamera]] = []
     for _ in range(400 * count):
         if len(found) == count:
             break
@@ -66,16 +66,16 @@ def street_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[lis
     return found
 
 
-def near_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[list[Camera]]:
+def near_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[list[PerspectiveCamera]]:
     """Cameras on the pavement, some metres before facades of the first output that face streets, looking along them at 45
     degrees: `count` lists of one for each output, or fewer where facades are few."""
     rng = np.random.default_rng(seed)
     charts = outputs[0].charts
     fronts = [facade.chart for facade in outputs[0].facades if charts.size[facade.chart, 0] > 6]
-    found: list[list[Camera]] = []
+    found: list[list[PerspectiveCamera]] = []
     for chart in rng.choice(fronts, 4 * count).tolist() if fronts else ():
-        foot = charts.at_shares(np.array([chart]), np.array([[rng.uniform(0.2, 0.8), 1.0]]))[0, 0, :2]
-        normal = charts.normal()[chart][:2]
+        foot = charts.points_at_shares(np.array([chart]), np.array([[rng.uniform(0.2, 0.8), 1.0]]))[0, 0, :2]
+        normal = charts.normals()[chart][:2]
         place = foot + NEAR_M * normal
         turn = rng.choice([-1, 1]) * np.pi / 4
         heading = np.arctan2(-normal[1], -normal[0]) + turn
@@ -85,7 +85,7 @@ def near_cameras(outputs: Sequence[Output], count: int, seed: int) -> list[list[
     return found[:count]
 
 
-def standing(output: Output, place: np.ndarray, heading: float) -> Camera | None:
+def standing(output: Output, place: np.ndarray, heading: float) -> PerspectiveCamera | None:
     """A camera at eye height over a place (2,), heading in radians anticlockwise from east; None where no ground is under the
     sky."""
     top = np.array([*place, output.mesh.vertices[:, 2].max() + _ABOVE_M])
@@ -93,26 +93,26 @@ def standing(output: Output, place: np.ndarray, heading: float) -> Camera | None
     if chart[0] == MISS or output.charts.kind[chart[0]] != ChartKind.GROUND:
         return None
     position = top - [0, 0, float(depth[0]) - EYE_M]
-    return Camera(position, position + np.array([np.cos(heading), np.sin(heading), PITCH]), FIELD_OF_VIEW, SIZE)
+    return PerspectiveCamera(position, position + np.array([np.cos(heading), np.sin(heading), PITCH]), FIELD_OF_VIEW, SIZE)
 
 
-def shows_street(output: Output, camera: Camera, nearest: float = NEAREST_M) -> bool:
+def shows_street(output: Output, camera: PerspectiveCamera, nearest: float = NEAREST_M) -> bool:
     """Whether walls take enough of a view, and nothing stands right before it."""
-    rays = Camera(camera.position, camera.target, camera.field_of_view, (27, 36)).rays()
+    rays = PerspectiveCamera(camera.position, camera.target, camera.field_of_view, (27, 36)).rays()
     depth, chart = output.caster.cast(camera.position, rays)
     kind = np.where(chart == MISS, -1, output.charts.kind[chart])
     return bool((kind == ChartKind.WALL).mean() >= LEAST_WALLS and np.median(depth[9:18, 12:24]) >= nearest)
 
 
-def render(output: Output, cameras: Sequence[Camera]) -> Iterator[View]:
+def render(output: Output, cameras: Sequence[PerspectiveCamera]) -> Iterator[View]:
     """What the cameras show of the published pages."""
     for first in range(0, len(cameras), _AT_ONCE):
         yield from _render(output, cameras[first : first + _AT_ONCE])
 
 
-def _render(output: Output, cameras: Sequence[Camera]) -> list[View]:
-    pictures = [aim(output.scene, camera, samples=SAMPLES) for camera in cameras]
-    charts = np.unique(np.concatenate([picture.seen for picture in pictures]))
+def _render(output: Output, cameras: Sequence[PerspectiveCamera]) -> list[View]:
+    pictures = [cast_view(output.scene, camera, samples=SAMPLES) for camera in cameras]
+    charts = np.unique(np.concatenate([picture.visible_charts for picture in pictures]))
     for page in np.unique(output.placement.page[charts]).tolist():
         pixels = output.pixels(page)
         for chart in charts[output.placement.page[charts] == page].tolist():
@@ -122,7 +122,7 @@ def _render(output: Output, cameras: Sequence[Camera]) -> list[View]:
     return [_view(camera, picture) for camera, picture in zip(cameras, pictures, strict=True)]
 
 
-def _view(camera: Camera, picture: Picture) -> View:
+def _view(camera: PerspectiveCamera, picture: RenderedView) -> View:
     """Without haze, which would hide what is measured."""
     shape = picture.rgb.shape[:2]
     distance, chart = np.full(shape, np.inf, np.float32), np.full(shape, MISS, np.int32)
@@ -130,4 +130,4 @@ def _view(camera: Camera, picture: Picture) -> View:
     middle = (slice(SAMPLES // 2, None, SAMPLES),) * 2
     rise = camera.rays()[..., 2]
     above = EYE_M + np.where(np.isfinite(distance[middle]), distance[middle], 0) * rise
-    return View(camera, averaged(picture.rgb, SAMPLES), distance[middle], chart[middle], above)
+    return View(camera, average_samples(picture.rgb, SAMPLES), distance[middle], chart[middle], above)

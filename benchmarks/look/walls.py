@@ -34,9 +34,9 @@ def walls(output: Output) -> dict[str, Any]:
     for chart in output.walls.tolist():
         points, row, column, cell = _places(output, chart)
         total += cell * len(points)
-        normal = output.charts.normal()[chart]
+        normal = output.charts.normals()[chart]
         depth, hit = output.caster.cast(points + 0.05 * normal, np.broadcast_to(normal, points.shape))
-        behind = (hit != MISS) & (output.charts.normal()[hit] @ normal > 0)  # inside of a neighbour
+        behind = (hit != MISS) & (output.charts.normals()[hit] @ normal > 0)  # inside of a neighbour
         open_air = (hit == MISS) | ((depth > FREE_M) & ~behind)
         if not open_air.any():
             continue
@@ -210,13 +210,13 @@ def _likeness(one: np.ndarray, other: np.ndarray) -> float:
 
 def _middle(output: Output, facade: Facade) -> np.ndarray:
     """The middle of a facade's foot, seen from above, (2,)."""
-    return output.charts.at_shares(np.array([facade.chart]), np.array([[0.5, 1.0]]))[0, 0, :2]
+    return output.charts.points_at_shares(np.array([facade.chart]), np.array([[0.5, 1.0]]))[0, 0, :2]
 
 
 def _front_of(output: Output, facade: Facade) -> int | None:
     """The street that a facade faces from near by; None where there is none."""
     middle = _middle(output, facade)
-    normal = output.charts.normal()[facade.chart][:2]
+    normal = output.charts.normals()[facade.chart][:2]
     lines = [line.distance(shapely.Point(middle + 2 * normal)) for line in output.streets]
     nearest = int(np.argmin(lines))
     back = output.streets[nearest].distance(shapely.Point(middle))
@@ -228,7 +228,7 @@ def shapes(output: Output) -> dict[str, Any]:
     built = np.unique(output.charts.building[output.charts.building >= 0])
     heights = output.buildings["height"][built]
     area = output.charts.size.prod(axis=1)
-    normal = output.charts.normal()
+    normal = output.charts.normals()
     kinds: dict[str, int] = defaultdict(int)
     for building in built.tolist():
         own = np.flatnonzero((output.charts.building == building) & (output.charts.kind == ChartKind.ROOF))

@@ -26,7 +26,7 @@ import shapely
 from benchmarks.materials import plain
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Finish, Street
-from facade_core.geometry.chart_packing import Placement, pack
+from facade_core.geometry.chart_packing import Placement, pack_charts
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MaterialField
@@ -72,12 +72,12 @@ def scene_of(density: float, size: float = SIDE_M) -> tuple[Scene, list[Street]]
         kind, np.arange(count, dtype=np.int32), np.arange(count, dtype=np.int32), origin, axis_u, axis_v,
         np.full((count, 2), size),
     )  # fmt: skip
-    corners = charts.at_shares(np.arange(count), np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])).reshape(-1, 3)
+    corners = charts.points_at_shares(np.arange(count), np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])).reshape(-1, 3)
     own = np.arange(count, dtype=np.int32)
     halves = np.array([[0, 3, 2], [0, 2, 1]], np.int32)
     triangles = (4 * own[None, :, None] + halves[:, None]).reshape(-1, 3)
     mesh = Mesh(corners, triangles, np.tile(own, 2), np.repeat(own, 4))
-    placement: Placement = pack(charts.size, density, own, page=2048, chunk=128, gutter=2)
+    placement: Placement = pack_charts(charts.size, density, own, page=2048, chunk=128, gutter=2)
     streets = []
     for row, (_, _, name, aside) in enumerate(names):
         if kind[row] == ChartKind.GROUND and name != "paving":
@@ -94,22 +94,22 @@ def measure(pictures: Path | None) -> dict[str, Any]:
     rows: dict[str, dict[str, Any]] = {name: {} for name in CHARTS}
     for chart, (name, row) in enumerate(rows.items()):
         texels = int(scene.placement.width[chart] * scene.placement.height[chart])
-        whole = materials.raster(chart)
-        row["nanoseconds"] = round(1e9 * _seconds(partial(materials.raster, chart)) / texels, 1)
+        whole = materials.chart_raster(chart)
+        row["nanoseconds"] = round(1e9 * _seconds(partial(materials.chart_raster, chart)) / texels, 1)
         stepped = _Plain(scene, streets, chart)
         row["nanoseconds_plain"] = round(1e9 * _seconds(stepped.raster) / texels, 1)
         if pictures is not None:
             _save(pictures / f"{name.replace(' ', '-')}.png", whole, stepped.raster())
     laid = MaterialField(scene, streets, seed=SEED, roof_material=_brick())
     chart = list(CHARTS).index("tiles")
-    laid.raster(chart)
-    seconds = _seconds(partial(laid.raster, chart))
+    laid.chart_raster(chart)
+    seconds = _seconds(partial(laid.chart_raster, chart))
     rows["a roof's own material"] = {"nanoseconds": round(1e9 * seconds / (SIDE_M * DENSITY) ** 2, 1)}
     for density in DENSITIES:
         scene, streets = scene_of(density, TRUTH_M)
         materials = MaterialField(scene, streets, seed=SEED)
         for chart, name in enumerate(CHARTS):
-            rows[name][f"at {density:g} a metre"] = _truth(materials.raster(chart), _Plain(scene, streets, chart))
+            rows[name][f"at {density:g} a metre"] = _truth(materials.chart_raster(chart), _Plain(scene, streets, chart))
     return {"materials": rows, "light_nanoseconds": _light(DENSITY)}
 
 
@@ -122,7 +122,7 @@ class _Plain:
         charts = scene.charts
         self._materials = MaterialField(scene, streets, seed=SEED)
         self._tint = _tint(self._materials, chart, self._name)
-        self._grey = float(daylight_grey(charts.normal()[chart]))
+        self._grey = float(daylight_grey(charts.normals()[chart]))
 
     def raster(self) -> np.ndarray:
         """The chart (h, w, 3) by the plain functions, without grain, 0..255."""
@@ -172,7 +172,7 @@ def _tint(materials: MaterialField, chart: int, name: str) -> tuple[np.ndarray, 
     """The colours of tones of 0 and 1."""
     from facade_core.street.materials.procedural import GLASS_COLOUR, REFLECTED_SKY_COLOUR
 
-    surfaces = materials.field.charts
+    surfaces = materials.arrays.charts
     return (GLASS_COLOUR, REFLECTED_SKY_COLOUR) if name == "glass" else (np.zeros(3), surfaces.tint[chart] / surfaces.grey[chart])
 
 
@@ -197,11 +197,11 @@ def _light(density: float) -> dict[str, float]:
     found = {}
     for name, together in (("one after the other", False), ("together", True)):
         scene, _ = scene_of(density)
-        scene.daylight.reach([0])
+        scene.daylight.compute([0])
         charts = np.arange(1, len(scene.charts))
         start = time.thread_time()
         for part in [charts] if together else np.split(charts, len(charts)):
-            scene.daylight.reach(part)
+            scene.daylight.compute(part)
         found[name] = round(1e9 * (time.thread_time() - start) / (len(charts) * (SIDE_M * density) ** 2), 2)
     return found
 
@@ -218,7 +218,7 @@ def _seconds(function: Callable[[], Any]) -> float:
 def _brick() -> TiledMaterial:
     """A picture of some grain."""
     image = np.random.default_rng(0).integers(80, 160, (256, 256, 3), dtype=np.uint8)
-    return TiledMaterial.of(image, 0.02, DENSITY)
+    return TiledMaterial.from_picture(image, 0.02, DENSITY)
 
 
 def _save(path: Path, *rasters: np.ndarray) -> None:

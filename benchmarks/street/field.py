@@ -37,17 +37,17 @@ def measure() -> dict[str, Any]:
     longest = int(np.bincount(plan.street_of_viewpoints).argmax())
     for ways in (_seen, _projected):  # compiles
         ways(plan, swatches, longest, 1)
-    count = len(plan.of_street(longest))
+    count = len(plan.street_viewpoints(longest))
     window, seconds = _seen(plan, swatches, longest, count)
     projected, seconds_projected = _projected(plan, swatches, longest, count)
     scene, writable = plan.scene, window.writable
     start = time.perf_counter()
-    rasters = {chart: swatches.materials.raster(chart) for chart in writable.tolist()}
+    rasters = {chart: swatches.materials.chart_raster(chart) for chart in writable.tolist()}
     beforehand = time.perf_counter() - start
     ground = [chart for chart in writable.tolist() if scene.charts.kind[chart] == ChartKind.GROUND]
     energy = np.zeros(3)
     for chart in ground:
-        texels = window.rasters.slice(scene.placement, chart)
+        texels = window.layout.texel_slice(scene.placement, chart)
         shape = rasters[chart].shape
         known = (window.state.views[texels] > 0).reshape(shape[:2])
         for way, colour in enumerate((rasters[chart], window.colour[texels], projected.colour[texels])):
@@ -76,15 +76,15 @@ def measure() -> dict[str, Any]:
 
 def _window(plan: Plan, street: int) -> TexelBuffer:
     charts = plan.charts_of_street(street)
-    rasters, writable = TexelBuffer.layout(plan.scene.placement, charts[plan.writable[charts]], charts)
+    rasters, writable = TexelBuffer.plan_layout(plan.scene.placement, charts[plan.writable[charts]], charts)
     blank = np.zeros((rasters.total, 3), np.uint8)
-    return TexelBuffer.of(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    return TexelBuffer.allocate(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
 
 
 def _seen(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int) -> tuple[TexelBuffer, dict[str, float]]:
     window, seconds = _window(plan, street), 0.0
-    for viewpoint in plan.of_street(street)[:count]:
-        chart = plan.scene.look(viewpoint, PANORAMA)[2]
+    for viewpoint in plan.street_viewpoints(street)[:count]:
+        chart = plan.scene.cast_panorama(viewpoint, PANORAMA)[2]
         start = time.perf_counter()
         mark_first_visible(plan.scene, window, viewpoint, chart)
         seconds += time.perf_counter() - start
@@ -95,7 +95,7 @@ def _seen(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int
 
 def _projected(plan: Plan, swatches: MaterialFieldTranslator, street: int, count: int) -> tuple[TexelBuffer, float]:
     window, seconds = _window(plan, street), 0.0
-    for viewpoint in plan.of_street(street)[:count]:
+    for viewpoint in plan.street_viewpoints(street)[:count]:
         panorama = render(plan.scene, window, viewpoint, (PANORAMA // 2, PANORAMA))
         rgb = swatches.translate(panorama)
         start = time.perf_counter()

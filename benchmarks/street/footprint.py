@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.street.readings import Reading, View, _resolution, blended, view_of
 from facade_core.core.types import Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.equirectangular import directions
+from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -96,7 +96,7 @@ def _views(
         taken = Viewpoint(viewpoint.id, 0, viewpoint.position + off, forward)
         rgb = _picture(scene, materials, taken)
         empty = _window(scene, ground)
-        view = view_of(scene, empty, viewpoint, rgb, seen=scene.look(viewpoint, WIDTH)[2])
+        view = view_of(scene, empty, viewpoint, rgb, seen=scene.cast_panorama(viewpoint, WIDTH)[2])
         views.append(view)
         footprints.append(_covered(scene, empty, viewpoint, view.texel))
     return views, footprints, len(empty.colour)
@@ -113,11 +113,11 @@ def _picture(scene: Scene, materials: MaterialField, taken: Viewpoint) -> np.nda
     import cv2
 
     width = WIDTH * SUPERSAMPLED
-    rays = directions(taken.forward, width)
+    rays = panorama_rays(taken.forward, width)
     depth, chart = scene.caster.cast(taken.position, rays)
     hit = (chart != MISS) & (depth < 60)
     points = taken.position + rays[hit] * depth[hit][:, None]
-    normal = scene.charts.normal()[chart[hit]]
+    normal = scene.charts.normals()[chart[hit]]
     flat = np.abs(np.einsum("ij,ij->i", normal, rays[hit]))
     fine = np.zeros((*chart.shape, 3), np.uint8)
     fine[hit] = materials.colour(chart[hit], points, depth[hit] * 2 * np.pi / width / np.sqrt(np.maximum(flat, 0.02)))
@@ -125,8 +125,8 @@ def _picture(scene: Scene, materials: MaterialField, taken: Viewpoint) -> np.nda
 
 
 def _window(scene: Scene, ground: np.ndarray) -> TexelBuffer:
-    rasters, write = TexelBuffer.layout(scene.placement, ground, ground)
-    return TexelBuffer.of(
+    rasters, write = TexelBuffer.plan_layout(scene.placement, ground, ground)
+    return TexelBuffer.allocate(
         scene.placement, rasters, write, np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     )
 
@@ -173,11 +173,11 @@ def _scores(
     street: SyntheticStreet, materials: MaterialField, ground: np.ndarray, colour: np.ndarray, known: np.ndarray
 ) -> dict[str, float]:
     scene = street.scene
-    rasters, _ = TexelBuffer.layout(scene.placement, ground, ground)
+    rasters, _ = TexelBuffer.plan_layout(scene.placement, ground, ground)
     across = np.array([-street.axis[1], street.axis[0]])
     error, energy, true = [], 0.0, 0.0
     for chart in ground.tolist():
-        held = rasters.slice(scene.placement, chart)
+        held = rasters.texel_slice(scene.placement, chart)
         shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         x, y = np.meshgrid(
             (np.arange(shape[1]) + 0.5) / TEXELS_PER_METRE, (np.arange(shape[0]) + 0.5) / TEXELS_PER_METRE
@@ -189,7 +189,7 @@ def _scores(
         inside &= known[held].reshape(shape)
         if not inside.any():
             continue
-        image, truth = colour[held].reshape(*shape, 3).astype(float), materials.raster(chart).astype(float)
+        image, truth = colour[held].reshape(*shape, 3).astype(float), materials.chart_raster(chart).astype(float)
         error.append(((image - truth) ** 2)[inside])
         for axis in (0, 1):
             pair = np.logical_and(*(np.take(inside, range(k, shape[axis] - 1 + k), axis) for k in (0, 1)))

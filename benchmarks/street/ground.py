@@ -15,7 +15,7 @@ from numba import njit
 
 from facade_core.core.types import Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.shapes import SQUARE_M, Drawn, Squares
+from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTileArrays, GroundTiles
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.street.materials.ground_kernels import ground_colour
@@ -40,14 +40,14 @@ def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
             Way(str(i), line, "road", 9.0, made[i % 2], lanes=2, pavement=(4.0, 4.0), rank=i % 5)
             for i, line in enumerate(lines)
         )
-        places = np.array([[0.0, SQUARE_M, 0.0], [-10_016.0, SQUARE_M, 0.0]])
-        squares = Squares(Ground(ways), _charts(places))
+        places = np.array([[0.0, GROUND_TILE_M, 0.0], [-10_016.0, GROUND_TILE_M, 0.0]])
+        squares = GroundTiles(Ground(ways), _charts(places))
         start = time.thread_time()
-        squares.of([0])
+        squares.build_arrays([0])
         drawn = time.thread_time() - start
         times = {}
         for name, chart in (("junction", 0), ("nothing", 1)):
-            near, low = squares.of([chart]), np.array([places[chart, 0], 0.0])
+            near, low = squares.build_arrays([chart]), np.array([places[chart, 0], 0.0])
             _raster(near, load_shipped_grains(), *low)  # compiles
             taken = []
             for _ in range(REPEATED):
@@ -65,11 +65,11 @@ def _charts(places: np.ndarray) -> Charts:
     own = np.arange(count, dtype=np.int32)
     east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
     kind = np.full(count, ChartKind.GROUND, np.uint8)
-    return Charts(kind, own, np.full(count, -1, np.int32), places, east, south, np.full((count, 2), SQUARE_M))
+    return Charts(kind, own, np.full(count, -1, np.int32), places, east, south, np.full((count, 2), GROUND_TILE_M))
 
 
 @njit(nogil=True)
-def _raster(drawn: Drawn, grains: GrainTables, left: float, bottom: float) -> None:
+def _raster(drawn: GroundTileArrays, grains: GrainTables, left: float, bottom: float) -> None:
     side, light, out = np.full(PIECE, 1 / DENSITY), np.ones(PIECE), np.empty((PIECE, 3), np.uint8)
     for row in range(SIDE):
         y = np.full(PIECE, bottom + (row + 0.5) / DENSITY)

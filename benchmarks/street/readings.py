@@ -106,11 +106,11 @@ def _resolution(scene: Scene, window: TexelBuffer, viewpoint: Viewpoint, texel: 
     """The panorama's pixels per texel, (k,)."""
     share = np.empty(len(texel))
     for chart in window.writable.tolist():
-        held = window.rasters.slice(scene.placement, chart)
+        held = window.layout.texel_slice(scene.placement, chart)
         own = (texel >= held.start) & (texel < held.stop)
         row, column = np.divmod(texel[own] - held.start, int(scene.placement.width[chart]))
         step = 1 / scene.spec.texels_per_metre
         ray = scene.charts.points(chart, step * (column + 0.5), step * (row + 0.5)) - viewpoint.position
-        facing = -ray @ scene.charts.normal()[chart]
+        facing = -ray @ scene.charts.normals()[chart]
         share[own] = columns * step * facing / (2 * np.pi * np.einsum("ij,ij->i", ray, ray))
     return share

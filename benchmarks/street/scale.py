@@ -16,9 +16,9 @@ from scipy.sparse.csgraph import connected_components
 from benchmarks.street.step import cameras, steps
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Street
-from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import ChartKind, Pieces, frames
-from facade_core.geometry.ground.street_gaps import streets_between
+from facade_core.geometry.chart_packing import pack_charts
+from facade_core.geometry.charts import ChartKind, ChartBuilder, chart_axes
+from facade_core.geometry.ground.street_gaps import derive_streets
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 
@@ -48,7 +48,7 @@ def measure(path: Path) -> dict[str, Any]:
         scene = _scene(triangles[part], surface[part], building[part], streets, ground)
         made = time.perf_counter() - start
         own = _viewpoints(streets, ground)
-        scene.seen(own[0], 64)  # the ray caster builds its tree
+        scene.visible_charts(own[0], 64)  # the ray caster builds its tree
         result[name] = steps(scene, streets, own) | {
             "triangles": len(scene.mesh.triangles),
             "buildings": len(np.unique(building[part])),
@@ -96,7 +96,7 @@ def _streets(triangles: np.ndarray, building: np.ndarray) -> tuple[list[Street],
         flat = [shapely.Polygon(t[:, :2]) for t in triangles[building == one]]
         outline = shapely.union_all([p for p in flat if p.area > 1e-3]).buffer(0.1)
         outlines += [part for part in shapely.get_parts(outline) if part.area > 10]
-    found = streets_between(outlines)
+    found = derive_streets(outlines)
     west, south, east, north = shapely.union_all(outlines).bounds
     middle = np.array([(west + east) / 2, (south + north) / 2])
     half = np.array([east - west, north - south]) / 4
@@ -119,21 +119,21 @@ def _scene(
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.where(length > 1e-6, normal / np.maximum(length, 1e-6), [0.0, 0.0, 1.0])
     kind = np.where(np.abs(normal[:, 2]) < UPRIGHT, ChartKind.WALL, ChartKind.ROOF)
-    pieces = Pieces()
+    pieces = ChartBuilder()
     corners = np.arange(3 * len(triangles)).reshape(-1, 3)
-    pieces.add(kind, np.arange(len(kind)), 0, *frames(normal), triangles.reshape(-1, 3), corners, chart)
+    pieces.add_surfaces(kind, np.arange(len(kind)), 0, *chart_axes(normal), triangles.reshape(-1, 3), corners, chart)
     cells = _ground_cells(streets)
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]]) * CELL_M
     floor = np.dstack([cells[:, None] * CELL_M + square, np.full((len(cells), 6), level)]).reshape(-1, 3)
     up = np.tile([0.0, 0.0, 1.0], (len(cells), 1))
     numbers = np.arange(6 * len(cells)).reshape(-1, 3)
     kinds = np.full(len(cells), ChartKind.GROUND)
-    pieces.add(kinds, np.arange(len(cells)), -1, *frames(up), floor, numbers, np.repeat(np.arange(len(cells)), 2))
-    charts, mesh = pieces.values()
+    pieces.add_surfaces(kinds, np.arange(len(cells)), -1, *chart_axes(up), floor, numbers, np.repeat(np.arange(len(cells)), 2))
+    charts, mesh = pieces.build()
     owner = charts.building.copy()
     owner[chart] = building
     charts = replace(charts, building=owner)
-    placement = pack(charts.size, TEXELS_PER_METRE, owner, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, TEXELS_PER_METRE, owner, page=2048, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE))
 
 

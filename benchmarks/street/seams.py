@@ -12,12 +12,12 @@ import shapely
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint, viewpoints
+from facade_core.geometry.streets import Viewpoint, place_viewpoints
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
@@ -36,7 +36,7 @@ DARKER = 0.8
 def measure(images: Path) -> dict[str, Any]:
     """Steps of colour across chart borders over those beside them, and texels of the wall with the kiosk's colour."""
     scene, street = _scene()
-    own = [Viewpoint(i, 0, p, f) for i, (p, f) in enumerate(zip(*viewpoints(street.line), strict=True))]
+    own = [Viewpoint(i, 0, p, f) for i, (p, f) in enumerate(zip(*place_viewpoints(street.line), strict=True))]
     pieces = _pieces(scene)
     truth = _truth(images)
     rng = np.random.default_rng(0)
@@ -67,7 +67,7 @@ def _beside_photos(
     another exposure: steps of colour over those beside them, at the charts' borders and at the photo's border within a chart,
     without levelling, with levelling within each chart, and across charts."""
     charts, placement = scene.charts, scene.placement
-    rasters, write = TexelBuffer.layout(placement, range(len(charts)), [])
+    rasters, write = TexelBuffer.plan_layout(placement, range(len(charts)), [])
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     for piece, share in ((pieces[1], 1.0), (pieces[3], 0.5)):
         shape = (int(placement.height[piece]), int(placement.width[piece]))
@@ -77,16 +77,16 @@ def _beside_photos(
         photo[: part.shape[0], : part.shape[1]] = part
         known = np.zeros(shape, np.uint8)
         known[:, round((1 - share) * shape[1]) :] = Provenance.PHOTO
-        texels = rasters.slice(placement, piece)
+        texels = rasters.texel_slice(placement, piece)
         seed[texels], evidence[texels] = photo.reshape(-1, 3), known.reshape(-1)
-    window = TexelBuffer.of(placement, rasters, write, seed, evidence)
+    window = TexelBuffer.allocate(placement, rasters, write, seed, evidence)
     for viewpoint in own:
         rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
         propagate(scene, window, viewpoint, rgb, charts_seen=seen)
     apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-        texels, shape = rasters.slice(placement, chart), (int(placement.height[chart]), int(placement.width[chart]))
+        texels, shape = rasters.texel_slice(placement, chart), (int(placement.height[chart]), int(placement.width[chart]))
         colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
         return colour[rows, columns], provenance[rows, columns]
 
@@ -116,17 +116,17 @@ def _scene() -> tuple[Scene, Street]:
         Building("wall", shapely.box(0, 0, LENGTH_M, 10), HEIGHT_M, "height"),
         Building("kiosk", shapely.box(24, -4, 28, -2), 5.0, "height"),
     ]
-    charts, mesh, _ = block_surfaces(
-        houses, [street], terrain=terrain_of([], None), ground_margin=30, largest=PIECE_M + 0.1, grid=PIECE_M
+    charts, mesh, _ = build_block_surfaces(
+        houses, [street], terrain=build_terrain([], None), ground_margin=30, largest=PIECE_M + 0.1, grid=PIECE_M
     )
-    placement = pack(charts.size, TEXELS_PER_METRE, charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, TEXELS_PER_METRE, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE, page=1024)), street
 
 
 def _pieces(scene: Scene) -> list[int]:
     """The charts of the long wall's front, from west to east."""
     charts = scene.charts
-    front = (charts.building == 0) & (charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9)
+    front = (charts.building == 0) & (charts.kind == ChartKind.WALL) & (charts.normals()[:, 1] < -0.9)
     return sorted(np.flatnonzero(front).tolist(), key=lambda c: float(charts.origin[c, 0]))
 
 
@@ -149,7 +149,7 @@ def _look(
     """The panorama of a viewpoint: the wall's photos, all else in the kiosk's colour."""
     import cv2
 
-    rays, depth, seen = scene.look(viewpoint, WIDTH)
+    rays, depth, seen = scene.cast_panorama(viewpoint, WIDTH)
     rgb = np.empty((WIDTH // 2, WIDTH, 3), np.uint8)
     rgb[:] = KIOSK_COLOUR
     wall = np.isin(seen, pieces)
@@ -169,14 +169,14 @@ def _parts(values: np.ndarray) -> list[np.ndarray]:
 
 
 def _window(scene: Scene) -> TexelBuffer:
-    rasters, write = TexelBuffer.layout(scene.placement, range(len(scene.charts)), [])
+    rasters, write = TexelBuffer.plan_layout(scene.placement, range(len(scene.charts)), [])
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.allocate(scene.placement, rasters, write, seed, evidence)
 
 
 def _raster(scene: Scene, window: TexelBuffer, chart: int) -> np.ndarray:
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]), 3)
-    return window.colour[window.rasters.slice(scene.placement, chart)].reshape(shape)
+    return window.colour[window.layout.texel_slice(scene.placement, chart)].reshape(shape)
 
 
 def _red(colour: np.ndarray) -> np.ndarray:
@@ -202,7 +202,7 @@ def _behind(
     charts, placement = scene.charts, scene.placement
     fresh = blend_views(window.state)[1].astype(int) > before
     for chart in pieces:
-        flags = fresh[window.rasters.slice(placement, chart)]
+        flags = fresh[window.layout.texel_slice(placement, chart)]
         row, column = np.divmod(np.flatnonzero(flags), int(placement.width[chart]))
         place = (np.column_stack([column, row]) + 0.5) / scene.spec.texels_per_metre
         points = charts.points(chart, *place.T)

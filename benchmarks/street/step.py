@@ -13,11 +13,11 @@ import numpy as np
 
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint, viewpoints
+from facade_core.geometry.streets import Viewpoint, place_viewpoints
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -44,33 +44,33 @@ def ingolstadt(folder: Path, texels_per_metre: float) -> tuple[Scene, Street, li
     os.environ["STREETLOOM_DATA"] = str(folder.parent.parent)
     block = read_block(Path(__file__).parents[2] / "catalogs" / "blocks" / "ingolstadt.yaml")
     street = max(block.streets, key=lambda s: s.line.length)
-    terrain = terrain_of(block.buildings, None)
-    charts, mesh, _ = block_surfaces(
+    terrain = build_terrain(block.buildings, None)
+    charts, mesh, _ = build_block_surfaces(
         block.buildings,
         [street],
         terrain=terrain,
         ground_margin=REACH_M,
         largest=AtlasSpec(1, texels_per_metre).max_chart_side,
     )
-    placement = pack(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
-    return scene, street, cameras(street, terrain.height)
+    return scene, street, cameras(street, terrain.interpolate)
 
 
 def cameras(
     street: Street, ground: Callable[[np.ndarray], np.ndarray], *, first: int = 0, number: int = 0
 ) -> list[Viewpoint]:
     """Viewpoints of a street, with ids from `first`; ground: heights (n,) of points (n, 2)."""
-    positions, forward = viewpoints(street.line, ground=ground)
+    positions, forward = place_viewpoints(street.line, ground=ground)
     return [Viewpoint(first + i, number, p, f) for i, (p, f) in enumerate(zip(positions, forward, strict=True))]
 
 
 def window_of(scene: Scene, own: list[Viewpoint]) -> TexelBuffer:
     """A window that writes every chart that the viewpoints see."""
-    charts = np.unique(np.concatenate([scene.seen(v, WIDTH) for v in own]))
-    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
+    charts = np.unique(np.concatenate([scene.visible_charts(v, WIDTH) for v in own]))
+    rasters, write = TexelBuffer.plan_layout(scene.placement, charts, charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.allocate(scene.placement, rasters, write, seed, evidence)
 
 
 def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads: int = 1) -> dict[str, Any]:
@@ -104,7 +104,7 @@ def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads:
         "viewpoints": len(own),
         "texels_of_charts_in_view_million": round(statistics.median(visible) / 1e6, 2),
         "texels_new_per_viewpoint_million": round(statistics.median(written) / 1e6, 3),
-        "window_million_texels": round(window.rasters.total / 1e6, 1),
+        "window_million_texels": round(window.layout.total / 1e6, 1),
         "seconds": {stage: round(statistics.median(values), 4) for stage, values in wall.items()},
         "processor_seconds_render_propagate": round(statistics.median(processor), 4),
     }

@@ -13,7 +13,7 @@ from benchmarks.timing import bytes_in
 from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.rasters import TexelLayout, chunk_digests, write_rasters
-from facade_core.atlas.store import commit, expire_snapshots, create_root, open_repository, open_root
+from facade_core.atlas.store import commit, create_root, expire_snapshots, open_repository, open_root
 from facade_core.street.propagation.blend import blend_views
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
@@ -76,7 +76,7 @@ def measure(folder: Path) -> dict[str, Any]:
 def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, Any]:
     """The end of a street: its texels written and committed, and what of that is left after expiry."""
     before = bytes_in(store)
-    held = TexelLayout.of(scene.placement, window.writable)
+    held = TexelLayout.of_charts(scene.placement, window.writable)
     session = repository.writable_session("main")
     group = open_root(session)
     colour, views = blend_views(window.state)

@@ -80,7 +80,7 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
         fine = panorama(street, pose, WIDTH * SUPERSAMPLED, seed=number)
         rgb = cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
         viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
-        seen = scene.look(viewpoint, WIDTH)[2]
+        seen = scene.cast_panorama(viewpoint, WIDTH)[2]
         propagate(scene, window, viewpoint, rgb, charts_seen=seen)
         alone = _window(street)
         views.append(view_of(scene, alone, viewpoint, rgb, seen=seen))
@@ -102,9 +102,9 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
 
 
 def _window(street: SyntheticStreet) -> TexelBuffer:
-    rasters, write = TexelBuffer.layout(street.scene.placement, street.charts, street.charts)
+    rasters, write = TexelBuffer.plan_layout(street.scene.placement, street.charts, street.charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return TexelBuffer.of(street.scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.allocate(street.scene.placement, rasters, write, seed, evidence)
 
 
 def _facade(
@@ -112,7 +112,7 @@ def _facade(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A facade's colour (h, w, 3) and views (h, w), of those of the window's texels."""
     placement = street.scene.placement
-    colour, views = (values[window.rasters.slice(placement, chart)] for values in result)
+    colour, views = (values[window.layout.texel_slice(placement, chart)] for values in result)
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     return colour.reshape(*shape, 3), views.reshape(shape)
 

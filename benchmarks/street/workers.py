@@ -171,10 +171,10 @@ def _walk_street(plan: Any, street: int, seed: int, width: int, steps: int | Non
 
     scene, own = plan.scene, plan.of_street(street)
     charts = np.unique(plan.views[np.isin(plan.views[:, 0], [v.id for v in own]), 1])
-    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
+    rasters, write = TexelBuffer.plan_layout(scene.placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     window, translator = (
-        TexelBuffer.of(scene.placement, rasters, write, *nothing),
+        TexelBuffer.allocate(scene.placement, rasters, write, *nothing),
         MaterialFieldTranslator(scene, plan.streets, seed=seed),
     )
     for viewpoint in own[:steps]:

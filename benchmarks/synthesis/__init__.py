@@ -22,12 +22,12 @@ import numpy as np
 from catalogs.learning.datasets import ECP, LabelledFacade, read
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.genetic import BLOCK, ELITE, POPULATION
+from facade_core.facade.texture.genetic import ELITE_SIZE, MAX_BLOCK, POPULATION_SIZE
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.facade.texture.synthesis import GENERATIONS, evolved, synthesize_on
-from facade_core.facade.texture.tiling_energy import Tables, tables
-from facade_core.parsing.floor_structure import structure
+from facade_core.facade.texture.synthesis import SYNTHESIS_GENERATIONS, evolve_random_tilings, synthesize_on_lattice
+from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
+from facade_core.parsing.floor_structure import find_structure
 from facade_core.parsing.lattice import lattice
 
 FACADES = ("monge_10", "monge_26", "monge_55", "monge_74", "monge_107")
@@ -53,7 +53,7 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     return round(time.process_time() - start, 3), result
 
 
-def reference(tab: Tables, shape: tuple[int, int], grid: Lattice, generations: int, seed: int) -> float:
+def reference(tab: EnergyTables, shape: tuple[int, int], grid: Lattice, generations: int, seed: int) -> float:
     """The final energy of Algo. 2 written out with numpy: a grid of shape (M, N), tiles of the exemplar's grid."""
     rng = np.random.default_rng(seed)
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
@@ -64,11 +64,11 @@ def reference(tab: Tables, shape: tuple[int, int], grid: Lattice, generations: i
         return np.asarray(rows * wide + rng.integers(0, wide, shape))
 
     def tournament() -> np.ndarray:
-        a, b = rng.integers(0, POPULATION, 2)
+        a, b = rng.integers(0, POPULATION_SIZE, 2)
         return people[a if fitness[a] <= fitness[b] else b].copy()
 
     def mutate(tiles: np.ndarray) -> None:
-        (h, w), y, x = rng.integers(1, BLOCK + 1, 2), rng.integers(shape[0]), rng.integers(shape[1])
+        (h, w), y, x = rng.integers(1, MAX_BLOCK + 1, 2), rng.integers(shape[0]), rng.integers(shape[1])
         i = {0: 0, shape[0] - 1: tall - 1}.get(int(y), int(rng.integers(tall)))
         j = int(rng.integers(wide))
         for a in range(min(h, shape[0] - y, tall - i)):
@@ -78,16 +78,16 @@ def reference(tab: Tables, shape: tuple[int, int], grid: Lattice, generations: i
             count = min(w, shape[1] - x, wide - j)
             tiles[row, x : x + count] = source * wide + np.arange(j, j + count)
 
-    people = [random_tiling() for _ in range(POPULATION)]
+    people = [random_tiling() for _ in range(POPULATION_SIZE)]
     fitness = np.array([plain_energy(tab, tiles) for tiles in people])
     for _ in range(generations):
         order = np.argsort(fitness)
-        heirs = [people[k] for k in order[:ELITE]]
-        values = list(fitness[order[:ELITE]])
-        while len(heirs) < POPULATION:
+        heirs = [people[k] for k in order[:ELITE_SIZE]]
+        values = list(fitness[order[:ELITE_SIZE]])
+        while len(heirs) < POPULATION_SIZE:
             first, second = tournament(), tournament()
             y, x = rng.integers(shape[0]), rng.integers(shape[1])
-            h, w = rng.integers(1, BLOCK + 1, 2)
+            h, w = rng.integers(1, MAX_BLOCK + 1, 2)
             block = np.s_[y : y + h, x : x + w]
             first[block], second[block] = second[block].copy(), first[block].copy()
             for child in (first, second):
@@ -98,7 +98,7 @@ def reference(tab: Tables, shape: tuple[int, int], grid: Lattice, generations: i
     return float(fitness.min())
 
 
-def plain_energy(tab: Tables, tiles: np.ndarray) -> float:
+def plain_energy(tab: EnergyTables, tiles: np.ndarray) -> float:
     """Eq. 4 of a tiling (M, N), written out."""
     out = tab.photo_right[tiles[:, :-1], tiles[:, 1:]].sum(dtype=float)
     out += tab.photo_below[tiles[:-1], tiles[1:]].sum(dtype=float)
@@ -118,19 +118,19 @@ def plain_energy(tab: Tables, tiles: np.ndarray) -> float:
 def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) -> dict[str, Any]:
     """Seconds, the curve of the first facade, energies beside the reference's, and seconds of retargeting."""
     first = resized(facades[0], SIZE)
-    synthesize_on(*first, lattice(first[1]), (200, 200), generations=2)  # compiles
+    synthesize_on_lattice(*first, lattice(first[1]), (200, 200), generations=2)  # compiles
     seconds, energies = [], []
     for facade in facades:
         image, labels = resized(facade, SIZE)
-        make = partial(synthesize_on, image, labels, lattice(labels), SIZE, seed=1, generations=generations)
+        make = partial(synthesize_on_lattice, image, labels, lattice(labels), SIZE, seed=1, generations=generations)
         taken, made = timed(make)
         seconds.append(taken)
         energies.append(round(made.energy, 2))
     image, labels = first
     grid = lattice(labels)
-    tab = tables(image, labels, grid)
+    tab = tabulate_energy(image, labels, grid)
     shape = len(grid.rows) - 1, len(grid.columns) - 1
-    runs = [evolved(tab, grid, shape, np.random.default_rng(s), generations)[1] for s in range(seeds)]
+    runs = [evolve_random_tilings(tab, grid, shape, np.random.default_rng(s), generations)[1] for s in range(seeds)]
     plain = [reference(tab, shape, grid, generations, s) for s in range(seeds)]
     walls = []
     for facade in facades:
@@ -165,7 +165,7 @@ def picture(data: Path, path: Path, *, height: int = 170) -> None:
             continue
         image, labels = resized(facade, (500, round(500 * facade.labels.shape[1] / facade.labels.shape[0])))
         scale = exemplar_scale(image, labels)
-        found = structure(labels)
+        found = find_structure(labels)
         floors = max(2, len(found.floors) - 1 if found else 2)
         size = round(0.85 * image.shape[0]), round(1.5 * image.shape[1])
         metres = size[0] * scale, size[1] * scale
@@ -190,7 +190,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")))
     parser.add_argument("--seeds", type=int, default=10, help="runs of ours and of the reference [10]")
-    parser.add_argument("--generations", type=int, default=GENERATIONS)
+    parser.add_argument("--generations", type=int, default=SYNTHESIS_GENERATIONS)
     parser.add_argument("--picture", type=Path, help="write the picture to this file, and measure nothing")
     options = parser.parse_args(arguments)
     if options.picture:

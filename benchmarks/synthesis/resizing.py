@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from facade_core.facade.texture.seams import least_path
+from facade_core.facade.texture.seams import find_min_error_path
 
 _BLOCK, _OVERLAP = 60, 15
 _TOLERANCE = 1.1  # blocks within this factor of the least error are drawn from
@@ -36,9 +36,9 @@ def quilt(image: np.ndarray, size: tuple[int, int], rng: np.random.Generator) ->
             squared = ((new - old) ** 2).sum(2).astype(np.float64)
             shown = np.ones((_BLOCK, _BLOCK), bool)
             if m > 0:
-                shown &= np.arange(_BLOCK)[:, None] >= least_path(np.ascontiguousarray(squared[:_OVERLAP].T))[None]
+                shown &= np.arange(_BLOCK)[:, None] >= find_min_error_path(np.ascontiguousarray(squared[:_OVERLAP].T))[None]
             if n > 0:
-                shown &= np.arange(_BLOCK)[None] >= least_path(np.ascontiguousarray(squared[:, :_OVERLAP]))[:, None]
+                shown &= np.arange(_BLOCK)[None] >= find_min_error_path(np.ascontiguousarray(squared[:, :_OVERLAP]))[:, None]
             out[here] = np.where(shown[..., None], new, old)
     return out[: size[0], : size[1]].astype(np.uint8)
 
@@ -76,7 +76,7 @@ def _order(grey: np.ndarray, count: int) -> np.ndarray:
                 here = grey[y, at[y, x]]
                 energy[y, x] = abs(grey[y, at[y, min(x + 1, left - 1)]] - here)
                 energy[y, x] += abs(grey[min(y + 1, height - 1), at[min(y + 1, height - 1), x]] - here)
-        path = least_path(energy)
+        path = find_min_error_path(energy)
         for y in range(height):
             order[y, at[y, path[y]]] = k
             for x in range(path[y], left - 1):

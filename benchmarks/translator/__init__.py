@@ -55,11 +55,11 @@ def inference(options: argparse.Namespace) -> dict[str, Any]:
     network, found = neural_translator.load_translator(), {}
     for width in (512, 1024, 2048):
         image = np.random.default_rng(0).integers(0, 255, (width // 2, width, 3), dtype=np.uint8)
-        network.textured(image)
+        network.translate_image(image)
         seconds = []
         for _ in range(5):
             begun = time.perf_counter()
-            network.textured(image)
+            network.translate_image(image)
             seconds.append(time.perf_counter() - begun)
         found[f"{width} x {width // 2}"] = round(statistics.median(seconds), 3)
     return found

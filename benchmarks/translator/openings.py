@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.street.truth import interval
 from facade_core.core.labels import FacadeClass
-from facade_core.geometry.charts import CORNERS, ChartKind
-from facade_core.geometry.equirectangular import project
+from facade_core.geometry.charts import CORNER_SHARES, ChartKind
+from facade_core.geometry.equirectangular import project_to_panorama
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.parsing.segmenter import parse
@@ -43,7 +43,7 @@ def measure(scene: Scene, own: Sequence[Viewpoint], panoramas: dict[str, list[Pa
 def _planes(scene: Scene) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Facades, largest first: origin, unit right, unit down, and (width, height) of the rectangle around the walls of one
     building that lie in one plane."""
-    charts, normal = scene.charts, scene.charts.normal()
+    charts, normal = scene.charts, scene.charts.normals()
     wall = np.flatnonzero((charts.kind == ChartKind.WALL) & (np.abs(normal[:, 2]) < 0.05))
     offset = np.einsum("ij,ij->i", normal[wall], charts.origin[wall])
     heading = np.degrees(np.arctan2(normal[wall, 1], normal[wall, 0]))
@@ -53,7 +53,7 @@ def _planes(scene: Scene) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.n
         own = wall[(key == group).all(1)]
         largest = own[np.argmax(charts.size[own].prod(1))]
         right, down = charts.axis_u[largest], charts.axis_v[largest]
-        corners = charts.at_shares(own, CORNERS).reshape(-1, 3)
+        corners = charts.points_at_shares(own, CORNER_SHARES).reshape(-1, 3)
         x, y = corners @ right, corners @ down
         size = np.array([np.ptp(x), np.ptp(y)])
         if size.prod() < LEAST_M2 or size.min() < 3:
@@ -82,7 +82,7 @@ def _cut(
     columns, rows = (np.round(size * PIXELS_PER_METRE)).astype(int)
     x, y = np.meshgrid((np.arange(columns) + 0.5) / PIXELS_PER_METRE, (np.arange(rows) + 0.5) / PIXELS_PER_METRE)
     points = origin + x[..., None] * right + y[..., None] * down
-    place, reach = project(points, camera.position, camera.forward, view.rgb.shape[1])
+    place, reach = project_to_panorama(points, camera.position, camera.forward, view.rgb.shape[1])
     u = np.clip(place[..., 0].astype(int), 0, view.rgb.shape[1] - 1)
     v = np.clip(place[..., 1].astype(int), 0, view.rgb.shape[0] - 1)
     # how far behind the plane the surface seen there lies

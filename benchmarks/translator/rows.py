@@ -16,7 +16,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.render import Panorama, render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.translator.training_steps import TrainingRecipe, tensor_to_image, generator_input
+from facade_core.street.translator.training_steps import TrainingRecipe, generator_input, tensor_to_image
 from facade_core.street.translator.translators import MaterialFieldTranslator
 
 # Budget of each row.
@@ -138,8 +138,8 @@ def network(path: Path, course: TrainingRecipe) -> Translate:
         known = torch.from_numpy(panorama.textured & course.conditioned)[None, None]
         given = generator_input(partial, grey, known, course)
         with torch.no_grad():
-            entry = generator.entry(given, [(0, len(bare.rgb))])
-            rgb = tensor_to_image(generator.decode(generator.blocks_of(entry, True, []), True)[0])
+            entry = generator.gather_inputs(given, [(0, len(bare.rgb))])
+            rgb = tensor_to_image(generator.decode(generator.run_blocks(entry, True, []), True)[0])
         rgb[panorama.chart < 0] = 0
         return rgb
 

@@ -13,12 +13,12 @@ import numpy as np
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.equirectangular import project
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
+from facade_core.geometry.equirectangular import project_to_panorama
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint, viewpoints
+from facade_core.geometry.streets import Viewpoint, place_viewpoints
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import Panorama, render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -50,19 +50,19 @@ def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
     os.environ["STREETLOOM_DATA"] = str(data)
     read = read_block(Path(__file__).parent / "ingolstadt_lod3.yaml")
     streets = sorted(read.streets, key=lambda s: -s.line.length)[:STREETS]
-    terrain = terrain_of(read.buildings, None)
-    charts, mesh, _ = block_surfaces(
+    terrain = build_terrain(read.buildings, None)
+    charts, mesh, _ = build_block_surfaces(
         read.buildings,
         streets,
         terrain=terrain,
         ground_margin=40.0,
         largest=AtlasSpec(1, TEXELS_PER_METRE).max_chart_side,
     )
-    placement = pack(charts.size, TEXELS_PER_METRE, charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, TEXELS_PER_METRE, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE))
     own = []
     for number, street in enumerate(streets):
-        positions, forward = viewpoints(street.line, ground=terrain.height)
+        positions, forward = place_viewpoints(street.line, ground=terrain.interpolate)
         first = max(0, (len(positions) - VIEWPOINTS) // 2)
         chosen = list(zip(positions, forward, strict=True))[first : first + VIEWPOINTS]
         own.append([Viewpoint(100 * number + i, number, p, f) for i, (p, f) in enumerate(chosen)])
@@ -71,7 +71,7 @@ def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
 
 def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, blending: Blending = "weighted") -> Walk:
     """Texture a street from nothing."""
-    charts = np.unique(np.concatenate([scene.seen(viewpoint, WIDTH) for viewpoint in viewpoints]))
+    charts = np.unique(np.concatenate([scene.visible_charts(viewpoint, WIDTH) for viewpoint in viewpoints]))
     window, empty = _window(scene, charts), _window(scene, charts)
     total, count = np.zeros((len(window.colour), 3), np.int64), np.zeros(len(window.colour), np.int64)
     differences = []
@@ -105,16 +105,16 @@ def between(viewpoints: Sequence[Viewpoint]) -> list[Viewpoint]:
 
 
 def _window(scene: Scene, charts: np.ndarray) -> TexelBuffer:
-    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
+    rasters, write = TexelBuffer.plan_layout(scene.placement, charts, charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.allocate(scene.placement, rasters, write, seed, evidence)
 
 
 def _difference(earlier: Panorama, old: np.ndarray, later: Panorama, new: np.ndarray) -> float:
     """Mean absolute difference of two panoramas where both see the same place."""
     seen = later.chart >= 0
     points = later.points[seen]
-    place, distance = project(points, earlier.viewpoint.position, earlier.viewpoint.forward, old.shape[1])
+    place, distance = project_to_panorama(points, earlier.viewpoint.position, earlier.viewpoint.forward, old.shape[1])
     column = np.minimum(place[:, 0].astype(int) % old.shape[1], old.shape[1] - 1)
     row = np.clip(place[:, 1].astype(int), 0, old.shape[0] - 1)
     same = (earlier.chart[row, column] == later.chart[seen]) & (np.abs(earlier.depth[row, column] - distance) < _SAME_M)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from catalogs.broken import is_system_error, short_message
+from catalogs.reader_errors import is_system_error, short_message
 from facade_core.core.errors import BlockFileError, FacadeError, InputError
 
 log = logging.getLogger(__name__)
@@ -22,15 +22,15 @@ class BlockFile:
 
     path: Path
 
-    def fault(self, key: str, problem: str) -> BlockFileError:
+    def make_error(self, key: str, problem: str) -> BlockFileError:
         return BlockFileError(f"{self.path}: {key}: {problem}")
 
-    def read(self, key: str, read: Callable[..., T], *arguments: Any) -> T:
+    def call_reader(self, key: str, read: Callable[..., T], *arguments: Any) -> T:
         """Call a reader; what it raises names the block file and the key too, whatever it is. The machine's faults pass."""
         try:
             return read(*arguments)
         except InputError as error:
-            raise self.fault(key, str(error)) from error
+            raise self.make_error(key, str(error)) from error
         except FacadeError:
             raise
         except Exception as error:
@@ -42,4 +42,4 @@ class BlockFile:
             else:
                 shown = ", ".join(str(argument) for argument in arguments if isinstance(argument, str | Path))
                 problem = f"{shown} cannot be used ({short_message(error)}); check it, or give another"
-            raise self.fault(key, problem) from error
+            raise self.make_error(key, problem) from error

@@ -20,13 +20,13 @@ from catalogs.readers.vectors.colours import parse_colour
 from facade_core.core.errors import InputError
 from facade_core.core.labels import ELEMENT_CLASSES
 
-SUFFIX = ".corrections.jsonl"
+CORRECTIONS_SUFFIX = ".corrections.jsonl"
 # Letters of a material or a roof's shape.
-LONGEST_WORD = 64
+MAX_WORD_LENGTH = 64
 
 # What is said of facades, and of buildings.
-OF_FACADES = ("elements", "hide", "keep", "facade")
-OF_BUILDINGS = (
+FACADE_CORRECTION_KINDS = ("elements", "hide", "keep", "facade")
+BUILDING_CORRECTION_KINDS = (
     "exemplar", "height", "levels", "roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour",
 )  # fmt: skip
 
@@ -49,7 +49,7 @@ class Correction:
     """
 
     id: str
-    what: str
+    kind: str
     value: Any
     place: tuple[float, float] | None = None
     width: float | None = None
@@ -77,45 +77,45 @@ class Corrections:
     """The corrections that count: id -> what -> the newest of it. renamed: of what is known by its place, the id that it was
     corrected under -> its own."""
 
-    of: Mapping[str, Mapping[str, Correction]] = field(default_factory=dict)
-    renamed: Mapping[str, str] = field(default_factory=dict)
+    by_target: Mapping[str, Mapping[str, Correction]] = field(default_factory=dict)
+    new_ids: Mapping[str, str] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return bool(self.of)
+        return bool(self.by_target)
 
-    def value(self, id: str, what: str) -> Any:
+    def corrected_value(self, id: str, kind: str) -> Any:
         """What something is corrected to, None where it is not."""
-        found = self.of.get(id, {}).get(what)
+        found = self.by_target.get(id, {}).get(kind)
         return None if found is None else found.value
 
-    def of_kind(self, kinds: Sequence[str]) -> dict[str, dict[str, Correction]]:
+    def select_kinds(self, kinds: Sequence[str]) -> dict[str, dict[str, Correction]]:
         """Those of facades, or of buildings, by id."""
-        chosen = {id: {what: one for what, one in said.items() if what in kinds} for id, said in self.of.items()}
+        chosen = {id: {what: one for what, one in said.items() if what in kinds} for id, said in self.by_target.items()}
         return {id: said for id, said in chosen.items() if said}
 
-    def under(self, names: Mapping[str, str]) -> Corrections:
+    def rename_targets(self, names: Mapping[str, str]) -> Corrections:
         """The same with other ids for those that `names` has: of what is said of one under both, its own is newer."""
-        if not (known := {id: name for id, name in names.items() if id in self.of}):
+        if not (known := {id: name for id, name in names.items() if id in self.by_target}):
             return self
         found: dict[str, dict[str, Correction]] = {}
-        for id in (*known, *(id for id in self.of if id not in known)):
+        for id in (*known, *(id for id in self.by_target if id not in known)):
             name = known.get(id, id)
-            found.setdefault(name, {}).update({what: replace(one, id=name) for what, one in self.of[id].items()})
-        return Corrections(found, {**self.renamed, **known})
+            found.setdefault(name, {}).update({what: replace(one, id=name) for what, one in self.by_target[id].items()})
+        return Corrections(found, {**self.new_ids, **known})
 
-    def digested(self) -> list[list[Any]]:
+    def digest_values(self) -> list[list[Any]]:
         """What a result depends on: neither who, nor when, nor why."""
         return [
             [id, what, one.value, one.place, one.width]
-            for id, said in sorted(self.of.items())
+            for id, said in sorted(self.by_target.items())
             for what, one in sorted(said.items())
         ]
 
 
-NONE = Corrections()
+NO_CORRECTIONS = Corrections()
 
 
-def home_of(block: Path) -> Path:
+def city_or_block_file(block: Path) -> Path:
     """The file beside which corrections of a block lie: its own, or the city's of which it is a part."""
     try:
         values = read_yaml(block)
@@ -127,7 +127,7 @@ def home_of(block: Path) -> Path:
 
 def corrections_file(block: Path) -> Path:
     """The file of a block's or a city's corrections."""
-    return home_of(block).with_suffix(SUFFIX)
+    return city_or_block_file(block).with_suffix(CORRECTIONS_SUFFIX)
 
 
 def read_corrections(block: Path) -> Corrections:
@@ -139,7 +139,7 @@ def read_corrections(block: Path) -> Corrections:
     try:
         lines = path.read_text(encoding="utf-8").split("\n")  # some of what a text holds breaks lines elsewhere
     except FileNotFoundError:
-        return NONE
+        return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
         raise InputError(f"{path} cannot be read ({error}); restore it, or move it away") from error
     found: dict[str, dict[str, Correction]] = {}
@@ -148,19 +148,19 @@ def read_corrections(block: Path) -> Corrections:
             continue
         try:
             said = json.loads(line)
-            values = said | {"place": _pair(said.get("place"))}
-            one = checked(Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()}))
+            values = said | {"place": _parse_location(said.get("place"))}
+            one = validate_correction(Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()}))
         except (ValueError, TypeError, AttributeError, InputError) as error:
             why = " ".join(str(error).split())[:120]
             raise InputError(f"{path}: line {number} is no correction ({why}); mend or remove it") from error
-        found.setdefault(one.id, {})[one.what] = one
+        found.setdefault(one.id, {})[one.kind] = one
     counted = {id: {what: one for what, one in said.items() if one.value is not None} for id, said in found.items()}
     return Corrections({id: said for id, said in counted.items() if said})
 
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     """Write some behind those of a block file, all or none."""
-    lines = [json.dumps(_line_values(checked(one)), ensure_ascii=False, allow_nan=False) for one in corrections]
+    lines = [json.dumps(_line_values(validate_correction(one)), ensure_ascii=False, allow_nan=False) for one in corrections]
     path = corrections_file(block)
     try:
         "".join(lines).encode("utf-8")
@@ -168,15 +168,15 @@ def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
         raise InputError(
             f"{path}: what is to be kept has letters that are none; write names and reasons anew"
         ) from error
-    _add(path, "".join(f"{line}\n" for line in lines))
+    _append_lines(path, "".join(f"{line}\n" for line in lines))
 
 
 def _line_values(correction: Correction) -> dict[str, Any]:
     return {key: getattr(correction, attribute) for key, attribute in LINE_KEYS.items()}
 
 
-def _add(path: Path, added: str) -> None:
-    with _alone(path.parent):
+def _append_lines(path: Path, added: str) -> None:
+    with _lock_folder(path.parent):
         text = path.read_text(encoding="utf-8") if path.exists() else ""
         if text and not text.endswith("\n"):  # somebody edited it
             text += "\n"
@@ -187,13 +187,13 @@ def _add(path: Path, added: str) -> None:
 
 def adopt_corrections(city: Path, folder: Path) -> None:
     """Put those that lie beside block files of a city in a folder, where an older version kept them, beside the city's own."""
-    for path in sorted(folder.glob(f"*{SUFFIX}")):
-        _add(corrections_file(city), path.read_text(encoding="utf-8"))
+    for path in sorted(folder.glob(f"*{CORRECTIONS_SUFFIX}")):
+        _append_lines(corrections_file(city), path.read_text(encoding="utf-8"))
         path.unlink()
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _lock_folder(folder: Path) -> Iterator[None]:
     """Wait until no other process or thread adds corrections in a folder: of two at once one would be lost."""
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -203,23 +203,23 @@ def _alone(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def checked(one: Correction) -> Correction:
+def validate_correction(one: Correction) -> Correction:
     """A correction as it counts. Raises InputError where it says nothing that can be."""
-    if one.what not in (*OF_FACADES, *OF_BUILDINGS):
+    if one.kind not in (*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS):
         raise InputError(
-            f"{one.what!r} is nothing that can be corrected; there is {', '.join((*OF_FACADES, *OF_BUILDINGS))}"
+            f"{one.kind!r} is nothing that can be corrected; there is {', '.join((*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS))}"
         )
     if not isinstance(one.id, str) or not one.id:
         raise InputError("it names no facade or building")
     if one.value is None:
         return one
     try:
-        return replace(one, value=_VALUES[one.what](one.value))
+        return replace(one, value=_VALUE_PARSERS[one.kind](one.value))
     except (TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{one.what} of {one.id}: {error}") from error
+        raise InputError(f"{one.kind} of {one.id}: {error}") from error
 
 
-def _pair(value: Any) -> tuple[float, float] | None:
+def _parse_location(value: Any) -> tuple[float, float] | None:
     if value is None:
         return None
     longitude, latitude = map(float, value)
@@ -228,10 +228,10 @@ def _pair(value: Any) -> tuple[float, float] | None:
     return longitude, latitude
 
 
-def _told(value: Any) -> str:
+def _quote_value(value: Any) -> str:
     """A value as a line tells it."""
     text = repr(value)
-    return text if len(text) <= LONGEST_WORD else f"{text[:LONGEST_WORD]}..."
+    return text if len(text) <= MAX_WORD_LENGTH else f"{text[:MAX_WORD_LENGTH]}..."
 
 
 def is_number(value: Any) -> bool:
@@ -242,82 +242,82 @@ def is_number(value: Any) -> bool:
         return False
 
 
-def _listed(value: Any) -> Sequence[Any]:
+def _require_list(value: Any) -> Sequence[Any]:
     if not isinstance(value, list | tuple):
-        raise ValueError(f"{_told(value)} is no list of boxes")
+        raise ValueError(f"{_quote_value(value)} is no list of boxes")
     return value
 
 
-def _boxes(value: Any) -> tuple[tuple[float, float, float, float], ...]:
-    return tuple(_box(box) for box in _listed(value))
+def _parse_boxes(value: Any) -> tuple[tuple[float, float, float, float], ...]:
+    return tuple(_parse_box(box) for box in _require_list(value))
 
 
-def _box(value: Any) -> tuple[float, float, float, float]:
+def _parse_box(value: Any) -> tuple[float, float, float, float]:
     if isinstance(value, list | tuple) and len(value) == 4 and all(map(is_number, value)):
         x0, y0, x1, y1 = (round(min(max(float(v), 0.0), 1.0), 6) for v in value)
         if x0 < x1 and y0 < y1:
             return x0, y0, x1, y1
-    raise ValueError(f"{_told(value)} is no box within the wall: left, top, right, bottom as shares of it")
+    raise ValueError(f"{_quote_value(value)} is no box within the wall: left, top, right, bottom as shares of it")
 
 
-def _elements(value: Any) -> tuple[tuple[str, float, float, float, float], ...]:
+def _parse_elements(value: Any) -> tuple[tuple[str, float, float, float, float], ...]:
     found = set()  # what is said twice is there once
-    for one in _listed(value):
+    for one in _require_list(value):
         label, *box = one if isinstance(one, list | tuple) and one else (one,)
         if label not in ELEMENT_CLASSES:
-            raise ValueError(f"{_told(label)} is no element; there is {', '.join(ELEMENT_CLASSES)}")
-        found.add((str(label), *_box(box)))
+            raise ValueError(f"{_quote_value(label)} is no element; there is {', '.join(ELEMENT_CLASSES)}")
+        found.add((str(label), *_parse_box(box)))
     return tuple(sorted(found, key=lambda one: (ELEMENT_CLASSES.index(one[0]), one[2], one[1], one[3:])))
 
 
-def _flag(value: Any) -> bool:
+def _parse_flag(value: Any) -> bool:
     if not isinstance(value, bool):
-        raise ValueError(f"{_told(value)} is neither true nor false")
+        raise ValueError(f"{_quote_value(value)} is neither true nor false")
     return value
 
 
-def _within(least: float, most: float) -> Callable[[Any], float]:
+def _number_parser(minimum: float, maximum: float) -> Callable[[Any], float]:
     def number(value: Any) -> float:
         if not is_number(value):
-            raise ValueError(f"{_told(value)} is no number")
-        if not least <= value <= most:
-            raise ValueError(f"{value:g} is not within {least:g} and {most:g}")
+            raise ValueError(f"{_quote_value(value)} is no number")
+        if not minimum <= value <= maximum:
+            raise ValueError(f"{value:g} is not within {minimum:g} and {maximum:g}")
         return float(value)
 
     return number
 
 
-def _name(value: Any) -> str:
+def _parse_name(value: Any) -> str:
     if not isinstance(value, str) or not value:
-        raise ValueError(f"{_told(value)} is no name")
+        raise ValueError(f"{_quote_value(value)} is no name")
     return value
 
 
-def _word(value: Any) -> str:
-    if not isinstance(value, str) or not value.strip() or len(value) > LONGEST_WORD:
-        raise ValueError(f"{_told(value)} is no word for a material or a roof, such as brick")
+def _parse_word(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip() or len(value) > MAX_WORD_LENGTH:
+        raise ValueError(f"{_quote_value(value)} is no word for a material or a roof, such as brick")
     return value.strip().lower()
 
 
-def _colour(value: Any) -> str:
+def _parse_colour(value: Any) -> str:
     found = parse_colour(value) if isinstance(value, str) else None
     if found is None:
-        raise ValueError(f"{_told(value)} is no colour; write one as #a0522d")
+        raise ValueError(f"{_quote_value(value)} is no colour; write one as #a0522d")
     return "#{:02x}{:02x}{:02x}".format(*found)
 
 
-_VALUES: Mapping[str, Callable[[Any], Any]] = {
-    "elements": _elements,
-    "hide": _boxes,
-    "keep": _boxes,
-    "facade": _flag,
-    "exemplar": _name,
-    "height": _within(2.0, 1000.0),
-    "levels": _within(1.0, 300.0),
-    "roof_shape": _word,
-    "roof_height": _within(0.1, 100.0),
-    "wall_material": _word,
-    "roof_material": _word,
-    "wall_colour": _colour,
-    "roof_colour": _colour,
+_VALUE_PARSERS: Mapping[str, Callable[[Any], Any]] = {
+    "elements": _parse_elements,
+    "hide": _parse_boxes,
+    "keep": _parse_boxes,
+    "facade": _parse_flag,
+    "exemplar": _parse_name,
+    "height": _number_parser(2.0, 1000.0),
+    "levels": _number_parser(1.0, 300.0),
+    "roof_shape": _parse_word,
+    "roof_height": _number_parser(0.1, 100.0),
+    "wall_material": _parse_word,
+    "roof_material": _parse_word,
+    "wall_colour": _parse_colour,
+    "roof_colour": _parse_colour,
 }

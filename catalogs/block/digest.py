@@ -17,7 +17,7 @@ import shapely
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMA_VERSION, SCHEMAS
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import picture_and_label_map
-from facade_core.core.types import Models
+from facade_core.core.types import ModelFiles
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
@@ -52,27 +52,27 @@ def block_digest(block: Block) -> str:
     if block.models.files:
         values["models"] = model_digests(block.models)
     if block.corrections:
-        values["corrections"] = block.corrections.digested()
+        values["corrections"] = block.corrections.digest_values()
     digest = _new_hash()
-    _say(values, digest.update)
+    _hash_value(values, digest.update)
     return digest.hexdigest()
 
 
-def model_digests(models: Models) -> list[list[Any]]:
+def model_digests(models: ModelFiles) -> list[list[Any]]:
     """What a block's own models are: each by what it does, its file's digest, and that of the file beside it."""
-    single = {"parser": Models(parser=models.parser), "layout": Models(layout=models.layout)}
+    single = {"parser": ModelFiles(parser=models.parser), "layout": ModelFiles(layout=models.layout)}
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 
 
 # Settings of `texture` that a block's plan depends on.
-OF_PLAN = ("texels_per_metre", "viewpoint_spacing", "viewpoint_height", "visibility_range", "panorama_width", "walls")
+PLAN_SETTINGS = ("texels_per_metre", "viewpoint_spacing", "viewpoint_height", "visibility_range", "panorama_width", "walls")
 
 
 def geometry_digest(block: Block) -> str:
     """The sha256 of what a block's plan is made of, its panoramas aside; of pictures only where one lies over the block."""
     texture, aerial = block.texture, block.aerial
     digest = _new_hash()
-    _say(
+    _hash_value(
         {
             "crs": block.crs.to_string(),
             "buildings": block.buildings,
@@ -80,7 +80,7 @@ def geometry_digest(block: Block) -> str:
             "ground": block.ground,
             "terrain": block.terrain,
             "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
-            "texture": {name: getattr(texture, name) for name in OF_PLAN},
+            "texture": {name: getattr(texture, name) for name in PLAN_SETTINGS},
             "storey": block.storey,
             **({} if block.part is None else {"own": (block.part.buildings, block.part.streets)}),
         },
@@ -94,7 +94,7 @@ def _new_hash() -> Any:
     return hashlib.sha256(b"" if SCHEMA_VERSION == 1 else b"schemas %d " % SCHEMA_VERSION)
 
 
-def _say(value: Any, add: Callable[[bytes], object]) -> None:
+def _hash_value(value: Any, add: Callable[[bytes], object]) -> None:
     """A value as bytes, one after the other, each with its kind and length: no two values are the same bytes.
 
     Numbers that are equal are the same, whole or not. Raises TypeError for what this knows nothing of, such as a path.
@@ -115,15 +115,15 @@ def _say(value: Any, add: Callable[[bytes], object]) -> None:
         add(text)
     elif (schema := SCHEMAS.get(type(value))) is not None:
         add(b"v")
-        _say({name: getattr(value, attribute) for name, attribute in schema.fields}, add)
+        _hash_value({name: getattr(value, attribute) for name, attribute in schema.fields}, add)
     elif isinstance(value, Mapping):
         add(b"m%d " % len(value))
         for name, one in value.items():
-            _say(name, add)
-            _say(one, add)
+            _hash_value(name, add)
+            _hash_value(one, add)
     elif isinstance(value, list | tuple):
         add(b"l%d " % len(value))
         for one in value:
-            _say(one, add)
+            _hash_value(one, add)
     else:
         raise TypeError(f"no digest of {type(value).__name__}")

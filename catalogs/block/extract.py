@@ -23,15 +23,15 @@ from facade_core.core.errors import InputError
 
 # Class by its tag in a part file.
 _CLASSES = {schema.tag: cls for cls, schema in SCHEMAS.items()}
-FORMAT = 2
+EXTRACT_FORMAT = 2
 
 
 def write_extract(path: Path, values: Mapping[str, Any]) -> None:
     """Keep the values of a part of a city in a file, in one step; a file that holds them already is left as it is."""
     blob = bytearray()
-    text = json.dumps({"format": FORMAT, "values": _said(dict(values), blob, path.parent)}, ensure_ascii=False)
+    text = json.dumps({"format": EXTRACT_FORMAT, "values": _encode_value(dict(values), blob, path.parent)}, ensure_ascii=False)
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_octets(blob))
+    np.savez_compressed(buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_byte_array(blob))
     if path.is_file() and path.read_bytes() == buffer.getvalue():
         return
     temporary = path.with_name(f".{path.name}.tmp")
@@ -45,9 +45,9 @@ def read_extract(path: Path) -> dict[str, Any]:
         with np.load(path, allow_pickle=False) as held:
             text, blob = held["text"].tobytes(), held["blob"].tobytes()
         document = json.loads(text.decode(errors="surrogatepass"))
-        if document["format"] != FORMAT:
+        if document["format"] != EXTRACT_FORMAT:
             raise ValueError(f"format {document['format']}")
-        return _made(document["values"], blob, path.parent)
+        return _decode_value(document["values"], blob, path.parent)
     except FileNotFoundError:
         raise InputError(f"{path} is missing; `streetloom city` writes it") from None
     except (
@@ -65,7 +65,7 @@ def read_extract(path: Path) -> dict[str, Any]:
                          "writes it again") from e  # fmt: skip
 
 
-def _said(value: Any, blob: bytearray, folder: Path) -> Any:
+def _encode_value(value: Any, blob: bytearray, folder: Path) -> Any:
     """A value as JSON can say it; what is bytes goes to the end of `blob`."""
     value = value.item() if isinstance(value, np.generic) else value
     if value is None or isinstance(value, bool | str | int | float):
@@ -80,17 +80,17 @@ def _said(value: Any, blob: bytearray, folder: Path) -> Any:
         blob += np.ascontiguousarray(value).tobytes()
         return {"array": [value.dtype.str, list(value.shape), len(blob) - value.nbytes]}
     if (schema := SCHEMAS.get(type(value))) is not None:
-        return {schema.tag: [_said(getattr(value, attribute), blob, folder) for _, attribute in schema.fields]}
+        return {schema.tag: [_encode_value(getattr(value, attribute), blob, folder) for _, attribute in schema.fields]}
     if isinstance(value, Mapping):
-        return {"map": [[name, _said(one, blob, folder)] for name, one in value.items()]}
+        return {"map": [[name, _encode_value(one, blob, folder)] for name, one in value.items()]}
     if isinstance(value, list | tuple):
-        return [_said(one, blob, folder) for one in value]
+        return [_encode_value(one, blob, folder) for one in value]
     raise TypeError(f"no part of a city holds a {type(value).__name__}")
 
 
-def _made(said: Any, blob: bytes, folder: Path) -> Any:
+def _decode_value(said: Any, blob: bytes, folder: Path) -> Any:
     if isinstance(said, list):
-        return tuple(_made(one, blob, folder) for one in said)
+        return tuple(_decode_value(one, blob, folder) for one in said)
     if not isinstance(said, dict):
         return said
     ((kind, held),) = said.items()
@@ -104,14 +104,14 @@ def _made(said: Any, blob: bytes, folder: Path) -> Any:
             raise ValueError("an array of objects")
         return np.frombuffer(blob, form, int(np.prod(shape, dtype=np.int64)), start).reshape(shape).copy()
     if kind == "map":
-        return {name: _made(one, blob, folder) for name, one in held}
+        return {name: _decode_value(one, blob, folder) for name, one in held}
     cls = _CLASSES[kind]
     attributes = [attribute for _, attribute in SCHEMAS[cls].fields]
     if len(held) > len(attributes):
         raise ValueError(f"{kind} has {len(held)} values")
     # fields with defaults, which older files lack, are the last ones
-    return cls(**dict(zip(attributes, (_made(one, blob, folder) for one in held), strict=False)))
+    return cls(**dict(zip(attributes, (_decode_value(one, blob, folder) for one in held), strict=False)))
 
 
-def _octets(blob: bytearray) -> np.ndarray:
+def _byte_array(blob: bytearray) -> np.ndarray:
     return np.frombuffer(bytes(blob), np.uint8)

@@ -16,21 +16,21 @@ from catalogs.block.ground import block_ground
 from catalogs.block.keys import BlockKeys
 from catalogs.block.likely_shops import likely_shops
 from catalogs.block.streets import block_streets, followed
+from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
-from catalogs.buildings.outlines import BlockBuildings, assemble_buildings
-from catalogs.features import Centrelines, Fault, ids_by_reason, notes_by_reason
-from catalogs.frames import (
+from catalogs.crs import (
     area_polygon,
-    coordinate_transform,
-    choose_block_crs,
     check_crs_axes,
     check_crs_scale,
+    choose_block_crs,
+    coordinate_transform,
+    note_outside_area_of_use,
     parse_crs,
     parse_metric_crs,
-    note_outside_area_of_use,
 )
-from catalogs.readers.files import read_buildings, read_centrelines, read_ground
-from catalogs.readers.vectors.places import read_points_of_interest
+from catalogs.features import Centrelines, Fault, ids_by_reason, notes_by_reason
+from catalogs.readers.formats import read_buildings, read_centrelines, read_ground
+from catalogs.readers.vectors.points_of_interest import read_points_of_interest
 from facade_core.core.errors import BlockFileError
 from facade_core.core.types import Building, Ground, Street
 
@@ -38,25 +38,25 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
-Files = Mapping[str, tuple[Path, ...]]
+NamedFiles = Mapping[str, tuple[Path, ...]]
 # Ground is wanted this far around the buildings, and panoramas further away belong to another site.
-SURROUNDINGS_M = 200.0
+SURROUNDINGS_MARGIN_M = 200.0
 # What lies on the ground is kept this far around the area: what is drawn within it depends on no more.
-AROUND_M = 120.0
+GROUND_MARGIN_M = 120.0
 # Streets are followed this far from the box around the buildings: four times as far as a viewpoint may see.
-FOLLOWED_M = 1000.0
+MAX_STREET_DISTANCE_M = 1000.0
 # Said of an area that holds buildings once its longitudes and latitudes change places.
-SWAPPED = "latitudes come first there"
+SWAPPED_AXES_NOTE = "latitudes come first there"
 
 
 @dataclass(frozen=True)
-class Geometry:
+class BlockGeometry:
     """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings;
     shops: where a map has some within it, and where its streets make some likely, (x, y) in the frame, None where no map
     tells; entrances: where a map has some."""
 
     crs: CRS
-    built: BlockBuildings
+    buildings: BlockBuildings
     streets: tuple[Street, ...]
     ground: Ground
     extent: tuple[float, float, float, float]
@@ -66,74 +66,74 @@ class Geometry:
     entrances: tuple[tuple[float, float], ...] = ()
 
 
-def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
+def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockGeometry:
     """Read the buildings and streets. Raises BlockFileError where nothing that can be used is left of either."""
-    sources = _building_sources(keys, files, file)
-    centrelines = _centrelines(keys, files, sources, file) if keys.streets else None
+    sources = _read_building_sources(keys, files, file)
+    centrelines = _read_centrelines(keys, files, sources, file) if keys.streets else None
     if keys.area:
-        file.read("area", check_area_span, keys.area)
-    sources, bounds = file.read("buildings.path", reject_stray_buildings, sources, keys.area, centrelines)
+        file.call_reader("area", check_area_span, keys.area)
+    sources, bounds = file.call_reader("buildings.path", reject_stray_buildings, sources, keys.area, centrelines)
     if not any(source.items for source in sources):
-        raise _nothing("buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file)
-    frame, area, notes = _frame(keys, sources, bounds, file)
+        raise _empty_error("buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file)
+    frame, area, notes = _choose_frame(keys, sources, bounds, file)
     built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
-        raise _nothing("buildings", keys, files, bounds, built.faults, file)
-    extent = extent_of(built.items)
-    shops, entrances = _places(files, frame, extent)
-    around = shapely.box(*extent) if area is None else area.buffer(AROUND_M, join_style="mitre")
-    lying = _lying(keys, files, sources, file)
+        raise _empty_error("buildings", keys, files, bounds, built.faults, file)
+    extent = buildings_extent(built.items)
+    shops, entrances = _shops_and_entrances(files, frame, extent)
+    around = shapely.box(*extent) if area is None else area.buffer(GROUND_MARGIN_M, join_style="mitre")
+    lying = _read_ground_sources(keys, files, sources, file)
     if centrelines is None:
-        ground = file.read("ground.path", block_ground, lying, frame, around, area)
-        return Geometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
-    ground = file.read("streets.path", block_ground, [centrelines, *lying], frame, around, area)
+        ground = file.call_reader("ground.path", block_ground, lying, frame, around, area)
+        return BlockGeometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
+    ground = file.call_reader("streets.path", block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
         shops += tuple(likely_shops(built.items, ground.ways, shops))
-    streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
+    streets, cut, broken = _read_streets(keys, files, centrelines, frame, area, extent, file)
     faults = (*built.faults, *broken)
-    return Geometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
+    return BlockGeometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
 
 
-def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[BuildingSource]:
+def _read_building_sources(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> list[BuildingSource]:
     """What each building file holds, where the block file says that it lies."""
     sources: list[BuildingSource] = []
     for path in files["buildings.path"]:
-        source = file.read("buildings.path", read_buildings, path, keys.buildings.lod)
+        source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod)
         crs = keys.buildings.crs or source.crs or keys.crs
         if crs is None:
-            raise file.fault("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
-        file.read("buildings.crs", parse_crs, crs)
-        source = replace(source, crs=crs, faults=tuple(_located(fault, path) for fault in source.faults))
+            raise file.make_error("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
+        file.call_reader("buildings.crs", parse_crs, crs)
+        source = replace(source, crs=crs, faults=tuple(_name_file_in_fault(fault, path) for fault in source.faults))
         sources.append(source.translate(keys.buildings.offset) if keys.buildings.offset else source)
     if not any(source.items or source.faults for source in sources):
         names = ", ".join(map(str, files["buildings.path"]))
-        raise file.fault("buildings.path", f"{names} holds no buildings; give a file that does")
+        raise file.make_error("buildings.path", f"{names} holds no buildings; give a file that does")
     return sources
 
 
-def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[BuildingSource], file: BlockFile) -> Centrelines:
+def _read_centrelines(keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile) -> Centrelines:
     assert keys.streets is not None
-    source = file.read("streets.path", read_centrelines, *files["streets.path"])
-    faults = tuple(_located(fault, files["streets.path"][0]) for fault in source.faults)
+    source = file.call_reader("streets.path", read_centrelines, *files["streets.path"])
+    faults = tuple(_name_file_in_fault(fault, files["streets.path"][0]) for fault in source.faults)
     source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
-    file.read("streets.crs", parse_crs, source.crs)
+    file.call_reader("streets.crs", parse_crs, source.crs)
     if not source.items and not source.faults:
-        raise file.fault("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
-    return _named_streets(source, keys.streets.names, file) if keys.streets.names else source
+        raise file.make_error("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
+    return _select_named_streets(source, keys.streets.names, file) if keys.streets.names else source
 
 
-def _lying(keys: BlockKeys, files: Files, sources: Sequence[BuildingSource], file: BlockFile) -> list[Centrelines]:
+def _read_ground_sources(keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile) -> list[Centrelines]:
     """What the files of the ground hold, where the block file says that it lies."""
     if keys.ground is None:
         return []
-    found = [file.read("ground.path", read_ground, path) for path in files["ground.path"]]
+    found = [file.call_reader("ground.path", read_ground, path) for path in files["ground.path"]]
     placed = [replace(one, crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs) for one in found]
     for one in placed:
-        file.read("ground.crs", parse_crs, one.crs)
+        file.call_reader("ground.crs", parse_crs, one.crs)
     return placed
 
 
-def _frame(
+def _choose_frame(
     keys: BlockKeys, sources: Sequence[BuildingSource], bounds: Bounds | None, file: BlockFile
 ) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
     """The metric frame, the area in it, and a note where the frame was chosen."""
@@ -141,17 +141,17 @@ def _frame(
     middle = (((west + east) / 2 + 180.0) % 360.0 - 180.0, (south + north) / 2)
     notes: tuple[str, ...] = ()
     if keys.crs:
-        frame = file.read("crs", parse_metric_crs, keys.crs)
-        file.read("crs", check_crs_scale, frame, *middle)
-        file.read("crs", check_crs_axes, frame, *middle)
+        frame = file.call_reader("crs", parse_metric_crs, keys.crs)
+        file.call_reader("crs", check_crs_scale, frame, *middle)
+        file.call_reader("crs", check_crs_axes, frame, *middle)
     else:
-        frame = file.read("crs", choose_block_crs, sources[0].crs, *middle)
-        notes = _chosen(frame, keys.buildings.crs)
+        frame = file.call_reader("crs", choose_block_crs, sources[0].crs, *middle)
+        notes = _frame_notes(frame, keys.buildings.crs)
     notes += note_outside_area_of_use(frame, *middle)
     return frame, area_polygon(keys.area, frame) if keys.area else None, notes
 
 
-def _chosen(frame: CRS, given: str | None) -> tuple[str, ...]:
+def _frame_notes(frame: CRS, given: str | None) -> tuple[str, ...]:
     """What to say of a frame that a block file leaves open: nothing where it is the one that it gives for the buildings."""
     shown = f"{frame.to_string()} ({frame.name})"
     if given is None:
@@ -164,9 +164,9 @@ def _chosen(frame: CRS, given: str | None) -> tuple[str, ...]:
     )
 
 
-def _streets(
+def _read_streets(
     keys: BlockKeys,
-    files: Files,
+    files: NamedFiles,
     centrelines: Centrelines,
     frame: CRS,
     area: Polygon | None,
@@ -174,26 +174,26 @@ def _streets(
     file: BlockFile,
 ) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
     """The streets, notes on what the reader says of some and on those that lead away from the block, and the broken ones."""
-    around = shapely.box(*extent).buffer(FOLLOWED_M - SURROUNDINGS_M, join_style="mitre")
-    near, cut = file.read("streets.path", followed, centrelines, frame, around, area)
+    around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
+    near, cut = file.call_reader("streets.path", followed, centrelines, frame, around, area)
     streets, faults = block_streets(near, frame, area=area)
     if not streets and not cut:
-        raise _nothing("streets", keys, files, _bounds(centrelines), faults, file)
+        raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file)
     if not any(street.line.intersects(shapely.box(*extent)) for street in streets):
-        span = ", ".join(f"{value:.4f}" for value in _bounds(centrelines) or ())
-        raise file.fault(
+        span = ", ".join(f"{value:.4f}" for value in _lonlat_bounds(centrelines) or ())
+        raise file.make_error(
             "streets.path",
-            f"no street comes within {SURROUNDINGS_M:g} m of a building (streets span [{span}]); "
+            f"no street comes within {SURROUNDINGS_MARGIN_M:g} m of a building (streets span [{span}]); "
             "check streets.crs, or leave streets out",
         )
     known = {piece.id for piece in near.items}
     reasons = ids_by_reason(remark for remark in near.remarks if remark.id in known)
-    reasons[f"streets cut off over {FOLLOWED_M:g} m from the buildings"] = list(cut)
+    reasons[f"streets cut off over {MAX_STREET_DISTANCE_M:g} m from the buildings"] = list(cut)
     return streets, notes_by_reason(reasons), faults
 
 
-def _places(
-    files: Files, frame: CRS, extent: tuple[float, float, float, float]
+def _shops_and_entrances(
+    files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float]
 ) -> tuple[tuple[tuple[float, float], ...] | None, tuple[tuple[float, float], ...]]:
     """Where the map that the buildings are from has shops, (x, y) in the frame, None where none is a map; and entrances."""
     maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
@@ -209,20 +209,20 @@ def _places(
     return inside([one.shops for one in found]), inside([one.entrances for one in found])
 
 
-def _bounds(centrelines: Centrelines) -> Bounds | None:
+def _lonlat_bounds(centrelines: Centrelines) -> Bounds | None:
     assert centrelines.crs is not None
-    places = locate_boxes(centrelines.crs, centrelines.boxes())
-    return places.bounds(places.known) if places.known.any() else None
+    places = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
+    return places.lonlat_bounds(places.is_located) if places.is_located.any() else None
 
 
-def _nothing(
-    key: str, keys: BlockKeys, files: Files, bounds: Bounds | None, faults: Sequence[Fault], file: BlockFile
+def _empty_error(
+    key: str, keys: BlockKeys, files: NamedFiles, bounds: Bounds | None, faults: Sequence[Fault], file: BlockFile
 ) -> BlockFileError:
     """Why a block is left without buildings or streets."""
     path = ", ".join(map(str, files[f"{key}.path"]))
     if faults:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
-        return file.fault(
+        return file.make_error(
             f"{key}.path", f"{path} has no {key} that can be used: {faults[0].id}: {faults[0].reason}{more}"
         )
     if keys.area:
@@ -231,27 +231,27 @@ def _nothing(
         south, west, north, east = keys.area
         remedy = "mend area"
         if bounds and west <= bounds[2] and east >= bounds[0] and south <= bounds[3] and north >= bounds[1]:
-            remedy = f"{SWAPPED}: write {[west, south, east, north]}"
-        return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")
-    return file.fault(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
+            remedy = f"{SWAPPED_AXES_NOTE}: write {[west, south, east, north]}"
+        return file.make_error("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")
+    return file.make_error(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
 
 
-def _located(fault: Fault, path: Path) -> Fault:
+def _name_file_in_fault(fault: Fault, path: Path) -> Fault:
     """A fault whose reason names the file."""
     return fault if path.name in fault.reason else replace(fault, reason=f"{path.name}: {fault.reason}")
 
 
-def _named_streets(source: Centrelines, names: list[str], file: BlockFile) -> Centrelines:
+def _select_named_streets(source: Centrelines, names: list[str], file: BlockFile) -> Centrelines:
     known = sorted({piece.name for piece in source.items if piece.name})
     for name in names:
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             remedy = f"did you mean {close[0]}?" if close else f"known are e.g. {', '.join(known[:5])}"
-            raise file.fault("streets.names", f"no street is named {name!r}; {remedy}")
+            raise file.make_error("streets.names", f"no street is named {name!r}; {remedy}")
     return replace(source, items=tuple(piece for piece in source.items if piece.name in names))
 
 
-def extent_of(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
+def buildings_extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
     """The buildings' surroundings in the frame: (xmin, ymin, xmax, ymax)."""
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
-    return xmin - SURROUNDINGS_M, ymin - SURROUNDINGS_M, xmax + SURROUNDINGS_M, ymax + SURROUNDINGS_M
+    return xmin - SURROUNDINGS_MARGIN_M, ymin - SURROUNDINGS_MARGIN_M, xmax + SURROUNDINGS_MARGIN_M, ymax + SURROUNDINGS_MARGIN_M

@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from shapely import LineString
 
+from catalogs.crs import coordinate_transform
 from catalogs.features import Centrelines, natural_sort_key
-from catalogs.frames import coordinate_transform
 from catalogs.readers.vectors.lengths import parse_length
 from facade_core.core.types import Area, Ground, Way
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 # Class of a road: metres of a lane, lanes where none are stated, rank. "" is one whose class nobody states.
-ROADS = {
+ROAD_CLASSES = {
     "motorway": (3.6, 2, 9),
     "trunk": (3.5, 2, 8),
     "primary": (3.4, 2, 7),
@@ -34,9 +34,9 @@ ROADS = {
     "service": (3.2, 1, 1),
 }
 # Classes whose roads have no pavement unless one is stated.
-BARE = frozenset(("motorway", "trunk", "service", "living_street"))
+CLASSES_WITHOUT_PAVEMENT = frozenset(("motorway", "trunk", "service", "living_street"))
 # Class of a way without carriageway: kind, metres wide, surface.
-PATHS = {
+PATH_CLASSES = {
     "pedestrian": ("path", 6.0, "slabs"),
     "footway": ("path", 2.2, "slabs"),
     "path": ("path", 1.8, "gravel"),
@@ -46,16 +46,16 @@ PATHS = {
     "cycleway": ("cycle", 2.5, "asphalt"),
 }
 # What the values of `surface` are made of.
-_MADE = {
+_TAG_VALUES_BY_SURFACE = {
     "asphalt": "asphalt chipseal concrete",
     "slabs": "paving_stones concrete:plates concrete:lanes bricks brick wood metal tiles",
     "setts": "sett cobblestone unhewn_cobblestone cobblestone:flattened",
     "gravel": "gravel fine_gravel compacted unpaved ground dirt earth sand pebblestone woodchips mud",
     "grass": "grass grass_paver artificial_turf",
 }
-MADE = {value: surface for surface, values in _MADE.items() for value in values.split()}
+SURFACE_BY_TAG_VALUE = {value: surface for surface, values in _TAG_VALUES_BY_SURFACE.items() for value in values.split()}
 # What an area is made of by its tags, the first that fits; None: by its `surface`, slabs where it states none.
-AREAS: tuple[tuple[str, Mapping[str, str | None]], ...] = (
+AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
     (
         "natural",
         {"water": "water", "wood": "grass", "scrub": "grass", "grassland": "grass", "sand": "gravel", "beach": "gravel"},
@@ -75,12 +75,12 @@ AREAS: tuple[tuple[str, Mapping[str, str | None]], ...] = (
 )  # fmt: skip
 PAVEMENT_M = 2.5
 # How wide cars stand along a kerb, by how they do.
-PARKED_M = {"parallel": 2.1, "diagonal": 4.3, "perpendicular": 5.0, "half_on_kerb": 1.1}
+PARKING_WIDTH_M = {"parallel": 2.1, "diagonal": 4.3, "perpendicular": 5.0, "half_on_kerb": 1.1}
 # A cycle track beside a road: its width, and what lies between it and the kerb; metres.
-TRACK_M, VERGE_M = 1.8, 0.4
-WIDEST_M = 40.0
+CYCLE_TRACK_WIDTH_M, VERGE_WIDTH_M = 1.8, 0.4
+MAX_ROAD_WIDTH_M = 40.0
 # A crossing that is a node reaches so far to either side of its road, and belongs to a road no further away.
-CROSSING_M, ON_ROAD_M = 15.0, 1.0
+MAX_CROSSING_REACH_M, MAX_CROSSING_OFFSET_M = 15.0, 1.0
 
 
 def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
@@ -93,7 +93,7 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
     street: dict[str, str] = {}
     areas: list[Area] = []
     nodes: list[tuple[str, shapely.Point]] = []
-    placed = [pair for source in sources for pair in zip(source.ground, _projected(source, crs), strict=True)]
+    placed = [pair for source in sources for pair in zip(source.ground, _project_features(source, crs), strict=True)]
     placed.sort(key=lambda pair: (natural_sort_key(pair[0].id), shapely.to_wkb(pair[0].geometry) or b""))
     seen: Counter[str] = Counter()
     for feature, geometry in placed:
@@ -103,7 +103,7 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
         if (
             geometry is None
             or geometry.is_empty
-            or _hidden(tags)
+            or _is_hidden(tags)
             or not np.isfinite(shapely.get_coordinates(geometry)).all()
         ):
             continue
@@ -119,19 +119,19 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
         elif "LineString" in geometry.geom_type and tags.get("area") != "yes":
             for line in shapely.get_parts(shapely.intersection(geometry, around)):
                 if line.geom_type == "LineString" and line.length > 0:
-                    ways += ways_of(id, line, tags)
+                    ways += ways_from_tags(id, line, tags)
                     street[id] = f"{tags.get('highway')} {tags.get('name', id)}"
-    ways = _even(ways, street)
+    ways = _equalise_widths(ways, street)
     roads = [way for way in ways if way.kind == "road"]
-    ways += [crossing for id, node in nodes if (crossing := _across(id, node, roads)) is not None]
+    ways += [crossing for id, node in nodes if (crossing := _node_crossing(id, node, roads)) is not None]
     return Ground(tuple(ways), tuple(areas), outline)
 
 
-def ways_of(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
+def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
     """A line as the ways that its tags make it: a road with the cycle tracks beside it, a path, tracks, a crossing; none where
     it is nothing on the ground."""
     if tags.get("railway") in ("tram", "light_rail"):
-        gauge = _metres(tags, "gauge", 1435.0) or 1435.0
+        gauge = _length_tag(tags, "gauge", 1435.0) or 1435.0
         return [Way(id, line, "tram", min(max(gauge, 600.0), 1700.0) / 1000, "asphalt")]
     stated = tags.get("highway", "" if "railway" not in tags else "none")
     name = stated.removesuffix("_link")
@@ -139,19 +139,19 @@ def ways_of(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
         return [Way(id, line, "crossing", 3.0, "asphalt")] if _is_marked(tags) else []
     if name == "footway" and tags.get("footway") == "sidewalk":
         return []  # it lies on its road's pavement
-    if name in PATHS:
-        kind, wide, made = PATHS[name]
-        width = _metres(tags, "width", WIDEST_M)
-        return [Way(id, line, kind, width or wide, _surface(tags, made), width is None)]
-    return _road(id, line, name, tags) if name in ROADS else []
+    if name in PATH_CLASSES:
+        kind, wide, made = PATH_CLASSES[name]
+        width = _length_tag(tags, "width", MAX_ROAD_WIDTH_M)
+        return [Way(id, line, kind, width or wide, _surface_from_tags(tags, made), width is None)]
+    return _road_ways(id, line, name, tags) if name in ROAD_CLASSES else []
 
 
-def _road(id: str, line: LineString, name: str, tags: Mapping[str, str]) -> list[Way]:
-    lane, usual, rank = ROADS[name]
+def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) -> list[Way]:
+    lane, usual, rank = ROAD_CLASSES[name]
     oneway = tags.get("oneway") in ("yes", "true", "True", "1", "-1")
-    lanes = _count(tags.get("lanes", ""))
-    parking = (_parked(tags, "left"), _parked(tags, "right"))
-    stated = _metres(tags, "width:carriageway", WIDEST_M) or _metres(tags, "width", WIDEST_M)
+    lanes = _parse_lane_count(tags.get("lanes", ""))
+    parking = (_parking_width(tags, "left"), _parking_width(tags, "right"))
+    stated = _length_tag(tags, "width:carriageway", MAX_ROAD_WIDTH_M) or _length_tag(tags, "width", MAX_ROAD_WIDTH_M)
     width = stated or lane * (lanes or (1 if oneway and usual == 2 else usual)) + sum(parking)
     if oneway and stated is None and not lanes:
         width = max(width, 4.0)
@@ -160,19 +160,19 @@ def _road(id: str, line: LineString, name: str, tags: Mapping[str, str]) -> list
     marked = lanes if rank >= 4 or tags.get("lane_markings") == "yes" else 0
     if tags.get("lane_markings") == "no":
         marked = 0
-    pavement = tuple(_pavement(tags, side, name) for side in ("left", "right"))
-    surface = _surface(tags, "asphalt")
+    pavement = tuple(_pavement_width(tags, side, name) for side in ("left", "right"))
+    surface = _surface_from_tags(tags, "asphalt")
     road = Way(
         id, line, "road", round(width, 2), surface, stated is None and not lanes, marked or 0, oneway,
         (pavement[0], pavement[1]), parking, rank,
     )  # fmt: skip
     tracks = []
     for side, name_of in ((1.0, "left"), (-1.0, "right")):
-        if _of_side(tags, "cycleway", name_of) == "track":
-            beside = shapely.offset_curve(line, side * (width / 2 + VERGE_M + TRACK_M / 2), join_style="mitre")
+        if _side_tag(tags, "cycleway", name_of) == "track":
+            beside = shapely.offset_curve(line, side * (width / 2 + VERGE_WIDTH_M + CYCLE_TRACK_WIDTH_M / 2), join_style="mitre")
             for index, part in enumerate(shapely.get_parts(beside)):
                 if part.length > 0:
-                    tracks.append(Way(f"{id}-{name_of}-{index}", part, "cycle", TRACK_M, "track"))
+                    tracks.append(Way(f"{id}-{name_of}-{index}", part, "cycle", CYCLE_TRACK_WIDTH_M, "track"))
     return [road, *tracks]
 
 
@@ -183,18 +183,18 @@ def area_surface(geometry: Any, tags: Mapping[str, str]) -> str | None:
     )
     if not closed or "building" in tags or len(shapely.get_coordinates(geometry)) < 4:
         return None
-    for key, surfaces in AREAS:
+    for key, surfaces in AREA_SURFACES:
         value = tags.get(key)
         if value is None or value not in surfaces:
             continue
         if key == "highway" and tags.get("area") != "yes" and value != "pedestrian":
             continue
         made = surfaces[value]
-        return made if made in ("grass", "water") else _surface(tags, made or "slabs")
+        return made if made in ("grass", "water") else _surface_from_tags(tags, made or "slabs")
     return None
 
 
-def _even(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
+def _equalise_widths(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
     """The ways, roads of one name and class as wide as most of their length is, so that the kerb of a street runs on where its
     tags, such as those of parking, change from piece to piece."""
     lengths: dict[str, dict[float, float]] = {}
@@ -215,34 +215,34 @@ def _even(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
     ]
 
 
-def _across(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | None:
+def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | None:
     """A crossing that is mapped as a node: a line across its road."""
     if not roads:
         return None
     away = shapely.distance([way.line for way in roads], node)
     line = roads[int(np.argmin(away))].line
-    if away.min() > ON_ROAD_M:
+    if away.min() > MAX_CROSSING_OFFSET_M:
         return None
     along = line.project(node)
     ends = shapely.get_coordinates(
         shapely.line_interpolate_point(line, [max(along - 2.0, 0.0), min(along + 2.0, line.length)])
     )
-    east, north = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9) * CROSSING_M
+    east, north = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9) * MAX_CROSSING_REACH_M
     # no further than its own road: another that lies parallel has a crossing of its own
-    reach = min(1.0, (max(way.width for way in roads if way.line is line) / 2 + 0.5) / CROSSING_M)
+    reach = min(1.0, (max(way.width for way in roads if way.line is line) / 2 + 0.5) / MAX_CROSSING_REACH_M)
     east, north = float(east * reach), float(north * reach)
     across = LineString([(node.x - north, node.y + east), (node.x + north, node.y - east)])
     return Way(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
 
 
-def _projected(source: Centrelines, crs: CRS) -> np.ndarray:
+def _project_features(source: Centrelines, crs: CRS) -> np.ndarray:
     flat = np.empty(len(source.ground), dtype=object)
     flat[:] = [feature.geometry for feature in source.ground]
     flat = shapely.force_2d(flat)
     return flat if source.crs is None else shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
 
 
-def _hidden(tags: Mapping[str, str]) -> bool:
+def _is_hidden(tags: Mapping[str, str]) -> bool:
     """Whether a thing lies under the ground, in a building or above it."""
     try:
         under = float(tags.get("layer", "0")) < 0 and tags.get("natural") != "water"
@@ -260,16 +260,16 @@ def _is_marked(tags: Mapping[str, str]) -> bool:
     return tags.get("crossing") not in ("unmarked", "no", "informal") and tags.get("crossing:markings") != "no"
 
 
-def _surface(tags: Mapping[str, str], otherwise: str) -> str:
-    return MADE.get(tags.get("surface", "").split(";")[0], otherwise)
+def _surface_from_tags(tags: Mapping[str, str], default: str) -> str:
+    return SURFACE_BY_TAG_VALUE.get(tags.get("surface", "").split(";")[0], default)
 
 
-def _metres(tags: Mapping[str, str], key: str, most: float) -> float | None:
+def _length_tag(tags: Mapping[str, str], key: str, maximum: float) -> float | None:
     found = parse_length(tags.get(key, ""))
-    return found if found is not None and 0.5 <= found <= most else None
+    return found if found is not None and 0.5 <= found <= maximum else None
 
 
-def _count(text: str) -> int | None:
+def _parse_lane_count(text: str) -> int | None:
     try:
         count = int(float(text.strip("[]'\" ").split(",")[0].split(";")[0].strip("'\" ")))
     except ValueError:
@@ -277,30 +277,30 @@ def _count(text: str) -> int | None:
     return count if 1 <= count <= 10 else None
 
 
-def _of_side(tags: Mapping[str, str], key: str, side: str) -> str | None:
+def _side_tag(tags: Mapping[str, str], key: str, side: str) -> str | None:
     return tags.get(f"{key}:{side}", tags.get(f"{key}:both", tags.get(key)))
 
 
-def _pavement(tags: Mapping[str, str], side: str, name: str) -> float:
+def _pavement_width(tags: Mapping[str, str], side: str, name: str) -> float:
     """Metres of pavement on a side of a road."""
     stated = tags.get(f"sidewalk:{side}", tags.get("sidewalk:both"))
     if stated is None and "sidewalk" in tags:
         both = tags["sidewalk"]
         stated = "yes" if both in ("both", "yes", "separate", side) else "no"
     if stated is None:
-        width = _metres(tags, f"sidewalk:{side}:width", 15.0) or _metres(tags, "sidewalk:width", 15.0)
-        stated = "no" if name in BARE and width is None else "yes"
+        width = _length_tag(tags, f"sidewalk:{side}:width", 15.0) or _length_tag(tags, "sidewalk:width", 15.0)
+        stated = "no" if name in CLASSES_WITHOUT_PAVEMENT and width is None else "yes"
     if stated in ("no", "none"):
         return 0.0
     widths = (f"sidewalk:{side}:width", "sidewalk:both:width", "sidewalk:width")
-    return next((found for key in widths if (found := _metres(tags, key, 15.0)) is not None), PAVEMENT_M)
+    return next((found for key in widths if (found := _length_tag(tags, key, 15.0)) is not None), PAVEMENT_M)
 
 
-def _parked(tags: Mapping[str, str], side: str) -> float:
+def _parking_width(tags: Mapping[str, str], side: str) -> float:
     """Metres that parked cars take on a side of a road's carriageway."""
-    stated = _of_side(tags, "parking", side)
+    stated = _side_tag(tags, "parking", side)
     if stated in ("lane", "street_side"):
         both = tags.get("parking:both:orientation", tags.get("parking:orientation", "parallel"))
-        return PARKED_M.get(tags.get(f"parking:{side}:orientation", both), PARKED_M["parallel"])
-    lane = _of_side(tags, "parking:lane", side)
-    return PARKED_M.get(stated or ("parallel" if lane == "lane" else lane) or "", 0.0)
+        return PARKING_WIDTH_M.get(tags.get(f"parking:{side}:orientation", both), PARKING_WIDTH_M["parallel"])
+    lane = _side_tag(tags, "parking:lane", side)
+    return PARKING_WIDTH_M.get(stated or ("parallel" if lane == "lane" else lane) or "", 0.0)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from catalogs.visible import short_repr
+from catalogs.printable_text import short_repr
 from facade_core.core.types import Privacy, Sun
 
 

@@ -33,13 +33,13 @@ def likely_shops(
     if len(places):
         points = shapely.points(np.array(places).reshape(-1, 2))
         has[shapely.STRtree(footprints).query_nearest(points, max_distance=SHOP_M)[1]] = True
-    houses = {building.house for building, one in zip(buildings, has, strict=True) if one}
+    houses = {building.whole_id for building, one in zip(buildings, has, strict=True) if one}
     _, road = shapely.STRtree([way.line for way in roads]).query_nearest(footprints, all_matches=False)
     found = []
     for building, nearest in zip(buildings, road.tolist(), strict=True):
         way = roads[nearest]
         low = building.raised > 0 or building.height < LEAST_M or building.footprint.area < LEAST_M2
-        if low or building.house in houses or _chance(building.house) >= SHARES.get(way.rank, 0.0):
+        if low or building.whole_id in houses or _chance(building.whole_id) >= SHARES.get(way.rank, 0.0):
             continue
         front = _front(building, way)
         if front is not None:

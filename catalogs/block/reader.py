@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Any
 import shapely
 
 from catalogs.block.block_file import BlockFile
-from catalogs.block.building_corrections import as_corrected
-from catalogs.block.corrections import NONE, Corrections, read_corrections
+from catalogs.block.building_corrections import apply_corrections
+from catalogs.block.corrections import NO_CORRECTIONS, Corrections, read_corrections
 from catalogs.block.digest import block_digest
-from catalogs.block.geometry import Files, extent_of, read_geometry
+from catalogs.block.geometry import NamedFiles, buildings_extent, read_geometry
 from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
 from catalogs.block.part import Part
 from catalogs.block.paths import named_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
+from catalogs.crs import parse_crs
 from catalogs.features import Fault, ids_by_reason, notes_by_reason
-from catalogs.frames import parse_crs
-from catalogs.readers.pictures.folders import list_images, photos_by_facade, check_picture
+from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from catalogs.readers.pictures.materials import MaterialPicture, read_material_pictures
 from facade_core.core.errors import BlockFileError
-from facade_core.core.types import SHIPPED_MODELS, Building, Elevation, Ground, Models, Privacy, Street
+from facade_core.core.types import SHIPPED_MODELS, Building, Elevation, Ground, ModelFiles, Privacy, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -79,9 +79,9 @@ class Block:
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
     digest: str
-    corrections: Corrections = NONE
+    corrections: Corrections = NO_CORRECTIONS
     part: Part | None = None
-    models: Models = SHIPPED_MODELS
+    models: ModelFiles = SHIPPED_MODELS
 
 
 def read_block(path: Path | str) -> Block:
@@ -96,8 +96,8 @@ def read_block(path: Path | str) -> Block:
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
     block = block_of(keys, file)
-    corrections = file.read("corrections", read_corrections, file.path)
-    return with_digest(as_corrected(block, corrections), file)
+    corrections = file.call_reader("corrections", read_corrections, file.path)
+    return with_digest(apply_corrections(block, corrections), file)
 
 
 def block_of(keys: BlockKeys, file: BlockFile) -> Block:
@@ -107,7 +107,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
     if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:
-        raise file.fault(
+        raise file.make_error(
             "texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at"
         )
 
@@ -115,7 +115,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         return _part_of(keys, files, file)
     exemplars, photos, broken_pictures = _pictures(keys, files, file)
     geometry = read_geometry(keys, files, file)
-    frame, built, extent = geometry.crs, geometry.built, geometry.extent
+    frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
     terrain = _terrain(files, frame, extent, file)
     panoramas: tuple[PosedPanorama, ...] = ()
     broken_panoramas: tuple[Fault, ...] = ()
@@ -124,7 +124,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         from catalogs.readers.pictures.panoramas import read_panoramas
 
         poses = files.get("imagery.panoramas.poses", (None,))[0]
-        found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
+        found = file.call_reader("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
         panoramas, broken_panoramas = found.items, found.faults
         far = notes_by_reason(ids_by_reason(found.remarks))
     return Block(
@@ -161,17 +161,17 @@ def extract_of(part: Block, whole: Block) -> dict[str, Any]:
     """What the file of a part of a city holds, which `part` of a block file names: as `catalogs.block.extract` keeps it."""
     return {
         "crs": part.crs.to_string(),
-        "extent": extent_of(whole.buildings),
+        "extent": buildings_extent(whole.buildings),
         **{name: getattr(part, attribute) for name, attribute in PART_FIELDS},
     }
 
 
-def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
+def _part_of(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
     """The part of a city that a block file names, with the settings of that."""
     from catalogs.block.extract import read_extract
 
-    values = file.read("part.path", read_extract, *files["part.path"])
-    frame = file.read("part.path", parse_crs, values.pop("crs"))
+    values = file.call_reader("part.path", read_extract, *files["part.path"])
+    frame = file.call_reader("part.path", parse_crs, values.pop("crs"))
     terrain = _terrain(files, frame, values.pop("extent"), file)
     return Block(
         name=keys.name,
@@ -201,63 +201,63 @@ def _flat(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str
     return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
 
 
-def _terrain(files: Files, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:
+def _terrain(files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:
     if "terrain.path" not in files:
         return None
     from catalogs.readers.pictures.elevation import read_elevation
 
-    return file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
+    return file.call_reader("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
 
 
-def _materials(files: Files, file: BlockFile) -> tuple[MaterialPicture, ...]:
+def _materials(files: NamedFiles, file: BlockFile) -> tuple[MaterialPicture, ...]:
     found = files.get("texture.materials")
-    return file.read("texture.materials", read_material_pictures, *found) if found else ()
+    return file.call_reader("texture.materials", read_material_pictures, *found) if found else ()
 
 
-def _models(files: Files) -> Models:
+def _models(files: NamedFiles) -> ModelFiles:
     parser, layout = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
-    return Models(parser and parser.absolute(), layout and layout.absolute())
+    return ModelFiles(parser and parser.absolute(), layout and layout.absolute())
 
 
 def with_digest(block: Block, file: BlockFile) -> Block:
     """A block with the digest of all that it is."""
-    return replace(block, digest=file.read("imagery", block_digest, block))
+    return replace(block, digest=file.call_reader("imagery", block_digest, block))
 
 
 def _pictures(
-    keys: BlockKeys, files: Files, file: BlockFile
+    keys: BlockKeys, files: NamedFiles, file: BlockFile
 ) -> tuple[tuple[Path, ...], dict[str, Path], tuple[Fault, ...]]:
     exemplars: tuple[Path, ...] = ()
     photos: dict[str, Path] = {}
     faults: tuple[Fault, ...] = ()
     if "imagery.exemplars.path" in files:
-        exemplars, broken = file.read(
+        exemplars, broken = file.call_reader(
             "imagery.exemplars.path", list_images, *files["imagery.exemplars.path"], "exemplar"
         )
         faults += broken
     if "imagery.photos.path" in files:
-        photos, absent = file.read("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
+        photos, absent = file.call_reader("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
         faults += absent
     if keys.texture.walls == "exemplar" and not exemplars:
-        raise file.fault("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
+        raise file.make_error("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
     return exemplars, photos, faults
 
 
-def _aerial(keys: BlockKeys, files: Files, frame: CRS, buildings: Iterable[Building], file: BlockFile) -> Aerial | None:
+def _aerial(keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFile) -> Aerial | None:
     if keys.imagery.aerial is None:
         return None
     from catalogs.readers.pictures.aerial import read_aerial
 
     crs = keys.imagery.aerial.crs
     if crs is not None:
-        file.read("imagery.aerial.crs", parse_crs, crs)
+        file.call_reader("imagery.aerial.crs", parse_crs, crs)
     places = shapely.get_coordinates([building.footprint for building in buildings])
-    return file.read("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
+    return file.call_reader("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
 
 
-def _roof_material(keys: BlockKeys, files: Files, file: BlockFile) -> Material | None:
+def _roof_material(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Material | None:
     if keys.texture.roof_material is None:
         return None
     path = files["texture.roof_material.path"][0]
-    file.read("texture.roof_material.path", check_picture, path)
+    file.call_reader("texture.roof_material.path", check_picture, path)
     return path.absolute(), keys.texture.roof_material.metres_per_pixel

@@ -9,8 +9,8 @@ from pathlib import Path
 from catalogs.block.keys import check_keys
 from catalogs.block.paths import FOLDERS, named_paths
 from catalogs.block.yaml_files import read_yaml
-from catalogs.examples.sources import SOURCES
-from catalogs.imagery.fetch_log import is_fetched, read_account
+from catalogs.examples.sources import EXAMPLE_SOURCES
+from catalogs.imagery.fetch_log import is_fetched, read_fetch_log
 from catalogs.stac.facts import SourceFact
 from facade_core.core.errors import InputError
 
@@ -40,7 +40,7 @@ def _licence(path: Path) -> str | None:
         return OPENSTREETMAP
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return next((s.licence for s in SOURCES.values() if any(f.sha256 == digest for f in s.files)), None)
+    return next((s.licence for s in EXAMPLE_SOURCES.values() if any(f.sha256 == digest for f in s.files)), None)
 
 
 def _of_pictures(folder: Path) -> tuple[str | None, ...]:
@@ -48,7 +48,7 @@ def _of_pictures(folder: Path) -> tuple[str | None, ...]:
     if not is_fetched(folder):
         return (None,)
     authors: dict[str, list[str]] = {}
-    for one in read_account(folder).kept.values():
+    for one in read_fetch_log(folder).pictures.values():
         if not one.refused:
             authors.setdefault(one.licence or "licence not stated", []).append(one.author or "author not stated")
     return tuple(f"{_some(names)}, {licence}" for licence, names in sorted(authors.items())) or (None,)

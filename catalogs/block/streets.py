@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from shapely import LineString
 
+from catalogs.crs import coordinate_transform
 from catalogs.features import Centreline, Centrelines, Fault, natural_sort_key
-from catalogs.frames import coordinate_transform
 from catalogs.readers.limits import MAX_STREET_LENGTH_M
 from facade_core.core.types import Street
 

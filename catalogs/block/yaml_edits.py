@@ -12,11 +12,11 @@ import yaml
 
 from catalogs.block.yaml_files import read_yaml
 
-_IMAGERY = re.compile(r"^imagery:[ ]*(#[^\r\n]*)?(?=\r?$)", re.MULTILINE)
-_CHILD = re.compile(r"^( +)\S", re.MULTILINE)
+_IMAGERY_HEADING = re.compile(r"^imagery:[ ]*(#[^\r\n]*)?(?=\r?$)", re.MULTILINE)
+_INDENTED_LINE = re.compile(r"^( +)\S", re.MULTILINE)
 
 
-def imagery_line(kind: str, values: Mapping[str, Any]) -> str:
+def format_imagery_entry(kind: str, values: Mapping[str, Any]) -> str:
     """What names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
     held = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
     return f"{kind}: {held.strip()}"
@@ -29,11 +29,11 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
     before = read_yaml(path)
     text = path.read_bytes().decode()
     end = "\r\n" if "\r\n" in text else "\n"
-    line = imagery_line(kind, values)
+    line = format_imagery_entry(kind, values)
     if "imagery" not in before:
         new = f"{text.rstrip()}{end}imagery:{end}  {line}{end}"
-    elif heading := _IMAGERY.search(text):
-        child = _CHILD.search(text, heading.end())
+    elif heading := _IMAGERY_HEADING.search(text):
+        child = _INDENTED_LINE.search(text, heading.end())
         indent = child[1] if child else "  "
         new = f"{text[: heading.end()]}{end}{indent}{line}{text[heading.end() :]}"
     else:
@@ -42,7 +42,7 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
     try:
         temporary.write_bytes(new.encode())
         imagery = {**(before.get("imagery") or {}), **yaml.safe_load(line)}
-        if _read(temporary) != {**before, "imagery": imagery}:
+        if _read_or_none(temporary) != {**before, "imagery": imagery}:
             return False
         os.replace(temporary, path)
         return True
@@ -50,7 +50,7 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
         temporary.unlink(missing_ok=True)
 
 
-def _read(path: Path) -> Any:
+def _read_or_none(path: Path) -> Any:
     try:
         return read_yaml(path)
     except ValueError:

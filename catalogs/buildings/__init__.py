@@ -1,1 +1,1 @@
-"""From what sources state of buildings to the buildings of a block."""
+"""Assembly of the buildings of a block from the footprints and models of its sources."""

@@ -1,5 +1,7 @@
-"""Where on Earth the buildings of a block lie. What cannot be there, or lies apart from the others, is set aside before
-anything is computed over all that they span."""
+"""Location of the buildings of a block on the Earth.
+
+Buildings at impossible coordinates, or far from the others, become faults before anything is computed over the extent.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.crs import coordinate_transform, has_east_north_axes, parse_crs
 from catalogs.features import BuildingModels, Centrelines, Fault, Footprints
-from catalogs.frames import coordinate_transform, parse_crs, has_east_north_axes
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,32 +35,44 @@ Bounds = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxLocations:
-    """Where the boxes (n, 4) of some units lie: corners (n, 4, 2) in degrees, NaN where that is nowhere; centre (n, 3)
-    metres from the middle of a spherical Earth; size (n,) metres across."""
+    """Locations of n bounding boxes on a spherical Earth.
+
+    Attributes
+    ----------
+    corners : (n, 4, 2) longitude and latitude, degrees; NaN where a box has no location.
+    centre : (n, 3) metres from the centre of the Earth.
+    size : (n,) diagonal, metres.
+    """
 
     corners: np.ndarray
     centre: np.ndarray
     size: np.ndarray
 
     @property
-    def known(self) -> np.ndarray:
+    def is_located(self) -> np.ndarray:
+        """Return a mask (n,) of the boxes with a location."""
         return np.isfinite(self.size)
 
-    def lonlat(self, chosen: np.ndarray) -> tuple[float, float]:
-        """The middle of some of them, in degrees."""
-        return _point_lonlat(self.centre[chosen].mean(axis=0))
+    def mean_lonlat(self, mask: np.ndarray) -> tuple[float, float]:
+        """Return the mean (longitude, latitude) of the selected boxes, degrees."""
+        return _point_lonlat(self.centre[mask].mean(axis=0))
 
-    def bounds(self, chosen: np.ndarray) -> Bounds:
-        """(west, south, east, north) of some of them, in degrees; where they lie across the date line, east is beyond 180."""
-        corners = self.corners[chosen].reshape(-1, 2)
-        middle = self.lonlat(chosen)[0]
+    def lonlat_bounds(self, mask: np.ndarray) -> Bounds:
+        """Return (west, south, east, north) of the selected boxes, degrees; east exceeds 180 across the date line."""
+        corners = self.corners[mask].reshape(-1, 2)
+        middle = self.mean_lonlat(mask)[0]
         longitude = middle + (corners[:, 0] - middle + 180.0) % 360.0 - 180.0
         latitude = corners[:, 1]
         return float(longitude.min()), float(latitude.min()), float(longitude.max()), float(latitude.max())
 
 
 def check_area_span(area: Sequence[float]) -> None:
-    """InputError where an area is no place in which a block is looked for, but a part of the world."""
+    """Raise InputError where an area is too large to search for a block.
+
+    Parameters
+    ----------
+    area : [west, south, east, north], degrees.
+    """
     west, south, east, north = area
     wide = EARTH_RADIUS_M * math.radians(east - west) * math.cos(math.radians((south + north) / 2))
     span = max(wide, EARTH_RADIUS_M * math.radians(north - south))
@@ -69,7 +83,18 @@ def check_area_span(area: Sequence[float]) -> None:
 
 
 def locate_boxes(crs: str, boxes: np.ndarray) -> BoxLocations:
-    """Where boxes (n, 4) of (xmin, ymin, xmax, ymax) in a frame lie. Raises InputError where the frame cannot be used."""
+    """Return the locations of bounding boxes.
+
+    Parameters
+    ----------
+    crs : CRS of the boxes.
+    boxes : (n, 4) of (xmin, ymin, xmax, ymax).
+
+    Raises
+    ------
+    InputError
+        Where the CRS cannot be used, or the coordinates contradict the order of its axes.
+    """
     frame = parse_crs(crs)
     corners = boxes[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 2)
     longitude, latitude = coordinate_transform(frame, "EPSG:4326")(corners[:, 0], corners[:, 1])
@@ -85,14 +110,16 @@ def locate_boxes(crs: str, boxes: np.ndarray) -> BoxLocations:
             size, EARTH_RADIUS_M * np.cos(phi.reshape(-1, 4).mean(axis=1)) * np.radians(boxes[:, 2] - boxes[:, 0])
         )
     places = BoxLocations(lonlat.reshape(-1, 4, 2), points.mean(axis=1), size)
-    if places.known.any() and not has_east_north_axes(frame):
-        _check_axis_order(frame, *places.lonlat(places.known))
+    if places.is_located.any() and not has_east_north_axes(frame):
+        _check_axis_order(frame, *places.mean_lonlat(places.is_located))
     return places
 
 
 def _check_axis_order(frame: CRS, longitude: float, latitude: float) -> None:
-    """InputError where coordinates do not lie where a frame with axes south and west is used: many writers take them for
-    east and north all the same."""
+    """Raise InputError where coordinates of a CRS with axes south and west are outside its area of use.
+
+    Many writers store such coordinates as east and north.
+    """
     area = frame.area_of_use
     if area is not None and not (
         area.south - _AREA_MARGIN_DEG <= latitude <= area.north + _AREA_MARGIN_DEG
@@ -108,35 +135,52 @@ def _check_axis_order(frame: CRS, longitude: float, latitude: float) -> None:
 def reject_stray_buildings(
     sources: Sequence[BuildingSource], area: Sequence[float] | None, centrelines: Centrelines | None
 ) -> tuple[list[BuildingSource], Bounds | None]:
-    """The sources without the buildings that cannot be of one block, which become faults, and (west, south, east, north) in
-    degrees of what is left, or of all where nothing is; None where that is nowhere.
+    """Turn buildings that cannot belong to one block into faults.
 
-    area: [west, south, east, north] in degrees; what lies outside of it is left as it is. A building is set aside where it is
-    nowhere in its frame, is over LARGEST_M wide, or lies with few others over APART_M from the most. Raises InputError where
-    what is left spans more than WIDEST_M.
+    A building is rejected where it has no location, exceeds MAX_BUILDING_SIZE_M, or belongs to a small group farther than
+    NEIGHBOUR_DISTANCE_M from the main one.
+
+    Parameters
+    ----------
+    sources : footprints and models.
+    area : [west, south, east, north] in degrees; buildings outside stay unchanged. None for no limit.
+    centrelines : streets, which decide between groups of buildings that are far apart.
+
+    Returns
+    -------
+    sources : the sources without the rejected buildings.
+    bounds : (west, south, east, north) in degrees of the accepted buildings, or of all where none is accepted; None without
+        a location.
+
+    Raises
+    ------
+    InputError
+        Where the accepted buildings span more than MAX_BLOCK_SPAN_M.
     """
     found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs]
     every = BoxLocations(*(np.concatenate([getattr(p, name) for p in found]) for name in ("corners", "centre", "size")))
     owner = np.repeat(np.arange(len(found)), [len(places.size) for places in found])
-    meant = every.known & _intersects_area(every.corners, area)
+    meant = every.is_located & _intersects_area(every.corners, area)
     sound = meant & (every.size <= MAX_BUILDING_SIZE_M)
-    spanned = every.bounds(every.known) if every.known.any() else None
+    spanned = every.lonlat_bounds(every.is_located) if every.is_located.any() else None
     group = np.full(len(owner), -1)
     group[sound] = _neighbour_groups(every.centre[sound])
     kept = sound & np.isin(group, _main_groups(every, group, centrelines))
 
     reasons: dict[int, str] = {}
-    for index in np.flatnonzero(~every.known).tolist():
+    for index in np.flatnonzero(~every.is_located).tolist():
         crs = sources[owner[index]].crs
-        reasons[index] = f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
+        reasons[index] = (
+            f"it lies nowhere on Earth in {_short_crs_name(crs)}; mend its coordinates, or check buildings.crs"
+        )
     for index in np.flatnonzero(meant & ~sound).tolist():
-        west, south, east, north = every.bounds(np.array([index]))
+        west, south, east, north = every.lonlat_bounds(np.array([index]))
         reasons[index] = (
             f"it reaches from {west:.4f}, {south:.4f} to {east:.4f}, {north:.4f}, {every.size[index] / 1000:,.0f} km; a "
             f"building is up to {MAX_BUILDING_SIZE_M / 1000:g} km long: mend its corners, or remove it"
         )
     for index in np.flatnonzero(sound & ~kept).tolist():
-        longitude, latitude = every.lonlat(np.array([index]))
+        longitude, latitude = every.mean_lonlat(np.array([index]))
         far = np.linalg.norm(every.centre[kept] - every.centre[index], axis=1).min() / 1000
         reasons[index] = (
             f"it lies at {longitude:.4f}, {latitude:.4f}, {far:,.0f} km from the other {kept.sum()}; mend its coordinates, or "
@@ -147,21 +191,22 @@ def reject_stray_buildings(
         _without_items(source, {index - start: why for index, why in reasons.items() if owner[index] == number})
         for number, (source, start) in enumerate(zip(sources, starts, strict=True))
     ]
-    return left, every.bounds(kept) if kept.any() else spanned
+    return left, every.lonlat_bounds(kept) if kept.any() else spanned
 
 
 def _without_items(source: Any, reasons: dict[int, str]) -> Any:
     if not reasons:
         return source
     faults = [
-        Fault(source.items[index].id, "building", reasons[index], source.place(index)) for index in sorted(reasons)
+        Fault(source.items[index].id, "building", reasons[index], source.item_outline(index))
+        for index in sorted(reasons)
     ]
     items = tuple(item for index, item in enumerate(source.items) if index not in reasons)
     return replace(source, items=items, faults=(*source.faults, *faults))
 
 
 def _intersects_area(corners: np.ndarray, area: Sequence[float] | None) -> np.ndarray:
-    """Whether boxes reach into the area, (n,)."""
+    """Return a mask (n,) of the boxes that intersect the area."""
     if area is None:
         return np.ones(len(corners), bool)
     west, south, east, north = area
@@ -171,32 +216,34 @@ def _intersects_area(corners: np.ndarray, area: Sequence[float] | None) -> np.nd
 
 
 def _neighbour_groups(points: np.ndarray) -> np.ndarray:
-    """The number of the group of neighbours of each point, (n,)."""
+    """Return the group number (n,) of each point; neighbours share a group."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     if len(points) == 0:
         return np.empty(0, np.int64)
-    cells, cell = np.unique(np.floor(points / (NEIGHBOUR_DISTANCE_M / _CELLS_PER_DISTANCE)), axis=0, return_inverse=True)
+    cells, cell = np.unique(
+        np.floor(points / (NEIGHBOUR_DISTANCE_M / _CELLS_PER_DISTANCE)), axis=0, return_inverse=True
+    )
     pairs = cKDTree(cells).query_pairs(_CELLS_PER_DISTANCE, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
     return connected_components(graph, directed=False)[1][cell]
 
 
 def _main_groups(places: BoxLocations, group: np.ndarray, centrelines: Centrelines | None) -> np.ndarray:
-    """The groups that make up the block: those with many buildings; where they lie too far apart, the ones with streets."""
+    """Return the groups with many buildings; of distant ones those near streets."""
     counts = np.bincount(group[group >= 0])
     main = np.flatnonzero(counts > MAX_STRAY_SHARE * counts.max(initial=0))
     if _diagonal(places.centre[np.isin(group, main)]) <= MAX_BLOCK_SPAN_M:
         return main
     if len(main) > 1 and centrelines is not None and centrelines.crs and centrelines.items:
-        streets = locate_boxes(centrelines.crs, centrelines.boxes())
-        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.known])]
+        streets = locate_boxes(centrelines.crs, centrelines.bounding_boxes())
+        near = [g for g in main if _is_near_any(places.centre[group == g], streets.centre[streets.is_located])]
         if near and _diagonal(places.centre[np.isin(group, near)]) <= MAX_BLOCK_SPAN_M:
             return np.array(near)
     span = _diagonal(places.centre[np.isin(group, main)]) / 1000
-    where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.lonlat(group == g)]]
+    where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.mean_lonlat(group == g)]]
     raise InputError(
         f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {MAX_BLOCK_SPAN_M / 1000:g} km; give area, or mend "
         "the coordinates of those elsewhere"

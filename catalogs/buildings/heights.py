@@ -1,4 +1,7 @@
-"""Heights where none are stated: the storeys of neighbours, of like size, give or take one, which the building's id decides."""
+"""Heights of buildings that state none.
+
+The floor count is the weighted median of neighbours of similar area, varied by one floor by the hash of the id.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +34,13 @@ VARIATION_SHARE = 0.23
 def assume_heights(
     buildings: Sequence[Building], footprints: Sequence[Footprint | None], floor_height: float
 ) -> tuple[Building, ...]:
-    """The buildings, those of which no height is known (height_source "default") as high as is likely.
+    """Assume a height for buildings of height_source "default".
 
-    stated (n,): what a source says of each. Heights that are known are to the eaves.
+    Parameters
+    ----------
+    buildings : n buildings; known heights reach to the eaves.
+    footprints : (n,) footprint that each building comes from, or None.
+    floor_height : metres.
     """
     unknown = np.array([building.height_source == "default" for building in buildings], bool)
     if not unknown.any():
@@ -48,7 +55,13 @@ def assume_heights(
     likely = np.ones(len(buildings))
     asked = unknown & ~low
     likely[asked] = _estimate_floors(
-        centre[asked], area[asked], chance[asked], centre[known], area[known], levels[known], FALLBACK_HEIGHT_M / floor_height
+        centre[asked],
+        area[asked],
+        chance[asked],
+        centre[known],
+        area[known],
+        levels[known],
+        FALLBACK_HEIGHT_M / floor_height,
     )
     return tuple(
         replace(building, height=round(float(count) * floor_height, 2)) if assumed else building
@@ -57,8 +70,10 @@ def assume_heights(
 
 
 def _is_single_floor(outlines: np.ndarray, area: np.ndarray, stated: Sequence[Footprint | None]) -> np.ndarray:
-    """Whether buildings (n,) have one storey by what they are."""
-    low = (area < MAX_LOW_AREA_M2) | np.array([source is not None and source.use in ONE_FLOOR_USES for source in stated], bool)
+    """Return a mask (n,) of the buildings that have one floor by use or size."""
+    low = (area < MAX_LOW_AREA_M2) | np.array(
+        [source is not None and source.use in ONE_FLOOR_USES for source in stated], bool
+    )
     small = np.flatnonzero(~low & (area < MAX_DETACHED_LOW_AREA_M2))
     near, _ = shapely.STRtree(outlines).query(outlines[small], predicate="dwithin", distance=ATTACHED_DISTANCE_M)
     low[small[np.bincount(near, minlength=len(small)) <= 1]] = True  # each is near itself
@@ -74,8 +89,16 @@ def _estimate_floors(
     known_levels: np.ndarray,
     default_floors: float,
 ) -> np.ndarray:
-    """Whole storeys (n,) of buildings at centres (n, 2): the median of those that are known (k,), or `usual` where none is; one
-    less or one more by chance (n,)."""
+    """Return whole floor counts (n,): the weighted median of the known ones, varied by `chance`.
+
+    Parameters
+    ----------
+    centre : (n, 2) centroids, metres.
+    area : (n,) m2.
+    chance : (n,) from 0 to 1.
+    known_centre, known_area, known_levels : (k, 2), (k,) and (k,) of the buildings with known heights.
+    default_floors : count where no height is known.
+    """
     from scipy.spatial import cKDTree
 
     step = (chance > 1 - VARIATION_SHARE).astype(int) - (chance < VARIATION_SHARE).astype(int)
@@ -84,7 +107,9 @@ def _estimate_floors(
     distance, index = cKDTree(known_centre).query(centre, k=min(MAX_NEIGHBOURS, len(known_levels)))
     distance, index = distance.reshape(len(centre), -1), index.reshape(len(centre), -1)
     unlike = np.log(known_area[index] / area[:, None])
-    weight = (np.exp(-distance / DISTANCE_SCALE_M) + FAR_WEIGHT) * np.maximum(np.exp(-0.5 * (unlike / LOG_AREA_SCALE) ** 2), 1e-6)
+    weight = (np.exp(-distance / DISTANCE_SCALE_M) + FAR_WEIGHT) * np.maximum(
+        np.exp(-0.5 * (unlike / LOG_AREA_SCALE) ** 2), 1e-6
+    )
     order = np.argsort(known_levels[index], axis=1, kind="stable")
     levels = np.take_along_axis(known_levels[index], order, axis=1)
     share = np.cumsum(np.take_along_axis(weight, order, axis=1), axis=1)

@@ -1,4 +1,4 @@
-"""Modelled buildings brought into a block's frame, each with the outline that it covers."""
+"""Projection of building models into the frame of a block, with the outline of each."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.broken import fault_reason
+from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModel, BuildingModels
-from catalogs.frames import coordinate_transform
-from catalogs.readers.limits import MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M, MAX_BUILDING_HEIGHT_M
+from catalogs.reader_errors import fault_reason
+from catalogs.readers.limits import MAX_BUILDING_HEIGHT_M, MAX_GROUND_HEIGHT_M, MIN_GROUND_HEIGHT_M
 from facade_core.core.types import SEMANTICS, Shell
 
 if TYPE_CHECKING:
@@ -27,9 +27,15 @@ MAX_GAP_M = 0.01  # m; slits between triangles that miss each other by a hair ar
 def project_models(
     source: BuildingModels, crs: CRS, first_texture: int
 ) -> Iterator[tuple[BuildingModel, Shell, Polygon | MultiPolygon | str]]:
-    """(model, its shell in `crs`, its outline) of each model; instead of an outline the reason why it cannot be used.
+    """Yield (model, shell in `crs`, outline) of each model.
 
-    Texture indices are counted on from `first_texture`.
+    The outline of a model that cannot be used is replaced by the reason.
+
+    Parameters
+    ----------
+    source : models of one source with a CRS.
+    crs : frame of the block.
+    first_texture : offset of the texture indices.
     """
     assert source.crs is not None, "the block gives a frame to every source"
     to_frame = coordinate_transform(source.crs, crs)
@@ -62,7 +68,10 @@ def project_models(
 
 
 def shell_outline(shell: Shell) -> Polygon | MultiPolygon:
-    """What a shell covers on the ground: its ground surfaces, or all it has where those are missing. Empty for bare walls."""
+    """Return the plan outline of a shell: its ground surfaces, else all surfaces.
+
+    The outline is empty where all surfaces are vertical.
+    """
     corners = shell.vertices[shell.triangles][..., :2]
     edges = corners[:, 1:] - corners[:, :1]
     flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) > 2 * WELD_M

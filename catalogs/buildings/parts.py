@@ -1,4 +1,4 @@
-"""Parts of buildings, as in OpenStreetMap's "Simple 3D Buildings": they stand in place of the outline that they cover."""
+"""Building parts of OpenStreetMap's "Simple 3D Buildings" scheme, which replace the outline that they cover."""
 
 from __future__ import annotations
 
@@ -30,17 +30,30 @@ FLAT_ROOF_CONFIDENCE = 0.6
 
 @dataclass(frozen=True)
 class PartCandidate:
-    """What a source states of a part, or of a building that begins above the ground: its outline and id as a building, and the
-    id of that of which it is a part, None where there is none."""
+    """Building part, or a building that starts above the ground.
+
+    Attributes
+    ----------
+    building : outline and id.
+    footprint : footprint of the source.
+    whole_id : id of the building that contains the part; None without one.
+    """
 
     building: Building
-    stated: Footprint
-    of: str | None
+    footprint: Footprint
+    whole_id: str | None
 
 
 def find_host_outlines(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> list[int]:
-    """The outline (n,) that each part of a building lies in, -1 of others and where there is none: one that is no part, else
-    a larger part."""
+    """Return for each outline the index of the outline that hosts it, -1 for none.
+
+    Only parts have a host: an outline of a whole building, else a larger part.
+
+    Parameters
+    ----------
+    outlines : n polygons.
+    is_part : (n,) flags.
+    """
     found = np.full(len(outlines), -1)
     area = shapely.area(np.asarray(outlines, object)) if len(outlines) else np.empty(0)
     parts = np.flatnonzero(is_part)
@@ -63,26 +76,37 @@ def find_host_outlines(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> 
 
 
 def apply_building_parts(
-    wholes: Sequence[Building], parts: Sequence[PartCandidate], floor_height: float, min_area: float, reasons: dict[str, list[str]]
+    wholes: Sequence[Building],
+    parts: Sequence[PartCandidate],
+    floor_height: float,
+    min_area: float,
+    reasons: dict[str, list[str]],
 ) -> list[Building]:
-    """The buildings and their parts.
+    """Split buildings into their parts.
 
-    Wholes, of known height, are what they are where they have no parts. A part that states no height is as high as the
-    building, its colours and materials are the building's where it states none. Parts stand in place of what they cover of
-    the outline; what is left stays as the building, without pieces under `smallest` m2. Where a building ends by its own tags
-    below a part, or where that lies all in it, it stays below the part too. `reasons` takes what is left out, with ids.
+    A part without a height is as high as its building, and takes colours and materials of the building where it states
+    none. Parts replace the covered area of the outline; the rest stays as the building, without pieces under `min_area`. The
+    building stays below a raised part where it ends below that part, or where the part is in its interior.
+
+    Parameters
+    ----------
+    wholes : buildings of known height; those without parts stay unchanged.
+    parts : parts and raised buildings.
+    floor_height : metres.
+    min_area : m2.
+    reasons : receives the ids of dropped parts by reason.
     """
     own: dict[str, list[PartCandidate]] = defaultdict(list)
     every = list(wholes)
     for part in parts:
-        if part.of is None:
+        if part.whole_id is None:
             every += _extrude_part(part, None, floor_height, reasons)
         else:
-            own[part.of].append(part)
+            own[part.whole_id].append(part)
     found = []
     for whole in every:
         mine = own.pop(whole.id, [])
-        known = {one.building.id: one.stated for one in mine}
+        known = {one.building.id: one.footprint for one in mine}
         raised = [one for part in mine for one in _extrude_part(part, whole, floor_height, reasons)]
         found += _split_building(whole, raised, known, floor_height, min_area, reasons) if raised else [whole]
     for left in own.values():  # of what is set aside itself
@@ -90,9 +114,11 @@ def apply_building_parts(
     return found
 
 
-def _extrude_part(part: PartCandidate, whole: Building | None, floor_height: float, reasons: dict[str, list[str]]) -> list[Building]:
-    """A part from where it begins to its eaves; none where it ends below."""
-    building, stated = part.building, part.stated
+def _extrude_part(
+    part: PartCandidate, whole: Building | None, floor_height: float, reasons: dict[str, list[str]]
+) -> list[Building]:
+    """Return a part from its lower end to its eaves; an empty list where it has no height."""
+    building, stated = part.building, part.footprint
     low = stated.min_height or round((stated.min_level or 0.0) * floor_height, 2)
     height, source = low + floor_height, "default"
     if stated.height is not None:
@@ -144,7 +170,7 @@ def _split_building(
     min_area: float,
     reasons: dict[str, list[str]],
 ) -> list[Building]:
-    """What is left of a building, and its parts, each from what it stands on, with roofs."""
+    """Return the uncovered rest of a building and its parts, each on its support, with roofs."""
     left, whole = _subtract_parts(whole, parts, floor_height)
     levels = _stack_parts([replace(whole, footprint=left), *parts], whole.footprint)
     found = []
@@ -154,7 +180,9 @@ def _split_building(
             reasons["parts of buildings inside of others left out"].append(one.id)
         if pieces and one.roof is None:
             others = [other for other in levels if other.id != one.id]
-            one = _add_part_roof(replace(one, footprint=max(pieces, key=lambda piece: piece.area)), footprints[one.id], others)
+            one = _add_part_roof(
+                replace(one, footprint=max(pieces, key=lambda piece: piece.area)), footprints[one.id], others
+            )
         for number, piece in enumerate(pieces):
             id = one.id if len(pieces) == 1 else f"{one.id}-{number}"
             found.append(replace(one, id=id, footprint=piece, part_of=whole.id if id != whole.id else None))
@@ -162,7 +190,7 @@ def _split_building(
 
 
 def _subtract_parts(whole: Building, parts: Sequence[Building], floor_height: float) -> tuple[BaseGeometry, Building]:
-    """What parts leave of a building's outline; the building, as high as it is there."""
+    """Return the rest of a building's outline, and the building with its height there."""
     left = whole.footprint
     raised = []
     for part in parts:
@@ -178,7 +206,9 @@ def _subtract_parts(whole: Building, parts: Sequence[Building], floor_height: fl
         whole = replace(whole, height=min(whole.height, lowest)) if known else whole
     carried = False
     for part in over:
-        if (known and whole.height <= part.raised + floor_height) or _border_share(part, whole.footprint) < MIN_OPEN_BORDER_SHARE:
+        if (known and whole.height <= part.raised + floor_height) or _border_share(
+            part, whole.footprint
+        ) < MIN_OPEN_BORDER_SHARE:
             carried = True
         else:
             left = shapely.difference(left, part.footprint)
@@ -190,18 +220,19 @@ def _subtract_parts(whole: Building, parts: Sequence[Building], floor_height: fl
 
 
 def _border_share(part: Building, outline: Polygon) -> float:
-    """The share of a part's border that lies on its building's."""
+    """Return the share of a part's border on the border of its building."""
     border = part.footprint.boundary
     return float(shapely.intersection(border, outline.boundary.buffer(BORDER_TOLERANCE_M)).length / border.length)
 
 
 def _stack_parts(items: list[Building], outline: Polygon) -> list[Building]:
-    """A building, its first item, and its parts: those that stand in others begin at their eaves, as do those above others that
-    are not open below."""
+    """Raise parts inside or above others to the eaves below them; the first item is the building."""
     items = list(items)
     for number in sorted(range(1, len(items)), key=lambda i: items[i].height):
         part = items[number]
-        others = [other for i, other in enumerate(items) if i != number and other.height < part.height - MIN_PART_WALL_M]
+        others = [
+            other for i, other in enumerate(items) if i != number and other.height < part.height - MIN_PART_WALL_M
+        ]
         while True:
             around = [one for one in others if one.raised <= part.raised < one.height]
             if not around or not _covers(around, part):
@@ -223,7 +254,7 @@ def _covers(others: Sequence[Building], part: Building) -> bool:
 
 
 def _remove_overlaps(items: Sequence[Building]) -> Iterator[Building]:
-    """Items without what others cover of them from below to above; the highest come first, then the largest."""
+    """Yield items without the area that higher or larger ones cover over their whole height."""
     done: list[Building] = []
     for one in sorted(items, key=lambda item: (-item.height, -item.footprint.area)):
         for other in done:
@@ -235,18 +266,19 @@ def _remove_overlaps(items: Sequence[Building]) -> Iterator[Building]:
 
 
 def _clean_polygons(left: BaseGeometry, min_area: float) -> list[Polygon]:
-    """The polygons of what is left of an outline, from west to east, without slivers and those under `smallest` m2."""
+    """Return the polygons of an outline from west to east, without slivers and those under `min_area` m2."""
     opened = left.buffer(-MIN_HALF_WIDTH_M, join_style="mitre").buffer(MIN_HALF_WIDTH_M, join_style="mitre")
     if left.area - opened.area > MAX_OVERLAP_M2 or opened.area > left.area:
         left = shapely.make_valid(shapely.intersection(opened, left).simplify(SIMPLIFY_TOLERANCE_M))
     pieces = [part for part in shapely.get_parts(left) if part.geom_type == "Polygon"]
     return sorted(
-        (piece for piece in shapely.normalize(pieces) if piece.area > max(min_area, MAX_OVERLAP_M2)), key=lambda p: p.bounds
+        (piece for piece in shapely.normalize(pieces) if piece.area > max(min_area, MAX_OVERLAP_M2)),
+        key=lambda p: p.bounds,
     )
 
 
 def _add_part_roof(part: Building, footprint: Footprint, others: Sequence[Building]) -> Building:
-    """A part with an assumed roof; where others stand on it, or its walls would be too low, with a flat one."""
+    """Return a part with an assumed roof; flat below other parts or over low walls."""
     above = [one.footprint for one in others if one.raised >= part.height - MIN_PART_WALL_M]
     if not any(part.footprint.intersection(one).area > MAX_OVERLAP_M2 for one in above):
         found = add_assumed_roof(part, footprint, attached=True)

@@ -1,4 +1,4 @@
-"""Roofs where none are stated: assumed from what is known of a building and its neighbours, and said to be."""
+"""Assumed roofs of buildings that state none, each with a confidence."""
 
 from __future__ import annotations
 
@@ -61,12 +61,16 @@ ATTACHED_DISTANCE_M = 0.3
 
 
 def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footprint | None]) -> tuple[Building, ...]:
-    """The buildings with a roof each, but for those with a model, or of which no height is known yet (0); `stated` (n,) is what
-    a source says of each.
+    """Add a roof to the buildings without one, except models and buildings of unknown height (0).
 
-    A stated height is one to the ridge: an assumed roof is taken off it. Heights from storeys, and assumed ones, are to the
-    eaves: the roof comes on top. What is assumed is a function of the building and of whether it has neighbours; where several
-    roofs are likely, its id decides.
+    A stated height reaches to the ridge, so the assumed roof is subtracted. Assumed heights and those from floor counts
+    reach to the eaves, so the roof is added on top. The roof depends on the building and on whether it has neighbours; the
+    hash of the id decides between likely roofs.
+
+    Parameters
+    ----------
+    buildings : n buildings.
+    footprints : (n,) footprint that each building comes from, or None.
     """
     tree = shapely.STRtree([building.footprint for building in buildings])
     roofed = []
@@ -79,7 +83,14 @@ def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footpr
 
 
 def add_assumed_roof(building: Building, footprint: Footprint, *, attached: bool) -> Building:
-    """A building of known height with the roof that is assumed."""
+    """Add the likeliest roof to a building of known height.
+
+    Parameters
+    ----------
+    building : building without a roof.
+    footprint : footprint that the building comes from.
+    attached : True where a neighbour touches the building.
+    """
     roof = likeliest_roof(building, footprint, attached=attached)
     if building.height_source != "height" or footprint.roof_height is not None:
         return replace(building, roof=roof)
@@ -90,9 +101,15 @@ def add_assumed_roof(building: Building, footprint: Footprint, *, attached: bool
 
 
 def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) -> Roof:
-    """The likeliest roof of a building.
+    """Return the likeliest roof of a building; a stated roof height is kept.
 
-    confidence: how often such a rule is right, as a judgement. A height that is stated of a roof is kept.
+    The confidence is a judgement of how often the rule is right.
+
+    Parameters
+    ----------
+    building : building of known height.
+    footprint : footprint that the building comes from.
+    attached : True where a neighbour touches the building.
     """
     outline, height = building.footprint, building.height
     depth = float(shapely.maximum_inscribed_circle(outline, tolerance=0.1).length)
@@ -101,7 +118,9 @@ def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) 
 
     def sloped(shape: str, pitches: tuple[float, float], most: float, confidence: float) -> Roof:
         pitch = round(pitches[0] + one * (pitches[1] - pitches[0]), 1)
-        rise = min(most, depth * math.tan(math.radians(pitch))) if footprint.roof_height is None else footprint.roof_height
+        rise = (
+            min(most, depth * math.tan(math.radians(pitch))) if footprint.roof_height is None else footprint.roof_height
+        )
         if footprint.roof_height is not None:
             pitch = round(min(max(pitch, math.degrees(math.atan2(rise, depth))), 70.0), 1)
         return Roof(shape, round(rise, 2), pitch=pitch, confidence=confidence)
@@ -118,7 +137,11 @@ def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) 
     if kind in SHED_USES or outline.area < MAX_SHED_AREA_M2 or depth < MAX_SHED_HALF_DEPTH_M:
         rise = min(2 * depth * math.tan(math.radians(SHED_PITCH_DEG)), MAX_SHED_ROOF_M)
         return Roof("skillion", round(rise, 2), confidence=0.4) if one < 0.5 else flat(0.4)
-    if (footprint.year_built or 0) >= FLAT_ROOF_SINCE_YEAR or depth > MAX_PITCHED_HALF_DEPTH_M or height > MAX_PITCHED_HEIGHT_M:
+    if (
+        (footprint.year_built or 0) >= FLAT_ROOF_SINCE_YEAR
+        or depth > MAX_PITCHED_HALF_DEPTH_M
+        or height > MAX_PITCHED_HEIGHT_M
+    ):
         return flat(0.6)
     if height < 2 * MIN_WALL_M and outline.area > MIN_HALL_AREA_M2:
         return flat(0.5)
@@ -127,10 +150,12 @@ def likeliest_roof(building: Building, footprint: Footprint, *, attached: bool) 
     confidence = 0.5 if attached else 0.4
     if two < MANSARD_SHARE and depth >= MIN_MANSARD_HALF_DEPTH_M:
         return Roof("mansard", MANSARD_ROOF_M, pitch=MANSARD_PITCH_DEG, confidence=confidence)
-    return sloped("hipped" if two < MANSARD_SHARE + HIPPED_SHARE else "gabled", ROW_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, confidence)
+    return sloped(
+        "hipped" if two < MANSARD_SHARE + HIPPED_SHARE else "gabled", ROW_PITCH_RANGE_DEG, MAX_ROW_ROOF_M, confidence
+    )
 
 
 def hash_uniform_pair(building_id: str) -> tuple[float, float]:
-    """Two numbers from 0 to 1 that an id always has."""
+    """Return two uniform numbers in [0, 1) by the hash of an id."""
     digest = np.frombuffer(blake2b(building_id.encode(errors="surrogatepass"), digest_size=8).digest(), np.uint32)
     return float(digest[0]) / 2**32, float(digest[1]) / 2**32

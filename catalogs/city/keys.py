@@ -10,88 +10,88 @@ from typing import Any
 
 from catalogs.block.keys import BlockKeys, check_keys
 from catalogs.block.yaml_files import read_yaml
-from catalogs.city.tile_index import files_of_tiles
+from catalogs.city.tile_index import tile_files
 from facade_core.core.errors import InputError
 
 # A block's side, metres.
-SIDE_M, LEAST_M, MOST_M = 400.0, 20.0, 20_000.0
+DEFAULT_BLOCK_SIZE_M, MIN_BLOCK_SIZE_M, MAX_BLOCK_SIZE_M = 400.0, 20.0, 20_000.0
 # Keys that only a city has; of its buildings, an index of tiles in place of their paths.
-CUT, BLOCKS, TILES = "cut", "blocks", "tiles"
+CUT_KEY, BLOCKS_KEY, TILES_KEY = "cut", "blocks", "tiles"
 
 
 @dataclass(frozen=True)
-class Whole:
+class CityKeys:
     """A city that is cut: its keys as a block's, `values` as they would be written for one, metres of a block's side, and the
     indexes of tiles that were asked which files there are."""
 
-    keys: BlockKeys
+    block_keys: BlockKeys
     values: Mapping[str, Any]
-    metres: float
-    indexes: tuple[Path, ...] = ()
+    block_size: float
+    tile_indexes: tuple[Path, ...] = ()
 
 
-def is_cut_as_usual(path: Path) -> bool:
+def uses_default_partition(path: Path) -> bool:
     """Whether a city's file says nothing of how it is cut, as a block's file would not. Raises ValueError as `check_city`."""
     values = read_yaml(path)
-    return isinstance(values, Mapping) and not {CUT, BLOCKS} & set(values)
+    return isinstance(values, Mapping) and not {CUT_KEY, BLOCKS_KEY} & set(values)
 
 
-def name_of(path: Path) -> str:
+def read_city_name(path: Path) -> str:
     """The name of a city. Raises ValueError as `check_city`."""
     values = read_yaml(path)
     return str(values.get("name", path.stem)) if isinstance(values, Mapping) else path.stem
 
 
-def check_city(values: Any, path: Path) -> Whole | str:
+def check_city(values: Any, path: Path) -> CityKeys | str:
     """The keys of the city in the file `path`, or the folder of its block files.
 
     Raises ValueError with one line "key: problem; remedy".
     """
     if not isinstance(values, Mapping):
         raise ValueError("holds no keys; write the keys of a block file, or name and blocks: {path: FOLDER}")
-    if BLOCKS in values:
-        folder = values[BLOCKS]
-        if set(values) - {"name", BLOCKS} or not isinstance(folder, Mapping) or set(folder) != {"path"}:
+    if BLOCKS_KEY in values:
+        folder = values[BLOCKS_KEY]
+        if set(values) - {"name", BLOCKS_KEY} or not isinstance(folder, Mapping) or set(folder) != {"path"}:
             raise ValueError(
-                f"{BLOCKS}: a folder of block files is all that a city has then; write {BLOCKS}: {{path: FOLDER}}"
+                f"{BLOCKS_KEY}: a folder of block files is all that a city has then; write {BLOCKS_KEY}: {{path: FOLDER}}"
             )
         if not isinstance(folder["path"], str) or not folder["path"]:
-            raise ValueError(f"{BLOCKS}.path: is no folder; write {BLOCKS}: {{path: FOLDER}}")
+            raise ValueError(f"{BLOCKS_KEY}.path: is no folder; write {BLOCKS_KEY}: {{path: FOLDER}}")
         return folder["path"]
     if "part" in values:
         raise ValueError(
             f"part: this is a block of a city that was cut; `streetloom run {path}` textures it alone; a city is run by the "
             "file from which it was cut"
         )
-    rest, indexes = _with_files({key: value for key, value in values.items() if key != CUT}, path)
+    rest, indexes = _resolve_tile_index({key: value for key, value in values.items() if key != CUT_KEY}, path)
     keys = check_keys(rest)
     if keys.streets is None:
         raise ValueError(
             "streets: missing, and a city is cut along its streets; write streets: {path: FILE}, or, where this is one block, "
             f"`streetloom run {path}`"
         )
-    side = values.get(CUT, {})
-    metres = side.get("metres", SIDE_M) if isinstance(side, Mapping) and set(side) <= {"metres"} else None
-    if not isinstance(metres, int | float) or isinstance(metres, bool) or not LEAST_M <= metres <= MOST_M:
+    side = values.get(CUT_KEY, {})
+    metres = side.get("metres", DEFAULT_BLOCK_SIZE_M) if isinstance(side, Mapping) and set(side) <= {"metres"} else None
+    if not isinstance(metres, int | float) or isinstance(metres, bool) or not MIN_BLOCK_SIZE_M <= metres <= MAX_BLOCK_SIZE_M:
         raise ValueError(
-            f"{CUT}: {side!r} is not understood; write {CUT}: {{metres: 400}}, {LEAST_M:g} to {MOST_M:.0f}"
+            f"{CUT_KEY}: {side!r} is not understood; write {CUT_KEY}: {{metres: 400}}, {MIN_BLOCK_SIZE_M:g} to {MAX_BLOCK_SIZE_M:.0f}"
         )
-    return Whole(keys, rest, float(metres), indexes)
+    return CityKeys(keys, rest, float(metres), indexes)
 
 
-def _with_files(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+def _resolve_tile_index(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
     """Values with the files that an index of tiles names in its place, relative to the city file, and the index."""
     buildings = values.get("buildings")
-    if not isinstance(buildings, Mapping) or TILES not in buildings:
+    if not isinstance(buildings, Mapping) or TILES_KEY not in buildings:
         return values, ()
-    named = buildings[TILES]
+    named = buildings[TILES_KEY]
     if "path" in buildings or not isinstance(named, str) or not named:
         raise ValueError("buildings.tiles: names an index of tiles in place of path; write buildings: {tiles: FILE}")
     index = path.parent / Path(named).expanduser()
     try:
-        files = files_of_tiles(index, values.get("area"))
+        files = tile_files(index, values.get("area"))
     except InputError as error:
         raise ValueError(f"buildings.tiles: {error}") from error
     paths = [os.path.relpath(file, path.parent) for file in files]
-    rest = {key: value for key, value in buildings.items() if key != TILES}
+    rest = {key: value for key, value in buildings.items() if key != TILES_KEY}
     return values | {"buildings": {"path": paths, **rest}}, (index,)

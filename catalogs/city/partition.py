@@ -15,59 +15,59 @@ from facade_core.core.types import Building, Street
 # Buildings and streets this near to a block's own are its context, metres: twice as far as a viewpoint sees by default, and as
 # far as what is nearest to any ground of its own may lie from another; with a sun shadows reach farther; of a panorama that
 # shows one of its walls from 150 m the surroundings, 60 m, are matched.
-CONTEXT_M, SHADOWS_M, PICTURED_M = 120.0, 160.0, 210.0
+MIN_HALO_M, SHADOW_HALO_M, PANORAMA_HALO_M = 120.0, 160.0, 210.0
 
-Square = tuple[int, int]
+GridCell = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Cut:
+class CityCell:
     """A block of a city: its name; ids of its own buildings and of its segments of streets; context and passing, those around
     it, likewise. All in the city's order."""
 
     name: str
     buildings: tuple[str, ...]
     streets: tuple[str, ...]
-    context: tuple[str, ...]
-    passing: tuple[str, ...]
+    halo_buildings: tuple[str, ...]
+    halo_streets: tuple[str, ...]
 
 
-def reach_of(*, sun: bool, panoramas: bool, visibility_range: float) -> float:
+def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float:
     """How far around a block its context lies, metres."""
     return max(
-        CONTEXT_M,
+        MIN_HALO_M,
         2 * visibility_range + 40,
-        SHADOWS_M if sun else 0.0,
-        PICTURED_M if panoramas else 0.0,
+        SHADOW_HALO_M if sun else 0.0,
+        PANORAMA_HALO_M if panoramas else 0.0,
     )
 
 
-def cut_city(
-    buildings: Sequence[Building], segments: Sequence[Street], *, metres: float, reach: float
-) -> tuple[Cut, ...]:
+def partition_city(
+    buildings: Sequence[Building], segments: Sequence[Street], *, block_size: float, halo: float
+) -> tuple[CityCell, ...]:
     """The blocks of a city, by name: squares of `metres` of its frame, each drawn to the streets next to it.
 
     What streets enclose is of the square in which it lies, and so are all buildings in it; a segment is of the block next to
     its middle.
     """
-    squares = _squares(buildings, segments, metres)
-    own: dict[Square, list[int]] = defaultdict(list)
+    squares = _building_cells(buildings, segments, block_size)
+    own: dict[GridCell, list[int]] = defaultdict(list)
     for index, square in enumerate(squares):
         own[square].append(index)
     footprints = [building.footprint for building in buildings]
     lines = [street.line for street in segments]
-    walked: dict[Square, list[int]] = defaultdict(list)
-    for segment, building in enumerate(_next_to(lines, buildings)):
+    walked: dict[GridCell, list[int]] = defaultdict(list)
+    for segment, building in enumerate(_nearest_buildings(lines, buildings)):
         walked[squares[building]].append(segment)
     around, along = shapely.STRtree(footprints), shapely.STRtree(lines)
     cuts = []
     for square, mine in sorted(own.items()):
         ways = walked[square]
         held = [*(footprints[i] for i in mine), *(lines[i] for i in ways)]
-        near = np.setdiff1d(around.query(held, predicate="dwithin", distance=reach)[1], mine)
-        passing = np.setdiff1d(along.query(held, predicate="dwithin", distance=reach)[1], ways)
+        near = np.setdiff1d(around.query(held, predicate="dwithin", distance=halo)[1], mine)
+        passing = np.setdiff1d(along.query(held, predicate="dwithin", distance=halo)[1], ways)
         cuts.append(
-            Cut(
+            CityCell(
                 "x{}y{}".format(*square),
                 tuple(buildings[i].id for i in mine),
                 tuple(segments[i].id for i in ways),
@@ -78,28 +78,28 @@ def cut_city(
     return tuple(cuts)
 
 
-def _squares(buildings: Sequence[Building], segments: Sequence[Street], metres: float) -> list[Square]:
+def _building_cells(buildings: Sequence[Building], segments: Sequence[Street], block_size: float) -> list[GridCell]:
     """The square of each building: of the face of the streets' network that it stands in, else its own."""
     places = [building.footprint.representative_point() for building in buildings]
-    found = [_square(place, metres) for place in places]
+    found = [_grid_cell(place, block_size) for place in places]
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all([street.line for street in segments])]))
     if len(faces):
-        of_face = [_square(face.representative_point(), metres) for face in faces]
+        of_face = [_grid_cell(face.representative_point(), block_size) for face in faces]
         place, face = shapely.STRtree(faces).query(places, predicate="within")
         for index, one in sorted(zip(place.tolist(), face.tolist(), strict=True)):
             found[index] = of_face[one]
     # the parts of a house are of one block: that of the first of them
     first: dict[str, int] = {}
     for index in sorted(range(len(buildings)), key=lambda i: buildings[i].id):
-        first.setdefault(buildings[index].house, index)
-    return [found[first[building.house]] for building in buildings]
+        first.setdefault(buildings[index].whole_id, index)
+    return [found[first[building.whole_id]] for building in buildings]
 
 
-def _square(place: shapely.Point, metres: float) -> Square:
-    return int(np.floor(place.x / metres)), int(np.floor(place.y / metres))
+def _grid_cell(place: shapely.Point, block_size: float) -> GridCell:
+    return int(np.floor(place.x / block_size)), int(np.floor(place.y / block_size))
 
 
-def _next_to(lines: Sequence[shapely.LineString], buildings: Sequence[Building]) -> list[int]:
+def _nearest_buildings(lines: Sequence[shapely.LineString], buildings: Sequence[Building]) -> list[int]:
     """The building that is nearest to the middle of each line; of several the first by its id."""
     order = sorted(range(len(buildings)), key=lambda i: buildings[i].id)
     tree = shapely.STRtree([buildings[i].footprint for i in order])

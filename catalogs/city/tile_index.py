@@ -11,28 +11,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlparse
 
-from catalogs.frames import LONLAT
+from catalogs.crs import LONLAT
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import pystac
 
 # Columns that name a tile's file, the first that there is; `location` is what gdaltindex writes.
-LOCATIONS = ("location", "href", "path", "url", "file")
-Box = tuple[float, float, float, float]
+LOCATION_COLUMNS = ("location", "href", "path", "url", "file")
+LonLatBox = tuple[float, float, float, float]
 
 
-def files_of_tiles(index: Path, area: Sequence[float] | None) -> list[Path]:
+def tile_files(index: Path, area: Sequence[float] | None) -> list[Path]:
     """The files of an index's tiles, ordered, of those alone that meet `area` (west, south, east, north in degrees).
 
     Raises InputError, one line with the remedy, where the index cannot be read, names no tile there, or one that is missing.
     """
     if not index.is_file():
         raise InputError(f"{index} does not exist; paths are relative to the city file")
-    tiles = list(_of_stac(index) if _is_stac(index) else _of_table(index))
+    tiles = list(_stac_tiles(index) if _is_stac(index) else _table_tiles(index))
     if not tiles:
         raise InputError(f"{index} names no tile; give one that does")
-    chosen = sorted({file for file, box in tiles if area is None or box is None or _meet(box, area)})
+    chosen = sorted({file for file, box in tiles if area is None or box is None or _boxes_intersect(box, area)})
     if not chosen:
         raise InputError(f"{index}: none of its {len(tiles)} tiles meets area {list(area or ())}; mend area")
     if missing := [file for file in chosen if not file.is_file()]:
@@ -41,7 +41,7 @@ def files_of_tiles(index: Path, area: Sequence[float] | None) -> list[Path]:
     return chosen
 
 
-def _meet(box: Box, area: Sequence[float]) -> bool:
+def _boxes_intersect(box: LonLatBox, area: Sequence[float]) -> bool:
     return box[0] <= area[2] and box[2] >= area[0] and box[1] <= area[3] and box[3] >= area[1]
 
 
@@ -52,22 +52,22 @@ def _is_stac(index: Path) -> bool:
         said = json.loads(index.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{index} is no JSON ({error}); give an index of tiles") from error
-    return isinstance(said, dict) and ("stac_version" in said or any("stac_version" in one for one in _features(said)))
+    return isinstance(said, dict) and ("stac_version" in said or any("stac_version" in one for one in _feature_list(said)))
 
 
-def _features(said: dict[str, Any]) -> list[dict[str, Any]]:
+def _feature_list(said: dict[str, Any]) -> list[dict[str, Any]]:
     found = said.get("features")
     return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
 
 
-def _of_stac(index: Path) -> Iterator[tuple[Path, Box | None]]:
+def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     """The tiles of a STAC catalogue, collection, item, or collection of items."""
     import pystac
     from pystac.stac_io import DefaultStacIO
 
     class OnThisMachine(DefaultStacIO):
         def read_text_from_href(self, href: str) -> str:
-            return _local(href, index.parent).read_text(encoding="utf-8")
+            return _local_path(href, index.parent).read_text(encoding="utf-8")
 
     reader = OnThisMachine()
     try:
@@ -82,18 +82,18 @@ def _of_stac(index: Path) -> Iterator[tuple[Path, Box | None]]:
         why = " ".join(str(error).split())[:120]
         raise InputError(f"{index} cannot be read as STAC ({type(error).__name__}: {why}); mend it") from error
     for item in items:
-        href = _data_of(item, index).get_absolute_href() or _data_of(item, index).href
+        href = _data_asset(item, index).get_absolute_href() or _data_asset(item, index).href
         box = tuple(item.bbox) if item.bbox else None
-        yield _local(href, index.parent), None if box is None else _flat(box)
+        yield _local_path(href, index.parent), None if box is None else _drop_heights(box)
 
 
-def _flat(box: tuple[float, ...]) -> Box:
+def _drop_heights(box: tuple[float, ...]) -> LonLatBox:
     """A box without heights."""
     half = len(box) // 2
     return box[0], box[1], box[half], box[half + 1]
 
 
-def _data_of(item: pystac.Item, index: Path) -> pystac.Asset:
+def _data_asset(item: pystac.Item, index: Path) -> pystac.Asset:
     """The asset that is the tile: the one with the role `data`, else the only one."""
     assets = list(item.assets.values())
     data = [asset for asset in assets if "data" in (asset.roles or ())] or assets
@@ -102,7 +102,7 @@ def _data_of(item: pystac.Item, index: Path) -> pystac.Asset:
     return data[0]
 
 
-def _of_table(index: Path) -> Iterator[tuple[Path, Box | None]]:
+def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     """The tiles of a table of outlines."""
     import geopandas as gpd
 
@@ -112,17 +112,17 @@ def _of_table(index: Path) -> Iterator[tuple[Path, Box | None]]:
     except Exception as error:  # of damaged files libraries say what they like
         why = " ".join(str(error).split())[:120]
         raise InputError(f"{index} cannot be read as an index of tiles ({why}); give STAC or GeoParquet") from error
-    column = next((name for name in LOCATIONS if name in table.columns), None)
+    column = next((name for name in LOCATION_COLUMNS if name in table.columns), None)
     if column is None:
-        raise InputError(f"{index} has no column that names the tiles' files; call it {LOCATIONS[0]}")
+        raise InputError(f"{index} has no column that names the tiles' files; call it {LOCATION_COLUMNS[0]}")
     if table.crs is None:
         raise InputError(f"{index} states no frame; write it with one, such as {LONLAT}")
     boxes = table.to_crs(LONLAT).bounds.to_numpy().tolist()
     for place, box in zip(table[column].astype(str), boxes, strict=True):
-        yield _local(place, index.parent), (box[0], box[1], box[2], box[3])
+        yield _local_path(place, index.parent), (box[0], box[1], box[2], box[3])
 
 
-def _local(href: str, folder: Path) -> Path:
+def _local_path(href: str, folder: Path) -> Path:
     """The file that a link names. Raises InputError for one that is elsewhere."""
     said = urlparse(href)
     if said.scheme in ("", "file"):

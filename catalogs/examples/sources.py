@@ -8,7 +8,7 @@ from pathlib import Path
 
 from facade_core.core.errors import InputError
 
-BLOCKS = Path(__file__).parent / "blocks"
+EXAMPLE_BLOCKS_FOLDER = Path(__file__).parent / "blocks"
 _DELFSHAVEN = "https://3d.bk.tudelft.nl/opendata/cityjson/3dcities/v2.0/"
 _AMSTERDAM = "https://raw.githubusercontent.com/Amsterdam/panorama-textures/{commit}/src/input/"
 _PANORAMAS = _AMSTERDAM.format(commit="3f5e0d336adf723bab773e0e0ee6f3c2bf548c77")
@@ -44,15 +44,15 @@ class SourceFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ExampleSource:
     """What a block is made from. facts: files of `blocks/` that go along, by their place below the data folder."""
 
     licence: str
     files: tuple[SourceFile, ...]
-    facts: tuple[tuple[str, str], ...] = ()
+    companion_files: tuple[tuple[str, str], ...] = ()
 
 
-_AMSTERDAM_SOURCE = Source(
+_AMSTERDAM_SOURCE = ExampleSource(
     licence="City of Amsterdam open data: panoramas, wall heights and one building model",
     files=(
         SourceFile(
@@ -62,12 +62,12 @@ _AMSTERDAM_SOURCE = Source(
         ),
         *(SourceFile(f"city/amsterdam/panoramas/{n}", _PANORAMAS + n, h) for n, h in _AMSTERDAM_PICTURES.items()),
     ),
-    facts=(("city/amsterdam/poses_and_walls.json", "amsterdam_poses_and_walls.json"),),
+    companion_files=(("city/amsterdam/poses_and_walls.json", "amsterdam_poses_and_walls.json"),),
 )
-SOURCES = {
+EXAMPLE_SOURCES = {
     "amsterdam-dam": _AMSTERDAM_SOURCE,
     "amsterdam-ij": _AMSTERDAM_SOURCE,
-    "delfshaven": Source(
+    "delfshaven": ExampleSource(
         licence="Rotterdam 3D, open data of the city, as CityJSON by the 3D geoinformation group of TU Delft",
         files=(
             SourceFile(
@@ -77,7 +77,7 @@ SOURCES = {
             ),
         ),
     ),
-    "plateau": Source(
+    "plateau": ExampleSource(
         licence="Project PLATEAU, Ministry of Land, Infrastructure, Transport and Tourism, Japan: PLATEAU site policy",
         files=(
             SourceFile(
@@ -98,7 +98,7 @@ SOURCES = {
 }
 
 
-def download(source: Source, folder: Path, arrived: Callable[[], None]) -> None:
+def download_source(source: ExampleSource, folder: Path, on_file: Callable[[], None]) -> None:
     """Fetch a source's files into `folder`, checked against their checksums; those that are there already stay.
 
     `arrived` is called once per file. Raises InputError naming the file and its address where it cannot be had as it was.
@@ -119,7 +119,7 @@ def download(source: Source, folder: Path, arrived: Callable[[], None]) -> None:
             raise InputError(
                 f"{target.name} at {file.url} is not the file it was (checksum differs); fetch it by hand if you trust it"
             ) from error
-        arrived()
-    for path, name in source.facts:
+        on_file()
+    for path, name in source.companion_files:
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_bytes((BLOCKS / name).read_bytes())
+        (folder / path).write_bytes((EXAMPLE_BLOCKS_FOLDER / name).read_bytes())

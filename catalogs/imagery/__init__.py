@@ -1,4 +1,4 @@
 """Services and folders that have street pictures: what they offer of a place, and fetching it."""
 
 # How services know who asks.
-NAME = "streetloom"
+USER_AGENT = "streetloom"

@@ -10,18 +10,18 @@ from catalogs.features import Fault
 from catalogs.imagery.remote_panorama import Box, fault
 
 # An answer of a round number of pictures, whatever limit was asked for, may be cut off at the service's own.
-ROUND = 100
+LIMIT_MULTIPLE = 100
 # A box is quartered so often at most: 1 / 256 of a side, some metres of a block.
-DEEPEST = 8
+MAX_QUARTERING_DEPTH = 8
 
 
-def quartered(
+def search_quarters(
     boxes: Iterable[Box], search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]]
 ) -> Iterator[Mapping[str, Any] | Fault]:
     """All that a search finds in boxes (west, south, east, north in degrees), each once by its id: where an answer has a
     round number of records there may be more, and the quarters of its box are searched too."""
     known: set[str] = set()
-    for one in chain.from_iterable(_searched(box, search, 0) for box in boxes):
+    for one in chain.from_iterable(_search_box(box, search, 0) for box in boxes):
         identifier = one.id if isinstance(one, Fault) else str(one.get("id") or "")
         if identifier in known and identifier:
             continue
@@ -29,17 +29,17 @@ def quartered(
         yield one
 
 
-def _searched(
-    box: Box, search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]], deep: int
+def _search_box(
+    box: Box, search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]], depth: int
 ) -> Iterator[Mapping[str, Any] | Fault]:
     count, faulty = 0, False
     for one in search(box):
         count += not isinstance(one, Fault)
         faulty |= isinstance(one, Fault)
         yield one
-    if faulty or not count or count % ROUND:
+    if faulty or not count or count % LIMIT_MULTIPLE:
         return
-    if deep == DEEPEST:
+    if depth == MAX_QUARTERING_DEPTH:
         yield fault(
             " ".join(f"{value:g}" for value in box), f"has over {count} pictures; fetch the others with --dates"
         )
@@ -52,4 +52,4 @@ def _searched(
         (west, up, across, north),
         (across, up, east, north),
     ):
-        yield from _searched(quarter, search, deep + 1)
+        yield from _search_box(quarter, search, depth + 1)

@@ -15,15 +15,15 @@ from catalogs.imagery.remote_panorama import Offer
 from catalogs.readers.pictures.poses import LONLAT
 from facade_core.core.errors import InputError
 
-ACCOUNT, POSES = "fetched.jsonl", "poses.json"
+FETCH_LOG_NAME, POSES_NAME = "fetched.jsonl", "poses.json"
 # Where pictures lie until they are whole and looked at.
-ARRIVING = ".arriving"
+PARTIAL_FOLDER = ".arriving"
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class FetchedPicture:
     """A picture that was fetched. file: its name; of one that cannot be used, or is there already under another name, empty,
-    and `refused` says why. The rest is what its service says of it, and the sha256 and number of its bytes."""
+    and `rejected_buildings` says why. The rest is what its service says of it, and the sha256 and number of its bytes."""
 
     source: str
     id: str
@@ -45,7 +45,7 @@ class Kept:
 
 # Keys of a line of the account, and the attributes of `Kept` that hold their values. Folders of pictures outlive versions
 # of the code: on a rename of an attribute the keys stay.
-ACCOUNT_KEYS = {
+FETCH_LOG_KEYS = {
     "source": "source",
     "id": "id",
     "file": "file",
@@ -82,16 +82,16 @@ POSES_KEYS = (
 
 
 @dataclass
-class Account:
+class FetchLog:
     """What was fetched into a folder, by source and id; of two lines of one picture the later counts."""
 
     folder: Path
-    kept: dict[tuple[str, str], Kept]
+    pictures: dict[tuple[str, str], FetchedPicture]
     _lock: Lock = field(default_factory=Lock)
 
-    def holds(self, source: str, identifier: str) -> Kept | None:
+    def find_picture(self, source: str, identifier: str) -> FetchedPicture | None:
         """A picture that is there, as long as its file is of the size that arrived; or one that was refused."""
-        found = self.kept.get((source, identifier))
+        found = self.pictures.get((source, identifier))
         if found is None or found.refused:
             return found
         try:
@@ -99,51 +99,51 @@ class Account:
         except OSError:
             return None
 
-    def add(self, kept: Kept) -> None:
+    def append(self, picture: FetchedPicture) -> None:
         """A line more, on the disk when this returns."""
-        line = json.dumps(_values(kept, ACCOUNT_KEYS), ensure_ascii=False)
+        line = json.dumps(_picture_values(picture, FETCH_LOG_KEYS), ensure_ascii=False)
         with self._lock:
-            with (self.folder / ACCOUNT).open("a", encoding="utf-8") as file:
+            with (self.folder / FETCH_LOG_NAME).open("a", encoding="utf-8") as file:
                 file.write(f"{line}\n")
                 file.flush()
                 os.fsync(file.fileno())
-            self.kept[kept.source, kept.id] = kept
+            self.pictures[picture.source, picture.id] = picture
 
-    def stem(self, source: str, offer: Offer) -> str:
+    def choose_stem(self, source: str, offer: Offer) -> str:
         """The name of a picture's file without suffix: its id, where that is one on every system and no other source's."""
-        others = {Path(one.file).stem for one in self.kept.values() if one.source != source}
+        others = {Path(one.file).stem for one in self.pictures.values() if one.source != source}
         stem = file_stem(offer.id)
         return stem if stem not in others else file_stem(f"{source} {offer.id}")
 
     def write_poses(self) -> Path:
         """The poses file of what is there, in one step."""
-        there = sorted((one for one in self.kept.values() if not one.refused), key=lambda one: one.file)
-        poses = {one.file: _values(one, POSES_KEYS) for one in there if (self.folder / one.file).is_file()}
-        path = self.folder / POSES
+        there = sorted((one for one in self.pictures.values() if not one.refused), key=lambda one: one.file)
+        poses = {one.file: _picture_values(one, POSES_KEYS) for one in there if (self.folder / one.file).is_file()}
+        path = self.folder / POSES_NAME
         text = json.dumps({"crs": LONLAT, "poses": poses}, ensure_ascii=False, indent=1)
-        temporary = path.with_name(f".{POSES}.tmp")
+        temporary = path.with_name(f".{POSES_NAME}.tmp")
         temporary.write_text(f"{text}\n", encoding="utf-8")
         os.replace(temporary, path)
         return path
 
 
-def _values(kept: Kept, keys: Iterable[str]) -> dict[str, Any]:
+def _picture_values(picture: FetchedPicture, keys: Iterable[str]) -> dict[str, Any]:
     """Return the values of a picture by key; a value that is None has no key."""
-    values = {key: getattr(kept, ACCOUNT_KEYS[key]) for key in keys}
+    values = {key: getattr(picture, FETCH_LOG_KEYS[key]) for key in keys}
     return {key: value for key, value in values.items() if value is not None}
 
 
 def is_fetched(folder: Path) -> bool:
     """Whether pictures were fetched into a folder."""
-    return (folder / ACCOUNT).is_file()
+    return (folder / FETCH_LOG_NAME).is_file()
 
 
-def read_account(folder: Path) -> Account:
+def read_fetch_log(folder: Path) -> FetchLog:
     """The account of a folder, which is made where there is none; a last line that a kill cut off is dropped.
 
     Raises InputError for a folder with pictures of another's, and where a line is none of an account.
     """
-    path = folder / ACCOUNT
+    path = folder / FETCH_LOG_NAME
     folder.mkdir(parents=True, exist_ok=True)
     if not path.is_file():
         if any(folder.iterdir()):
@@ -155,17 +155,17 @@ def read_account(folder: Path) -> Account:
     whole = text[: text.rfind(b"\n") + 1]
     if len(whole) < len(text):
         os.truncate(path, len(whole))
-    return Account(folder, {(one.source, one.id): one for one in _lines(path, whole)})
+    return FetchLog(folder, {(one.source, one.id): one for one in _parse_lines(path, whole)})
 
 
-def _lines(path: Path, text: bytes) -> Iterator[Kept]:
+def _parse_lines(path: Path, text: bytes) -> Iterator[FetchedPicture]:
     from pydantic import TypeAdapter
 
-    lines = TypeAdapter(Kept)
+    lines = TypeAdapter(FetchedPicture)
     for number, line in enumerate(text.splitlines(), 1):
         try:
             values = json.loads(line)
-            kept = lines.validate_python({ACCOUNT_KEYS.get(key, key): value for key, value in values.items()})
+            kept = lines.validate_python({FETCH_LOG_KEYS.get(key, key): value for key, value in values.items()})
         except (ValueError, AttributeError) as error:
             raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error
         if kept.file != Path(kept.file).name:

@@ -132,13 +132,13 @@ class Web:
     def _opened(self) -> Session:
         import requests
 
-        from catalogs.imagery import NAME
+        from catalogs.imagery import USER_AGENT
 
         with self._lock:
             if self._session is None:
                 self._session = requests.Session()
                 self._session.max_redirects = REDIRECTS
-                self._session.headers["User-Agent"] = NAME
+                self._session.headers["User-Agent"] = USER_AGENT
                 self._session.headers["Accept-Encoding"] = "identity"  # so that lengths are those of what is kept
             return self._session
 

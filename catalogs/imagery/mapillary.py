@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
-from catalogs.imagery.box_search import quartered
+from catalogs.imagery.box_search import search_quarters
 from catalogs.imagery.http_client import Refused, Web, shown_url
 from catalogs.imagery.remote_panorama import Box, Offer, Wanted, fault, licensed, number, placed
 from catalogs.readers.pictures.poses import camera_angles
@@ -23,27 +23,27 @@ FIELDS = (
     "computed_rotation", "creator", "width", "height", "thumb_original_url",
 )  # fmt: skip
 # Pictures of an answer at most, pages of a search at most, and the side of a box, degrees: it takes up to 0.01 square degrees.
-LIMIT, PAGES, SIDE = 2000, 100, 0.05
-_ALL_AROUND = ("spherical", "equirectangular")
+MAX_PICTURES_PER_PAGE, MAX_MAPILLARY_PAGES, MAX_BOX_SIDE_DEG = 2000, 100, 0.05
+_FULL_SPHERE_TYPES = ("spherical", "equirectangular")
 
 
-def mapillary_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
+def search_mapillary(client: Web, api: str, query: Wanted) -> Iterator[Offer | Fault]:
     """What Mapillary has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
 
     Raises InputError without a token, or where the API does not answer as it should.
     """
-    if web.token is None:
+    if client.token is None:
         raise InputError("Mapillary wants a token: set STREETLOOM_IMAGERY_TOKEN to one of your own account's (MLY|...)")
-    for record in quartered(_small(wanted.box), lambda box: _pages(web, api, box, wanted.dates)):
-        found = record if isinstance(record, Fault) else _offer(record)
+    for record in search_quarters(_split_box(query.box), lambda box: _search_pages(client, api, box, query.dates)):
+        found = record if isinstance(record, Fault) else _parse_record(record)
         if found is not None:
             yield found
 
 
-def _small(box: Box) -> Iterator[Box]:
+def _split_box(box: Box) -> Iterator[Box]:
     """Boxes of SIDE at most."""
     west, south, east, north = box
-    across, up = max(1, -int(-(east - west) // SIDE)), max(1, -int(-(north - south) // SIDE))
+    across, up = max(1, -int(-(east - west) // MAX_BOX_SIDE_DEG)), max(1, -int(-(north - south) // MAX_BOX_SIDE_DEG))
     for row in range(up):
         for column in range(across):
             yield (
@@ -54,13 +54,13 @@ def _small(box: Box) -> Iterator[Box]:
             )
 
 
-def _pages(web: Web, api: str, box: Box, dates: str | None) -> Iterator[Mapping[str, Any] | Fault]:
-    first, last = _ends(dates)
+def _search_pages(client: Web, api: str, box: Box, dates: str | None) -> Iterator[Mapping[str, Any] | Fault]:
+    first, last = _time_span(dates)
     asked = {
         "bbox": ",".join(f"{value:.7f}" for value in box),
         "is_pano": "true",
         "fields": ",".join(FIELDS),
-        "limit": str(LIMIT),
+        "limit": str(MAX_PICTURES_PER_PAGE),
         **({"start_captured_at": first} if first else {}),
         **({"end_captured_at": last} if last else {}),
     }
@@ -68,27 +68,27 @@ def _pages(web: Web, api: str, box: Box, dates: str | None) -> Iterator[Mapping[
     params: Mapping[str, str] | None = asked
     while url:
         page += 1
-        content = _read(web.text(url, params=params), api)
+        content = _parse_answer(client.text(url, params=params), api)
         records = [one for one in content["data"] if isinstance(one, Mapping)]
         fresh = [one for one in records if str(one.get("id")) not in known]
-        if page > PAGES or (records and not fresh):
+        if page > MAX_MAPILLARY_PAGES or (records and not fresh):
             yield fault(shown_url(api), f"pages without end (page {page} brings nothing new); what came before is used")
             return
         known |= {str(one.get("id")) for one in fresh}
         yield from fresh
         paging = content.get("paging")
         following = paging.get("next") if isinstance(paging, Mapping) and records else None
-        url, params = _tokenless(following) if isinstance(following, str) else "", None
+        url, params = _strip_token(following) if isinstance(following, str) else "", None
 
 
-def _tokenless(url: str) -> str:
+def _strip_token(url: str) -> str:
     """An address of a next page without the token that it repeats: addresses are logged, and the header says it."""
     parts = urlsplit(url)
     asked = [(name, value) for name, value in parse_qsl(parts.query) if name != "access_token"]
     return urlunsplit(parts._replace(query=urlencode(asked)))
 
 
-def _read(text: str, api: str) -> dict[str, Any]:
+def _parse_answer(text: str, api: str) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except ValueError:
@@ -98,19 +98,19 @@ def _read(text: str, api: str) -> dict[str, Any]:
     return content
 
 
-def _ends(dates: str | None) -> tuple[str | None, str | None]:
+def _time_span(dates: str | None) -> tuple[str | None, str | None]:
     """The first and the last moment of a span of days; None of an open end."""
     first, _, last = (dates or "../..").partition("/")
     return (None if first == ".." else f"{first}T00:00:00Z"), (None if last == ".." else f"{last}T23:59:59Z")
 
 
-def _offer(record: Mapping[str, Any]) -> Offer | Fault | None:
+def _parse_record(record: Mapping[str, Any]) -> Offer | Fault | None:
     identifier = str(record.get("id") or "")
     kind = str(record.get("camera_type") or "")
     if record.get("is_pano") is False or kind in ("perspective", "brown"):
         return None
     try:
-        if kind and kind not in _ALL_AROUND:
+        if kind and kind not in _FULL_SPHERE_TYPES:
             raise ValueError(f"is a {kind} picture said to be a panorama; leave it out")
         url = record.get("thumb_original_url")
         if not identifier or not isinstance(url, str):

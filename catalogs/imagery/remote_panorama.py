@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from catalogs.broken import single_line
 from catalogs.features import Fault
-from catalogs.readers.pictures.poses import LONLAT, SourcePose, parse_day, find_implausible_value
+from catalogs.reader_errors import single_line
+from catalogs.readers.pictures.poses import LONLAT, SourcePose, find_implausible_value, parse_day
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.

@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
-from catalogs.imagery.fetch_log import POSES, is_fetched, read_account
-from catalogs.imagery.fetching import Get
+from catalogs.imagery.fetch_log import POSES_NAME, is_fetched, read_fetch_log
+from catalogs.imagery.fetching import Downloader
 from catalogs.imagery.http_client import Refused, Token, Web, shown_url
 from catalogs.imagery.mapillary import API as MAPILLARY
-from catalogs.imagery.mapillary import mapillary_offers
+from catalogs.imagery.mapillary import search_mapillary
 from catalogs.imagery.remote_panorama import Offer, Wanted
 from catalogs.imagery.stac import stac_offers
 from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
@@ -35,7 +35,7 @@ class Service:
 
     name: str
     search: Search
-    get: Get
+    get: Downloader
 
 
 def service_of(source: str, poses: Path | None = None) -> Service:
@@ -66,7 +66,7 @@ def stac(api: str) -> Service:
 def mapillary(api: str) -> Service:
     """Mapillary's Graph API at an address."""
     web = Web(_token(api, "OAuth"))
-    return Service(shown_url(api), partial(mapillary_offers, web, api), lambda offer, path: web.save(offer.url, path))
+    return Service(shown_url(api), partial(search_mapillary, web, api), lambda offer, path: web.save(offer.url, path))
 
 
 def _token(api: str, kind: str) -> Token | None:
@@ -94,7 +94,7 @@ def _folder(folder: Path, poses: Path | None) -> Service:
         found = read_panoramas(folder, poses or _beside(folder), frame)
         yield from found.faults
         # of pictures that this fetched before, who took them and what for they may be used
-        told_of = {one.file: one for one in read_account(folder).kept.values()} if is_fetched(folder) else {}
+        told_of = {one.file: one for one in read_fetch_log(folder).pictures.values()} if is_fetched(folder) else {}
         west, south, east, north = wanted.box
         for one in found.items:
             pose = one.pose
@@ -118,7 +118,7 @@ def _folder(folder: Path, poses: Path | None) -> Service:
 
 def _beside(folder: Path) -> Path | None:
     """The poses file that lies with the pictures, as this writes one."""
-    return folder / POSES if (folder / POSES).is_file() else None
+    return folder / POSES_NAME if (folder / POSES_NAME).is_file() else None
 
 
 def _copied(offer: Offer, path: Path) -> str:

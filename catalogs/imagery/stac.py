@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
-from catalogs.broken import is_system_error, short_message
 from catalogs.features import Fault
-from catalogs.imagery.box_search import quartered
+from catalogs.imagery.box_search import search_quarters
 from catalogs.imagery.http_client import Refused, Web, shown_url
 from catalogs.imagery.remote_panorama import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.poses import parse_day
 from facade_core.core.errors import InputError
 
@@ -32,7 +32,7 @@ def stac_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
     try:
         client = pystac_client.Client.open(api, stac_io=_io(web))
         search = _searching(client, wanted.dates)
-        for item in quartered([wanted.box], search):
+        for item in search_quarters([wanted.box], search):
             found = _offer(item, wanted.licence)
             if found is not None:
                 yield found

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.readers.pictures.opening import open_picture
+from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.crs import LONLAT
 from catalogs.features import natural_sort_key
-from catalogs.frames import LONLAT
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:

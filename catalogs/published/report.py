@@ -14,8 +14,8 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from catalogs.features import file_stem, natural_sort_key
+from catalogs.printable_text import escape_invisible
 from catalogs.published.items import ASSUMED
-from catalogs.visible import escape_invisible
 from facade_core.core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from catalogs.frames import LONLAT
+from catalogs.crs import LONLAT
+from catalogs.printable_text import escape_invisible, escape_invisible_json
 from catalogs.published.items import BBOX
 from catalogs.query.where import named_in
-from catalogs.visible import escape_invisible, escape_invisible_json
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""Readers of what users have: one file format each, handing over the values of catalogs.features."""
+"""Readers of input files: one file format each, with results of the types in catalogs.features."""

@@ -1,5 +1,4 @@
-"""Corrections as programs write them: COCO, LabelMe, a GeoPackage's table of buildings, attributes of CityJSON, or Streetloom's
-own JSON."""
+"""Readers of corrections: COCO, LabelMe, GeoPackage tables, CityJSON attributes and Streetloom's own JSON."""
 
 from __future__ import annotations
 
@@ -19,8 +18,14 @@ MEASURED_HEIGHT = "measured height"
 
 
 class MeasuredHeight(NamedTuple):
-    """What CityJSON says of a building's height, metres: to its ridge, as it is now and as it was exported, and to its eaves;
-    None where it does not say."""
+    """Height of a building in CityJSON, metres; None where it is not stated.
+
+    Attributes
+    ----------
+    height : to the ridge, as it is now.
+    exported : to the ridge, as it was exported.
+    eaves : to the eaves.
+    """
 
     height: Any
     exported: Any
@@ -55,9 +60,23 @@ IS_FACADE_COLUMN = "is_facade"
 
 
 def read_annotations(path: Path, facades: dict[str, str]) -> list[Annotation]:
-    """What a file, or a folder of LabelMe's, says. facades: name of a picture -> id of the facade it is of.
+    """Read the annotations of a file, or of a folder of LabelMe files.
 
-    Boxes become shares of the picture. Raises InputError: one line with the file and the remedy.
+    Boxes become shares of the picture.
+
+    Parameters
+    ----------
+    path : file or folder.
+    facades : facade id by the name of its picture.
+
+    Returns
+    -------
+    (id of a facade or building, corrected property, value) of each annotation.
+
+    Raises
+    ------
+    InputError
+        One line with the file and the remedy.
     """
     found = _read_file(path, facades)
     for id, *_ in found:
@@ -104,11 +123,19 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
 
 
 def parse_corrections(corrections: Sequence[Mapping[str, Any]], source_name: str) -> list[Annotation]:
-    """What corrections of streetloom's own JSON say. Raises InputError: one line that says what they are `named`."""
+    """Return the annotations of corrections in Streetloom's own JSON.
+
+    Raises
+    ------
+    InputError
+        One line that begins with `source_name`.
+    """
     try:
         return [said for one in corrections for said in _parse_correction(one)]
     except (TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{source_name} cannot be understood ({error}); catalogs/README.md shows what can be") from error
+        raise InputError(
+            f"{source_name} cannot be understood ({error}); catalogs/README.md shows what can be"
+        ) from error
 
 
 def _parse_coco(document: dict[str, Any], facades: dict[str, str]) -> list[Annotation]:
@@ -137,7 +164,7 @@ def _parse_labelme(document: dict[str, Any], facades: dict[str, str]) -> Annotat
 
 
 def _facade_id(file: str, facades: dict[str, str]) -> str:
-    """The facade that a picture is of, by its name."""
+    """Return the id of the facade of a picture by the file name."""
     stem = Path(file.replace("\\", "/")).stem
     return facades.get(stem, stem)
 
@@ -154,8 +181,7 @@ def _parse_correction(one: Mapping[str, Any]) -> Iterator[Annotation]:
 
 
 def _read_geopackage(path: Path) -> list[Annotation]:
-    """What the tables `buildings` and `facades` that an export of `gpkg` writes say of each; a table or a column that is not
-    there says nothing."""
+    """Return the annotations of the tables `buildings` and `facades`; missing tables and columns have none."""
     import geopandas
     import pyogrio
 
@@ -190,7 +216,7 @@ def _read_geopackage(path: Path) -> list[Annotation]:
 
 
 def _parse_cityjson(document: Mapping[str, Any]) -> Iterator[Annotation]:
-    """What the attributes of CityJSON's buildings say, and which of their walls are facades."""
+    """Yield the annotations of building attributes, and of walls that are marked as facades."""
     for id, one in document.get("CityObjects", {}).items():
         if one["type"] not in ("Building", "BuildingPart"):
             continue
@@ -212,7 +238,7 @@ def _parse_cityjson(document: Mapping[str, Any]) -> Iterator[Annotation]:
 
 
 def _building_annotations(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Annotation]:
-    """What a row says of a building, by its own names for what can be; an empty cell says nothing."""
+    """Yield the annotations of a row by the names of its columns; empty cells have none."""
     for name, what in names.items():
         value = row.get(name)
         if value is not None and not (isinstance(value, str) and not value.strip()):
@@ -220,5 +246,5 @@ def _building_annotations(id: str, row: Mapping[Any, Any], names: Mapping[str, s
 
 
 def facades_by_picture_name(ids: list[str]) -> dict[str, str]:
-    """Name of the picture that an export writes of each facade, without suffix -> its id."""
+    """Return the facade id by the name, without suffix, of its exported picture."""
     return {file_stem(id): id for id in ids}

@@ -1,4 +1,4 @@
-"""Frames as files name them: which axis is east, and what a unit of each is in metres."""
+"""Axis order and units of the coordinate systems that files name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.frames import LONLAT
+from catalogs.crs import LONLAT
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,36 +31,46 @@ _SURVEY_CODES = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """How the coordinates of a file are to be read.
+    """Axis order and units of the coordinates of a file.
 
-    Args:
-        crs: "EPSG:n", None where none is known.
-        horizontal: the part of it without heights, by which frames are compared.
-        north_first: its first number is the northing or latitude.
-        scale: metres in a unit of east, and of north.
-        vertical: metres in a unit of height.
+    Attributes
+    ----------
+    crs : "EPSG:n", None where it is unknown.
+    horizontal_crs : part without heights, by which systems are compared.
+    north_first : True where the first number is the northing or latitude.
+    metres_per_unit : metres per unit of east and of north.
+    metres_per_height_unit : metres per unit of height.
     """
 
     crs: str | None = None
-    horizontal: str | None = None
+    horizontal_crs: str | None = None
     north_first: bool = False
-    scale: tuple[float, float] = (1.0, 1.0)
-    vertical: float = 1.0
+    metres_per_unit: tuple[float, float] = (1.0, 1.0)
+    metres_per_height_unit: float = 1.0
 
-    def applied(self, points: np.ndarray) -> np.ndarray:
-        """Points (n, 3) of the file as x east, y north, z metres."""
+    def to_east_north_up(self, points: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) of the file as x east, y north, z in metres."""
         order = [1, 0, 2] if self.north_first else [0, 1, 2]
-        return points[:, order] * (1.0, 1.0, self.vertical)
+        return points[:, order] * (1.0, 1.0, self.metres_per_height_unit)
 
 
 def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, path: Path) -> tuple[Axes, str | None]:
-    """The axes of a frame by the name that a file gives, and a remark (see features.Remark) where they are a guess.
+    """Return the axes of a coordinate system, and a remark where they are a guess.
 
-    name: "EPSG:7415", a bare code, a URN or URL of OGC, also compound, CRS84, or a name of the German surveys; place: the first
-    two coordinates of a point of the file. The order of the axes is the frame's own, unless only the other order puts the
-    place where the frame is made for. Heights are in the unit of the frame's vertical part. Where it has none they are in the
-    unit of a projected frame, for a survey in feet measures heights in feet too, and in metres beside degrees.
-    Raises InputError for a geocentric frame.
+    The axis order is that of the system, unless only the other order puts the sample point in its area of use. Heights have
+    the unit of the vertical part. Without one they have the unit of a projected system, since surveys in feet measure heights
+    in feet, and metres next to degrees.
+
+    Parameters
+    ----------
+    name : "EPSG:7415", a bare code, an OGC URN or URL, also compound, CRS84, or a name of the German surveys.
+    sample_point : first two coordinates of a point of the file.
+    path : file, for messages.
+
+    Raises
+    ------
+    InputError
+        For a geocentric system.
     """
     if not name:
         return Axes(), None
@@ -75,7 +85,9 @@ def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, pat
     north_first = horizontal.axis_info[0].direction == "north" and "CRS84" not in name
     remark = None
     if sample_point is not None:
-        north_first, remark = _axis_order(horizontal, north_first, sample_point, is_bare_code=_BARE_CODE.fullmatch(name) is not None)
+        north_first, remark = _axis_order(
+            horizontal, north_first, sample_point, is_bare_code=_BARE_CODE.fullmatch(name) is not None
+        )
     unit = horizontal.axis_info[0].unit_conversion_factor
     heights = [
         axis.unit_conversion_factor for part in parts for axis in part.axis_info if axis.direction in ("up", "down")
@@ -90,7 +102,7 @@ def resolve_axes(name: str | None, sample_point: tuple[float, float] | None, pat
 
 
 def _parse_epsg_codes(name: str) -> list[int]:
-    """The EPSG codes of a name, those of a compound frame in its order."""
+    """Return the EPSG codes of a name; those of a compound system in its order."""
     if short := _BARE_CODE.fullmatch(name):
         return [int(short[1])]
     codes = [int(code) for found in _EPSG_CODES.findall(name) for code in found if code]
@@ -99,7 +111,7 @@ def _parse_epsg_codes(name: str) -> list[int]:
 
 
 def _crs_parts(codes: Sequence[int]) -> list[CRS]:
-    """The frames of all codes, horizontal and vertical ones apart; none where one of the codes is unknown."""
+    """Return the horizontal and vertical systems of the codes; an empty list where a code is unknown."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -110,10 +122,12 @@ def _crs_parts(codes: Sequence[int]) -> list[CRS]:
     return [part for frame in frames for part in frame.sub_crs_list or [frame]]
 
 
-def _axis_order(crs: CRS, north_first: bool, sample_point: tuple[float, float], *, is_bare_code: bool) -> tuple[bool, str | None]:
-    """Whether the first number is the northing after all, and a remark where that is a guess.
+def _axis_order(
+    crs: CRS, north_first: bool, sample_point: tuple[float, float], *, is_bare_code: bool
+) -> tuple[bool, str | None]:
+    """Return whether the northing is first, and a remark where that is a guess.
 
-    short: the name is a mere code, which many writers pair with an order of their own.
+    is_bare_code: True for a bare code, which many writers pair with their own axis order.
     """
     east, north = sample_point[::-1] if north_first else sample_point
     other = _is_near_area_of_use(crs, north, east)
@@ -126,7 +140,7 @@ def _axis_order(crs: CRS, north_first: bool, sample_point: tuple[float, float], 
 
 
 def _is_near_area_of_use(crs: CRS, east: float, north: float) -> bool:
-    """Whether a place lies in the area that a frame is made for, or not far from it."""
+    """Return True where a place is in the area of use of a system, or near it."""
     from pyproj import Transformer
 
     area = crs.area_of_use

@@ -1,4 +1,4 @@
-"""Polygonal faces of a building model into its shell: triangulated in their own planes, columns instead of objects."""
+"""Triangulation of polygonal faces of a building model into a shell."""
 
 from __future__ import annotations
 
@@ -33,10 +33,14 @@ SURFACE_SEMANTICS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """A planar face: rings, the outer one first, each (n, 3) float64 without the closing point.
+    """Planar face.
 
-    semantic: one of SEMANTICS; texture: index of its picture, -1 without; uv: per ring (n, 2) texture coordinates, u right
-    and v up, or None.
+    Attributes
+    ----------
+    rings : (n, 3) vertices of each ring without the closing point, the outer ring first.
+    semantic : member of SEMANTICS.
+    texture : index of the picture, -1 without.
+    uv : (n, 2) texture coordinates of each ring, u right and v up, or None.
     """
 
     rings: Sequence[np.ndarray]
@@ -46,11 +50,19 @@ class Face:
 
 
 def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float] = (1.0, 1.0)) -> Shell | None:
-    """The shell of a building's faces; None where no face encloses an area.
+    """Return the shell of the faces of a building; None where no face has an area.
 
-    Equal vertices are shared. `scale` is the length of a unit of x and of y in metres, so that faces in degrees are cut in a
-    plane of metres too. Faces with a vertex that is not finite, or absurdly far away, are left out. Raises GeometryError for
-    one of more than MOST_CORNERS.
+    Equal vertices are shared. Faces with a vertex that is not finite, or beyond MAX_COORDINATE, are dropped.
+
+    Parameters
+    ----------
+    faces : faces of one building.
+    metres_per_unit : metres per unit of x and of y, so that faces in degrees are triangulated in a metric plane.
+
+    Raises
+    ------
+    GeometryError
+        For a face of more than MAX_CORNERS.
     """
     faces = [face for face in faces if face.rings and len(face.rings[0]) >= 3]
     rings = [[np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3] for face in faces]
@@ -67,7 +79,9 @@ def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float
     texture = np.array([-1 if face.uv is None else face.texture for face in faces], np.int32)
     uv = np.zeros((len(cut), 3, 2), np.float32)
     if (texture >= 0).any():
-        uv = np.concatenate([_face_uv(face, sum(map(len, group))) for face, group in zip(faces, rings, strict=True)])[cut]
+        uv = np.concatenate([_face_uv(face, sum(map(len, group))) for face, group in zip(faces, rings, strict=True)])[
+            cut
+        ]
     vertices, index = np.unique(points[cut].reshape(-1, 3), axis=0, return_inverse=True)
     return Shell(
         vertices=vertices,
@@ -79,7 +93,7 @@ def triangulate_faces(faces: Sequence[Face], metres_per_unit: tuple[float, float
 
 
 def _face_uv(face: Face, count: int) -> np.ndarray:
-    """Texture coordinates (count, 2) of a face's rings; zeros without texture."""
+    """Return texture coordinates (count, 2) of the rings of a face; zeros without a texture."""
     if face.texture < 0 or face.uv is None:
         return np.zeros((count, 2))
     return np.concatenate([uv for uv, ring in zip(face.uv, face.rings, strict=True) if len(ring) >= 3])
@@ -88,9 +102,16 @@ def _face_uv(face: Face, count: int) -> np.ndarray:
 def _triangulate(
     points: np.ndarray, lengths: Sequence[Sequence[int]], metres_per_unit: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (t, 3) of all triangles as rows of `points`, turning as the outer rings do, and the face of each (t,).
+    """Return triangle corners (t, 3) as rows of `points`, and the face (t,) of each.
 
-    lengths: of the rings of each face. A face that encloses no area has no triangles.
+    Triangles have the orientation of the outer ring. A face without an area has no triangles. The normal of a face is by
+    Newell's method.
+
+    Parameters
+    ----------
+    points : (n, 3) vertices of all rings.
+    lengths : number of vertices of each ring of each face.
+    metres_per_unit : metres per unit of x and of y.
     """
     size = np.array([sum(group) for group in lengths])
     first = np.cumsum(size) - size

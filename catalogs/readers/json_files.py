@@ -1,4 +1,4 @@
-"""JSON files, given to the reader of what is in them."""
+"""Selection of the reader of a JSON file by its content."""
 
 from __future__ import annotations
 
@@ -8,16 +8,24 @@ from catalogs.features import BuildingModels, Footprints
 from catalogs.readers import walls
 from catalogs.readers.cityjson import buildings as cityjson
 from catalogs.readers.json_text import is_json_lines, load_json
-from catalogs.readers.vectors import features as vectors
+from catalogs.readers.vectors import vector_files as vectors
 from facade_core.core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
 
 
 def read_json_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingModels:
-    """Buildings out of CityJSON, GeoJSON or wall rectangles; `lod` as in catalogs.readers.cityjson.buildings.
+    """Read buildings from CityJSON, GeoJSON or a table of walls.
 
-    Raises InputError where the file is broken, or is none of these.
+    Parameters
+    ----------
+    path : file.
+    lod : level of detail, as in catalogs.readers.cityjson.buildings.
+
+    Raises
+    ------
+    InputError
+        Where the file is broken or has another content.
     """
     if is_json_lines(path):
         return cityjson.read_cityjson(path, lod)

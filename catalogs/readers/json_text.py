@@ -1,4 +1,4 @@
-"""JSON opened with errors that say what is wrong with it."""
+"""JSON parser with error messages that name the defect."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ _MAX_WORD_LENGTH = len("-Infinity")
 
 
 def is_json_lines(path: Path) -> bool:
-    """Whether a file is a sequence of JSON texts, one a line. Raises InputError where it cannot be opened."""
+    """Return True where a file is a sequence of JSON texts, one per line.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be opened.
+    """
     if path.suffix.lower() == ".jsonl":
         return True
     try:
@@ -24,7 +30,13 @@ def is_json_lines(path: Path) -> bool:
 
 
 def load_json(path: Path) -> Any:
-    """What a JSON file holds; NaN and Infinity are let through. Raises InputError where it cannot be read."""
+    """Load a JSON file; NaN and Infinity are accepted.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
+    """
     try:
         text = path.read_bytes()
     except OSError as error:
@@ -33,14 +45,22 @@ def load_json(path: Path) -> Any:
 
 
 def parse_json(text: bytes, where: str) -> Any:
-    """What a JSON text holds; InputError, which says `where`, for one that is truncated or no JSON."""
+    """Parse a JSON text.
+
+    Raises
+    ------
+    InputError
+        One line that begins with `where`, for a truncated or invalid text.
+    """
     if not text.strip(b"\0\t\n\r \xef\xbb\xbf"):
         raise InputError(f"{where} is empty; get the file again")
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
         # A text that ends too early fails at its end, or in a word or string that the end cuts.
-        if error.pos and (error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _MAX_WORD_LENGTH):
+        if error.pos and (
+            error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _MAX_WORD_LENGTH
+        ):
             raise InputError(
                 f"{where} is truncated: the JSON breaks off at line {error.lineno}; get it again"
             ) from error

@@ -1,4 +1,4 @@
-"""How much a file, a building or a word of it may be: beyond these, input is a slip or an attack, and is said to be."""
+"""Limits on the size of files, buildings and texts: input beyond them is a mistake or an attack."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 import shapely
 
-from catalogs.broken import single_line
 from catalogs.features import (
     BuildingModel,
     BuildingModels,
@@ -20,6 +19,7 @@ from catalogs.features import (
     Footprints,
     Remark,
 )
+from catalogs.reader_errors import single_line
 from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
 
@@ -32,12 +32,20 @@ MAX_STREET_LENGTH_M = 60_000.0  # m; what a block spans, and a winding more. Eac
 MIN_GROUND_HEIGHT_M, MAX_GROUND_HEIGHT_M = -1000.0, 10_000.0  # m; where on Earth a building can stand
 MAX_BUILDING_HEIGHT_M = 1500.0  # m; what reaches further up is a slip of the data
 
-SourceT = TypeVar("Source", Footprints, BuildingModels, Centrelines)
+SourceT = TypeVar("SourceT", Footprints, BuildingModels, Centrelines)
 
 
 def apply_limits(source: SourceT, path: Path) -> SourceT:
-    """A source with what no block can hold set aside: ids that are no text of a useful length, outlines of too many corners,
-    ground far above or below the Earth. Names lose what is no letter."""
+    """Turn items of a source that no block can contain into faults.
+
+    These are ids of unusable length or characters, outlines of too many corners and impossible ground heights. Unprintable
+    characters of names are replaced.
+
+    Raises
+    ------
+    InputError
+        For more than MAX_FEATURES items.
+    """
     kind = "street" if isinstance(source, Centrelines) else "building"
     if len(source.items) > MAX_FEATURES:
         raise InputError(
@@ -56,14 +64,18 @@ def apply_limits(source: SourceT, path: Path) -> SourceT:
 
 
 def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None:
-    """Why a unit cannot be one of a block, with the remedy; None where it can."""
+    """Return the violated limit and the remedy; None for an acceptable item."""
     if len(item.id) > MAX_ID_LENGTH:
         return f"its id has {len(item.id)} letters, more than {MAX_ID_LENGTH}; give it a shorter one"
     if single_line(item.id) != item.id:
         return "its id holds what is no letter, such as a line break or half a character; give it another"
     if isinstance(item, Centreline):
         points = shapely.get_num_coordinates(item.line)
-        return f"it has {points} points, more than {MAX_CENTRELINE_POINTS}; simplify it" if points > MAX_CENTRELINE_POINTS else None
+        return (
+            f"it has {points} points, more than {MAX_CENTRELINE_POINTS}; simplify it"
+            if points > MAX_CENTRELINE_POINTS
+            else None
+        )
     if isinstance(item, Footprint):
         corners = shapely.get_num_coordinates(item.outline)
         if corners > MAX_CORNERS:
@@ -84,7 +96,7 @@ def _bounding_box(item: Any) -> Any:
 
 
 def _short_id(id: str) -> str:
-    """An id as far as it is of use in a report."""
+    """Return an id shortened for a report."""
     text = single_line(id[:MAX_ID_LENGTH])
     return text if len(text) <= MAX_NAME_LENGTH else f"{text[:40]}..."
 

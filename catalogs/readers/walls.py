@@ -1,4 +1,4 @@
-"""Buildings of which only wall rectangles are known: a JSON object of walls by building."""
+"""Buildings known by wall rectangles only: a JSON object of walls by building."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
-from catalogs.broken import fault_reason
 from catalogs.features import Fault, Footprint, Footprints
+from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
@@ -27,11 +27,21 @@ _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}
 
 
 def read_walls(path: Path, lod: str | None = None) -> Footprints:
-    """One footprint per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}, as high as its walls and flat.
+    """Read one footprint per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}.
 
-    Corners are metres in `crs` and go around their wall; seen from outside its first two run from left to right. Three walls
-    or more that meet end to end are closed to a body; behind any other one a body of DEPTH_M stands. `lod` is not looked at:
-    walls have none. Raises InputError where the file is no such JSON.
+    Corners are metres in `crs` in the order of the ring; the first two run from left to right as seen from outside. Three or
+    more walls that meet end to end close an outline. Other walls get an outline of ASSUMED_DEPTH_M behind them. The height is
+    that of the walls and the roof is flat.
+
+    Parameters
+    ----------
+    path : file.
+    lod : ignored, since walls have no level of detail.
+
+    Raises
+    ------
+    InputError
+        Where the file is no such JSON.
     """
     content = load_json(path)
     walls = content.get("walls") if isinstance(content, dict) else None
@@ -52,7 +62,13 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
 
 
 def _parse_building(name: str, walls: Any) -> Footprint:
-    """The body behind a building's walls; ValueError with the reason and the remedy where they bound none."""
+    """Return the footprint of a building.
+
+    Raises
+    ------
+    ValueError
+        With the reason and the remedy, where the walls bound no area.
+    """
     if not isinstance(walls, Mapping) or not walls:
         raise ValueError("it has no wall; give it walls, or take it out of the file")
     rings = {wall: _parse_ring(wall, corners) for wall, corners in walls.items()}
@@ -67,7 +83,7 @@ def _parse_building(name: str, walls: Any) -> Footprint:
 
 
 def _parse_ring(wall: str, corners: Any) -> np.ndarray:
-    """The corners of a wall, (n, 3)."""
+    """Return the corners (n, 3) of a wall."""
     try:
         ring = np.asarray(corners, np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -78,7 +94,7 @@ def _parse_ring(wall: str, corners: Any) -> np.ndarray:
 
 
 def _base_line(wall: str, ring: np.ndarray) -> np.ndarray:
-    """The line (2, 2) on which a wall stands, from left to right seen from outside."""
+    """Return the line (2, 2) at the foot of a wall, from left to right as seen from outside."""
     apart = np.linalg.norm(ring[:, None, :2] - ring[None, :, :2], axis=2)
     a, b = sorted(np.unravel_index(apart.argmax(), apart.shape))
     foot = np.array([ring[a, :2], ring[b, :2]])
@@ -92,7 +108,7 @@ def _base_line(wall: str, ring: np.ndarray) -> np.ndarray:
 
 
 def _connect_base_lines(feet: list[np.ndarray]) -> list[np.ndarray]:
-    """Feet that meet end to end, in the order given, as polylines (n, 2)."""
+    """Return polylines (n, 2) of base lines that meet end to end, in the given order."""
     chains: list[list[np.ndarray]] = []
     for foot in feet:
         if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= WALL_TOLERANCE_M:

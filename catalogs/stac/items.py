@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
-from catalogs.frames import LONLAT
+from catalogs.crs import LONLAT
 from catalogs.published.items import COLUMNS
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
 

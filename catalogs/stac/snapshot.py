@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
+from catalogs.crs import LONLAT
 from catalogs.features import file_stem, natural_sort_key
-from catalogs.frames import LONLAT
+from catalogs.printable_text import escape_invisible_json
 from catalogs.published.folders import F, Folder, at, sizes_in
 from catalogs.published.items import feet_in
 from catalogs.stac.assets import (
@@ -39,7 +40,6 @@ from catalogs.stac.items import (
 )
 from catalogs.stac.licences import license_links
 from catalogs.stac.parquet import MIRROR, write_mirror
-from catalogs.visible import escape_invisible_json
 
 if TYPE_CHECKING:
     from pystac import Item, Link, STACObject

@@ -1,4 +1,4 @@
-"""The texture atlas in chunked zarr: arrays, store, journal and rasters."""
+"""Texture atlas in chunked zarr: arrays, store, journal and rasters."""
 
 from facade_core.atlas.snapshot import Atlas, open_atlas
 

@@ -1,4 +1,4 @@
-"""The arrays of a store, declared once: what is created, resized and opened of them follows from here."""
+"""Declaration of a store's arrays: creating, resizing and opening them follows from it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from facade_core.core.provenance import PROVENANCE
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.chart_packing import Placement
 
-# Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
-# another format begins anew at the next run.
+# Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next run then
+# recreates stores of other formats.
 STORE_FORMAT = 4
 
-PAGE_DIMS, PAGE_RGB_DIMS = ("page", "y", "x"), ("page", "y", "x", "band")
+PAGE_DIMS = ("page", "y", "x")
+PAGE_RGB_DIMS = ("page", "y", "x", "band")
 PROVENANCE_FLAGS = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
 
-# Arrays over the pages of the atlas, by who writes them. The colours of each, and what these are from, come first: records have
-# the digests of these two, chart by chart.
+# Arrays over the pages of the atlas, by writer. Colour and its provenance come first: records keep a digest of these two per
+# chart.
 BASE_ARRAYS = (
     ArraySpec("atlas/seed", PAGE_RGB_DIMS, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}),
     ArraySpec("atlas/seed_evidence", PAGE_DIMS, "uint8", "provenance of seed, 0 where there is none", PROVENANCE_FLAGS),
@@ -87,7 +88,7 @@ ARRAYS = (
 
 
 def journal_array(stage: str) -> ArraySpec:
-    """The array of the records of a stage, one a unit."""
+    """Return the array that holds the records of a stage, one per unit."""
     meaning = f"record of each unit of {stage}, JSON; empty until it is done"
     return ArraySpec(f"journal/{stage}", (_unit_dimension(stage),), STRING_DTYPE, meaning)
 
@@ -95,7 +96,16 @@ def journal_array(stage: str) -> ArraySpec:
 def create_arrays(
     group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, crs: str, panorama_width: int
 ) -> None:
-    """Empty atlas pages, facade maps, panoramas and journal, for so many units by stage: no chunk is written."""
+    """Create empty atlas pages, facade maps, panoramas and journals; no chunk is written.
+
+    Parameters
+    ----------
+    group : root group of the store.
+    spec : size of pages and chunks.
+    units : number of units by stage.
+    crs : coordinate reference system of the block.
+    panorama_width : pixels; panoramas are half as high.
+    """
     axes = _axes(spec, units, panorama_width)
     for array in (*ARRAYS, *map(journal_array, units)):
         array.create(group, axes)
@@ -112,9 +122,16 @@ def create_arrays(
 
 
 def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, panorama_width: int) -> None:
-    """The arrays of `create_arrays` for other numbers of pages and of units by stage.
+    """Resize the arrays of `create_arrays` to other numbers of pages and units.
 
-    What is in both keeps its content, but for panoramas of another width, which begin anew.
+    Content that is inside both sizes stays. Panoramas of another width start empty.
+
+    Parameters
+    ----------
+    group : root group of the store.
+    spec : size of pages and chunks.
+    units : number of units by stage.
+    panorama_width : pixels; panoramas are half as high.
     """
     axes = _axes(spec, units, panorama_width)
     for array in (*ARRAYS, *map(journal_array, units)):
@@ -129,20 +146,32 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
 def clear_rasters(
     group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int], stage: str | None = None
 ) -> None:
-    """Make the atlas and the facade maps at some charts as they were before a stage wrote them; without one, before any did."""
+    """Reset the atlas and the facade maps at some charts to their state before a stage wrote them.
+
+    Parameters
+    ----------
+    group : root group of the store.
+    spec : size of pages and chunks.
+    placement : place of every chart on the pages.
+    charts : rows of the charts to clear.
+    stage : clears the arrays of this stage only; None clears those of all stages.
+    """
     arrays = [
         group[array.path]
         for array in (STAGE_ARRAYS[stage] if stage else (*BASE_ARRAYS, *STREET_ARRAYS, *SURFACE_ARRAYS))
         if array.path in group  # a store of an earlier version lacks some until its plan is written
     ]
     for chart in charts:
-        one = TexelLayout.of(placement, [chart])
+        one = TexelLayout.of_charts(placement, [chart])
         for array in arrays:
             write_rasters(array, spec, placement, one, np.zeros((one.total, *array.shape[3:]), array.dtype))
 
 
 def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, Axis]:
-    """Every dimension of ARRAYS and of the journal: a chunk is a square of a page, a panorama, or what one unit writes."""
+    """Return every dimension of `ARRAYS` and of the journal.
+
+    A chunk is a square of a page, a panorama, or the output of one unit.
+    """
     return {
         **{_unit_dimension(stage): Axis(count, 1) for stage, count in units.items()},
         "page": Axis(spec.pages, 1),

@@ -1,4 +1,4 @@
-"""Whether a store can be read, and what is left where it cannot. Nothing here removes what can still be read."""
+"""Integrity checks of a store and rollback to a readable snapshot. Readable data is never removed."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from facade_core.atlas.store import BRANCH, Repository, open_repository
 from facade_core.atlas.store_location import StoreLocation
 from facade_core.core.errors import LostStoreError, StoreError
 
-# What reading a damaged store raises: Icechunk's and zarr's own errors, those of codecs, and of what was cut short.
+# Errors of reading a damaged store: those of Icechunk, zarr and codecs, and of truncated files.
 DAMAGE_ERRORS = (icechunk.IcechunkError, OSError, RuntimeError, ValueError, KeyError, TypeError, EOFError)
 READ_THREADS = 4
-# The snapshot that every repository of Icechunk begins with.
+# The first, empty snapshot of every Icechunk repository.
 FIRST_SNAPSHOT_ID = "1CECHNKREP0F1RSTCMT0"
 
 ChunkCoordinates = tuple[int, ...]
@@ -30,19 +30,38 @@ ChunkCoordinates = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Rollback:
-    """The snapshot that a store stands on now, when it was made, and why not on a newer one."""
+    """Record of a store that went back to an earlier snapshot.
+
+    Attributes
+    ----------
+    snapshot : id of the snapshot that the branch names now.
+    written_at : time of that snapshot.
+    reason : why newer snapshots cannot be read.
+    """
 
     snapshot: str
-    made: datetime
+    written_at: datetime
     reason: str
 
 
 def roll_back_to_readable(path: StoreLocation, verify: Callable[[icechunk.Session], None]) -> Rollback | None:
-    """Let the branch of the store in `path` name the newest snapshot that can be read, if the one that it names cannot.
+    """Move the branch to the newest readable snapshot if its tip cannot be read.
 
-    sound: reads what a snapshot must hold, and raises one of DAMAGE_ERRORS where it cannot. Returns None where nothing was amiss, or
-    nothing was ever committed: what a process that was killed while it made the store has left is removed. Raises
-    LostStoreError where no snapshot is readable.
+    Removes the leftovers of a process that was killed while it created the store.
+
+    Parameters
+    ----------
+    path : folder of the store.
+    verify : reads the required content of a snapshot; raises one of `DAMAGE_ERRORS` if it cannot.
+
+    Returns
+    -------
+    The rollback, or None if the tip is readable or nothing was ever committed.
+
+    Raises
+    ------
+    LostStoreError
+        No snapshot is readable.
     """
     if _was_never_committed(path):
         if isinstance(path, Path):
@@ -72,17 +91,20 @@ def roll_back_to_readable(path: StoreLocation, verify: Callable[[icechunk.Sessio
 
 
 def list_chunks(session: icechunk.Session, array: str) -> set[ChunkCoordinates]:
-    """The chunks that an array has, by their coordinates, as the manifest lists them: none of them is read."""
+    """List the coordinates of an array's chunks from its manifest, without reading a chunk."""
 
     async def listed() -> set[ChunkCoordinates]:
         return {tuple(one) async for one in session.chunk_coordinates(f"/{array}")}
 
-    with ThreadPoolExecutor(1) as thread:  # the caller's may have an event loop of its own
+    with ThreadPoolExecutor(1) as thread:  # the caller's thread may run an event loop
         return thread.submit(asyncio.run, listed()).result()
 
 
 def has_all_files(repository: Repository, path: StoreLocation) -> bool:
-    """Whether every manifest and chunk that a branch or tag holds is there in its size; read from sizes and manifests alone."""
+    """Return True if every manifest and chunk of a branch or tag exists in its recorded size.
+
+    Reads sizes and manifests only.
+    """
     manifests = _file_sizes(path / "manifests")
     try:
         snapshots = [repository.lookup_branch(BRANCH), *map(repository.lookup_tag, repository.list_tags())]
@@ -95,7 +117,7 @@ def has_all_files(repository: Repository, path: StoreLocation) -> bool:
 
 
 def find_broken_tags(repository: Repository, path: StoreLocation) -> list[str]:
-    """Tags whose reference, snapshot or manifests cannot be read."""
+    """List tags whose reference, snapshot or manifests cannot be read."""
     broken, manifests = [], _file_sizes(path / "manifests")
     for tag in sorted(repository.list_tags()):
         try:
@@ -108,8 +130,12 @@ def find_broken_tags(repository: Repository, path: StoreLocation) -> list[str]:
 
 
 def find_unreadable_chunks(session: icechunk.Session) -> dict[str, list[ChunkCoordinates] | None]:
-    """Arrays of a snapshot with chunks that cannot be read, by path, and their coordinates; None where not even the manifest
-    can. Reads every chunk there is."""
+    """Read every chunk of a snapshot and list those that cannot be read.
+
+    Returns
+    -------
+    Coordinates of unreadable chunks by array path; None for an array whose manifest cannot be read.
+    """
     group = zarr.open_group(session.store, mode="r")
     found: dict[str, list[ChunkCoordinates] | None] = {}
     arrays = [(path, node) for path, node in group.members(max_depth=None) if isinstance(node, zarr.Array)]
@@ -135,20 +161,20 @@ def _is_readable(array: zarr.Array, chunk: ChunkCoordinates) -> bool:
 
 
 def _has_all_manifests(repository: Repository, manifest_sizes: Mapping[str, int], snapshot: str) -> bool:
-    """Whether a snapshot's manifests are there in their sizes. Raises one of DAMAGE_ERRORS where the snapshot cannot be read."""
+    """Compare a snapshot's manifests with the files; raises one of `DAMAGE_ERRORS` if it cannot be read."""
     manifests = json.loads(repository.inspect_snapshot(snapshot))["manifests"]
     return all(manifest_sizes.get(one["id"]) == one["size_bytes"] for one in manifests)
 
 
 def _file_sizes(folder: StoreLocation) -> dict[str, int]:
-    """The files of a folder of a store, which has none below it, with their sizes in bytes."""
+    """Return file sizes in bytes of a folder of a store that has no subfolders."""
     if not isinstance(folder, Path):
         return folder.sizes()
     return {entry.name: entry.stat().st_size for entry in os.scandir(folder)} if folder.is_dir() else {}
 
 
 def _was_never_committed(path: StoreLocation) -> bool:
-    """Whether a folder is what comes before a repository: no branch, and no snapshot but the first, which holds nothing."""
+    """Return True if a folder has no branch and no snapshot but the empty first one."""
     if isinstance(path, Path):
         if any((path / "refs").glob("*/ref.json")):
             return False
@@ -161,11 +187,11 @@ def _was_never_committed(path: StoreLocation) -> bool:
 
 
 def _list_snapshots(path: StoreLocation) -> Iterator[tuple[datetime, str]]:
-    """The snapshots of a store that hold something and can be looked up, newest first."""
+    """Yield readable snapshots with content, newest first."""
     names = sorted(_file_sizes(path / "snapshots"))
     try:
         repository = open_repository(path)
-    except StoreError:  # without its branch there is no repository: any will do to look around
+    except StoreError:  # a repository needs a branch: point it at any snapshot
         if not names:
             return
         _write_branch(path, names[0])
@@ -182,7 +208,10 @@ def _list_snapshots(path: StoreLocation) -> Iterator[tuple[datetime, str]]:
 
 
 def _write_branch(path: StoreLocation, snapshot: str) -> None:
-    """Write the branch's reference, as Icechunk does, which refuses to open a repository whose reference is damaged."""
+    """Write the branch's reference file.
+
+    Icechunk refuses to open a repository with a damaged reference, so its own call cannot be used.
+    """
     folder, said = path / "refs" / f"branch.{BRANCH}", json.dumps({"snapshot": snapshot})
     if not isinstance(folder, Path):
         (folder / "ref.json").write_text(said)

@@ -1,5 +1,4 @@
-"""Journals that a process reads again and again, held between two readings: of a later snapshot only what was committed since
-is read. Whoever commits says what that is."""
+"""Cache of the journal, updated from each commit's change set."""
 
 from __future__ import annotations
 
@@ -18,23 +17,31 @@ from facade_core.core.zarr_types import StoreGroup
 
 @dataclass
 class _CachedJournals:
-    """Arrays by their paths as they are at a snapshot, but for some elements of each, which others were committed over."""
+    """Arrays by path as of one snapshot.
+
+    Attributes
+    ----------
+    snapshot : id of the snapshot.
+    arrays : values by path.
+    stale : elements by path that later commits have overwritten.
+    """
 
     snapshot: str | None = None
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     stale: defaultdict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
 
 
-# By the folder of a store.
+# Caches by the folder of their store.
 _caches: dict[StoreLocation, _CachedJournals] = {}
 _cache_lock = Lock()
 
 
 @contextmanager
 def cache_journals(store: StoreLocation) -> Iterator[None]:
-    """While this lasts, `read_held` reads each array of the store in a folder once, and then what was committed.
+    """Cache the journals of a store within a `with` block.
 
-    Each record of a journal is a chunk, of which a second reads a thousand, and a run asks for all before each of its stages.
+    `read_cached_array` reads each array once and then only committed changes. Each record is a chunk, and a run reads all records
+    before each of its stages, at about a thousand chunks per second.
     """
     _caches[store] = _CachedJournals()
     try:
@@ -44,16 +51,17 @@ def cache_journals(store: StoreLocation) -> Iterator[None]:
 
 
 def read_cached_array(group: StoreGroup, path: str) -> np.ndarray:
-    """An array (n,) of a chunk for each element, as the group has it. It is not to be written to.
+    """Return an array (n,) with one chunk per element, read-only for the caller.
 
-    The folder of a store is told by its root group (`facade_core.atlas.store`)."""
+    `facade_core.atlas.store` puts the store's folder on the root group's store.
+    """
     array, held = group[path], _caches.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
     if held is None or (session := group.store.session).has_uncommitted_changes:
         return array[:]
     with _cache_lock:
-        if held.snapshot != session.snapshot_id:  # the store went back, or somebody reads what it was
+        if held.snapshot != session.snapshot_id:  # the store was rolled back, or the session is of an older snapshot
             held.snapshot, held.arrays = session.snapshot_id, {}
-        values = held.arrays.pop(path, None)  # until it is read: a reading that fails leaves nothing behind
+        values = held.arrays.pop(path, None)  # removed while it is read, so that a failed read leaves nothing behind
         stale = np.array(sorted(held.stale.pop(path, ())), np.int64)
         if values is None or values.shape != array.shape:
             values = array[:]
@@ -65,11 +73,19 @@ def read_cached_array(group: StoreGroup, path: str) -> np.ndarray:
 
 
 def update_cached_journals(store: StoreLocation, parent: str | None, snapshot: str, changes: icechunk.Diff) -> None:
-    """A snapshot was committed on top of its parent in the store in a folder, with some changes."""
+    """Update the cache of a store after a commit.
+
+    Parameters
+    ----------
+    store : folder of the store.
+    parent : id of the snapshot that the commit is based on.
+    snapshot : id of the new snapshot.
+    changes : change set of the commit.
+    """
     if (held := _caches.get(store)) is None:
         return
     with _cache_lock:
-        if held.snapshot != parent:  # what else was committed nobody said
+        if held.snapshot != parent:  # unknown commits in between
             held.arrays = {}
         for name in changes.new_arrays | changes.updated_arrays | changes.deleted_arrays:
             held.arrays.pop(name.removeprefix("/"), None)

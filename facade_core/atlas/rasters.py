@@ -1,4 +1,4 @@
-"""Chart rasters between memory and the atlas pages: whole chunks, gutters replicated."""
+"""Chart rasters between memory and the atlas pages: whole chunks, replicated gutters."""
 
 from __future__ import annotations
 
@@ -11,15 +11,20 @@ import numpy as np
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreArray
-from facade_core.geometry.chart_packing import THIN, Placement
+from facade_core.geometry.chart_packing import THIN_DIVISOR, Placement
 
 
 @dataclass(frozen=True)
 class TexelLayout:
-    """The texels of some charts laid end to end, row-major within a chart.
+    """Layout of some charts' texels in one flat array, row-major within a chart.
 
-    charts (k,) chart ids in their order in memory; offset (n,) int64 over ALL charts of the block: texel (row, column) of
-    chart c is at offset[c] + row * width[c] + column, and -1 where the chart is not held; total texels in all.
+    Texel (row, column) of chart c has the index offset[c] + row * width[c] + column.
+
+    Attributes
+    ----------
+    charts : (k,) chart ids in memory order.
+    offset : (n,) int64 over all n charts of the block, -1 for charts outside the layout.
+    total : number of texels.
     """
 
     charts: np.ndarray
@@ -27,20 +32,31 @@ class TexelLayout:
     total: int
 
     @classmethod
-    def of(cls, placement: Placement, charts: Iterable[int]) -> TexelLayout:
+    def of_charts(cls, placement: Placement, charts: Iterable[int]) -> TexelLayout:
         held = np.array(list(charts), np.int64)
         size = placement.width[held].astype(np.int64) * placement.height[held]
         offset = np.full(len(placement.page), -1, np.int64)
         offset[held] = np.cumsum(size) - size
         return cls(held, offset, int(size.sum()))
 
-    def slice(self, placement: Placement, chart: int) -> slice:
+    def texel_slice(self, placement: Placement, chart: int) -> slice:
         start = int(self.offset[chart])
         return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
 
 
 def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -> np.ndarray:
-    """The held charts' texels of a (page, y, x, ...) array: (total, ...). A chunk that small charts share is read once."""
+    """Read the layout's texels from a page array. Reads a chunk that small charts share once.
+
+    Parameters
+    ----------
+    array : (page, y, x, ...) array of the store.
+    placement : place of every chart on the pages.
+    layout : charts to read.
+
+    Returns
+    -------
+    (total, ...) texel values.
+    """
     flat = np.empty((layout.total, *array.shape[3:]), array.dtype)
     chunk = array.chunks[1]
     shared: dict[tuple[int, int, int], np.ndarray] = {}
@@ -54,25 +70,33 @@ def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -
             block = shared[cell][y % chunk : y % chunk + height, x % chunk : x % chunk + width]
         else:
             block = np.asarray(array[page, y : y + height, x : x + width])
-        flat[layout.slice(placement, c)] = block.reshape(-1, *array.shape[3:])
+        flat[layout.texel_slice(placement, c)] = block.reshape(-1, *array.shape[3:])
     return flat
 
 
 def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: np.ndarray) -> None:
-    """Write the held charts' texels (total, ...) and their gutters into a (page, y, x, ...) array.
+    """Write the layout's texels and their gutters to a page array.
 
-    A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones, and thin ones, share theirs,
-    each of which is read and rewritten once: only the unit that owns the building may do that.
+    A chart larger than half a chunk owns its chunks and is written as whole chunks. Smaller and thin charts share chunks. Each
+    shared chunk is read and rewritten once, which only the unit that owns the building may do.
+
+    Parameters
+    ----------
+    array : (page, y, x, ...) array of the store.
+    spec : chunk and gutter size.
+    placement : place of every chart on the pages.
+    layout : charts to write.
+    flat : (total, ...) texel values.
     """
     shared: dict[tuple[int, int, int], list[tuple[int, int, np.ndarray]]] = {}
     for c in layout.charts:
         height, width = int(placement.height[c]), int(placement.width[c])
-        raster = flat[layout.slice(placement, c)].reshape(height, width, *array.shape[3:])
+        raster = flat[layout.texel_slice(placement, c)].reshape(height, width, *array.shape[3:])
         page, y, x = int(placement.page[c]), int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
         colour = [(0, 0)] * (raster.ndim - 2)
         block = np.pad(raster, [(spec.gutter,) * 2, (spec.gutter,) * 2, *colour], mode="edge")
         high, wide = block.shape[:2]
-        if max(high, wide) > spec.chunk // 2 and high > spec.chunk // THIN:
+        if max(high, wide) > spec.chunk // 2 and high > spec.chunk // THIN_DIVISOR:
             rows, columns = (-size % spec.chunk for size in block.shape[:2])
             block = np.pad(block, [(0, rows), (0, columns), *colour])
             write_chunks(array, (page, slice(y, y + block.shape[0]), slice(x, x + block.shape[1])), block)
@@ -91,8 +115,19 @@ def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, layo
 
 
 def write_chunks(array: StoreArray, region: tuple[int, slice, slice], values: np.ndarray) -> None:
-    """Write a region of a page (page, rows, columns) that begins and ends on chunks: a chunk has one writer, and is written
-    whole. Raises StoreError for any other."""
+    """Write a region of a page as whole chunks: each chunk has one writer.
+
+    Parameters
+    ----------
+    array : (page, y, x, ...) array of the store.
+    region : page, rows and columns, aligned to chunks.
+    values : values of the region.
+
+    Raises
+    ------
+    StoreError
+        The region is not aligned to chunks or exceeds the page.
+    """
     for part, chunk, size in zip(region[1:], array.chunks[1:], array.shape[1:], strict=False):
         if part.start % chunk or part.stop % chunk or not 0 <= part.start < part.stop <= size:
             raise StoreError(
@@ -110,11 +145,25 @@ def _chunk_region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, s
 def chart_digests(
     colour: np.ndarray, provenance: np.ndarray, placement: Placement, layout: TexelLayout, ids: np.ndarray
 ) -> dict[str, str]:
-    """Digest of colour (total, 3) and provenance (total,) of every held chart: its id of `ids` (charts,) uint64, in hexadecimal
-    -> hex. The same wherever the chart lies on the pages."""
+    """Compute the digest of colour and provenance of every chart of a layout.
+
+    Independent of the chart's place on the pages.
+
+    Parameters
+    ----------
+    colour : (total, 3) uint8 texels.
+    provenance : (total,) uint8 texels.
+    placement : place of every chart on the pages.
+    layout : charts to digest.
+    ids : (charts,) uint64 id of every chart of the block.
+
+    Returns
+    -------
+    Hexadecimal digest by hexadecimal chart id.
+    """
     digests: dict[str, str] = {}
     for c in layout.charts.tolist():
-        texels = layout.slice(placement, c)
+        texels = layout.texel_slice(placement, c)
         digest = hashlib.blake2b(np.ascontiguousarray(colour[texels]).tobytes(), digest_size=8)
         digest.update(np.ascontiguousarray(provenance[texels]).tobytes())
         digests[f"{int(ids[c]):016x}"] = digest.hexdigest()
@@ -122,14 +171,19 @@ def chart_digests(
 
 
 def picture_digest(rgb: np.ndarray) -> str:
-    """Digest of a picture's pixels, hexadecimal."""
+    """Compute the digest of a picture's pixels, hexadecimal."""
     return hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).hexdigest()
 
 
 def chunk_digests(
     colour: StoreArray, provenance: StoreArray, spec: AtlasSpec, placement: Placement, charts: Iterable[int]
 ) -> dict[str, str]:
-    """Digest of colour and provenance of every chunk that holds one of `charts`: "page/row/column" -> hex."""
+    """Compute the digest of colour and provenance of every chunk that contains one of the charts.
+
+    Returns
+    -------
+    Hexadecimal digest by "page/row/column".
+    """
     digests: dict[str, str] = {}
     for c in charts:
         chunks = placement.chunks(int(c), spec.chunk, spec.gutter)

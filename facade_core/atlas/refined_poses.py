@@ -1,4 +1,4 @@
-"""What the journal says of panoramas once they were refined alone and then together."""
+"""Records of panoramas after single and joint refinement of their poses."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from facade_core.core.zarr_types import StoreGroup
 
 
 def read_refined_poses(group: StoreGroup) -> list[Record | None]:
-    """The records of panoramas by index, with what their bundles found in place of what is of them alone; what a bundle says
-    counts where it is of the pose that a panorama has alone now."""
+    """Return the records of panoramas by index, with the joint refinement merged in.
+
+    A bundle's result counts only if it started from the panorama's current single pose.
+    """
     records = read_journal(group, "poses")
     at = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
     for bundle in read_journal(group, "bundles"):

@@ -1,6 +1,6 @@
-"""A store's snapshot for Python: one xarray tree with names, units and the CRS, and charts and facades cut out of it.
+"""Snapshot of a store as an xarray tree with names, units and the CRS, cut to charts and facades.
 
-Nothing is read until it is asked for.
+All data is lazy.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.store_location import StoreLocation
 from facade_core.atlas.table_schema import TABLES
 from facade_core.core.errors import InputError, StoreError
-from facade_core.core.zarr_types import StoreGroup, group_at
-from facade_core.geometry.charts import KINDS
+from facade_core.core.zarr_types import StoreGroup, get_subgroup
+from facade_core.geometry.charts import CHART_KINDS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,15 +34,20 @@ WORLD_COORDINATES = {
     "world_y": {"standard_name": "projection_y_coordinate", "units": "m"},
     "world_z": {"long_name": "height in the block's frame", "units": "m", "positive": "up"},
 }
-# As the store has them.
+# Chunks of the store.
 STORED_CHUNKS: Mapping[str, int] = {}
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """A snapshot of a store: `open_atlas` opens one. It can be sent to workers that reach the same store.
+    """Snapshot of a store, opened by `open_atlas`. Picklable for workers that reach the same store.
 
-    tree: groups and arrays as the store has them; path: the store's folder, where it is known; chunks: as of `open_atlas`.
+    Attributes
+    ----------
+    tree : groups and arrays of the store.
+    session : session of the snapshot.
+    path : folder of the store, None if unknown.
+    chunks : Dask chunks, as in `open_atlas`.
     """
 
     tree: xr.DataTree
@@ -51,20 +56,31 @@ class Atlas:
     chunks: Mapping[str, int] | None = field(repr=False)
 
     def __getitem__(self, path: str) -> Any:
-        """A group of the tree (DataTree), or an array (DataArray), such as `atlas["atlas/colour"]`."""
+        """Return a group of the tree (DataTree), or an array (DataArray) such as `atlas["atlas/colour"]`."""
         return self.tree[path]
 
     @property
     def snapshot(self) -> str:
+        """Return the snapshot's id."""
         return str(self.session.snapshot_id)
 
     @cached_property
     def group(self) -> StoreGroup:
-        """The root group, for what reads zarr."""
+        """Return the root group for zarr readers."""
         return open_root(self.session)
 
     def at(self, snapshot: str) -> Atlas:
-        """The same store at another snapshot, by its id, or by a tag: each street's end has one. Raises StoreError."""
+        """Return the same store at another snapshot.
+
+        Parameters
+        ----------
+        snapshot : id or tag; the end of each street has a tag.
+
+        Raises
+        ------
+        StoreError
+            The store has no such snapshot, or its folder is unknown.
+        """
         if self.path is None:
             raise StoreError("the atlas was opened from a session of an unknown store; open a session at the snapshot")
         repository = open_repository(self.path)
@@ -82,11 +98,20 @@ class Atlas:
             raise StoreError(f"{self.path}: no tag or snapshot {snapshot} is there; tags are e.g. {known}") from error
 
     def chart(self, id: str | int | np.integer) -> xr.Dataset:
-        """The rasters (y, x) of a chart, by its id (16 hexadecimal digits, as in the journal) or its row in `charts`.
+        """Return the rasters of a chart.
 
-        Coordinates: y and x in metres down and to the right of the chart's upper left corner; world_x, world_y and world_z
-        (y, x), the texels' centres in the block's CRS; page. attrs: id, kind, the first row and column on the page, origin,
-        axis_x and axis_y (3,), texels_per_metre, crs. Raises InputError where there is no such chart.
+        Coordinates: y and x in metres down and right from the chart's upper left corner; world_x, world_y and world_z (y, x), the
+        texel centres in the block's CRS; page. attrs: id, kind, first row and column on the page, origin, axis_x and axis_y (3,),
+        texels_per_metre, crs.
+
+        Parameters
+        ----------
+        id : 16 hexadecimal digits, as in the journal, or the row in `charts`.
+
+        Raises
+        ------
+        InputError
+            No chart has this id.
         """
         ids = [f"{number:016x}" for number in self.tables["charts"]["id"].tolist()]
         row = int(id) if isinstance(id, int | np.integer) else ids.index(id.lower()) if id.lower() in ids else -1
@@ -95,9 +120,15 @@ class Atlas:
         return self._cut(row, ids[row])
 
     def facade(self, id: str) -> xr.Dataset:
-        """The rasters of a facade's chart, as of `chart`; in attrs also facade, building, street, width and height (m), floors,
-        levels (by the map), seen, and elements: those of the completed facade as JSON, in texels. Raises InputError where there
-        is no such facade.
+        """Return the rasters of a facade's chart, as in `chart`, with the facade's attributes.
+
+        Further attrs: facade, building, street, width and height (m), floors, levels (by the map), seen, and elements: the completed
+        facade's elements as JSON, in texels.
+
+        Raises
+        ------
+        InputError
+            No facade has this id.
         """
         facades = self.tables["facades"]
         if id not in facades["id"]:
@@ -118,9 +149,9 @@ class Atlas:
 
     @cached_property
     def tables(self) -> Mapping[str, Mapping[str, Any]]:
-        """The columns of the tables that say where things are."""
+        """Return the columns of the charts, facades, buildings and streets."""
         names = ("charts", "facades", "buildings", "streets")
-        return {name: TABLES[name].read(self.tree[name].to_dataset().compute()) for name in names}
+        return {name: TABLES[name].read_columns(self.tree[name].to_dataset().compute()) for name in names}
 
     def _cut(self, row: int, id: str) -> xr.Dataset:
         import xarray as xr
@@ -128,7 +159,7 @@ class Atlas:
         chart = {name: column[row] for name, column in self.tables["charts"].items() if np.ndim(column)}
         page, top, left, height, width = (int(chart[name]) for name in ("page", "y", "x", "height", "width"))
         window = {"page": page, "y": slice(top, top + height), "x": slice(left, left + width)}
-        # a store may be older than some array
+        # older stores lack some arrays
         on_pages = [array.path.split("/") for array in ARRAYS if array.dims[:3] == PAGE_DIMS]
         rasters = {
             name: self.tree[folder][name].isel(window).assign_attrs(grid_mapping="crs")
@@ -155,7 +186,7 @@ class Atlas:
             },
             attrs={
                 "id": id,
-                "kind": KINDS[int(chart["kind"])],
+                "kind": CHART_KINDS[int(chart["kind"])],
                 "row": top,
                 "column": left,
                 "origin": chart["origin"].tolist(),
@@ -168,14 +199,23 @@ class Atlas:
 
 
 def open_atlas(source: icechunk.Session | StoreLocation | str, *, chunks: Mapping[str, int] | None = STORED_CHUNKS) -> Atlas:
-    """The store of a session, or the newest snapshot of that in a folder: the store's own, or a run's; for one in a bucket
-    `catalogs.folder_at("s3://...")` gives the folder.
+    """Open the store of a session, or the newest snapshot of a folder.
 
-    Arrays have named dimensions, units, long names, flag meanings and a fill value as CF has them, and are read as they are
-    stored; `xarray.decode_cf` puts NaN where one is unknown. Each group has its CRS as the coordinate `crs`.
-    chunks: of the Dask arrays, as of `xarray.open_zarr`: the store's, which are small, or larger ones, such as {"y": 2048, "x":
-    2048} for whole pages; None for arrays without Dask, which are read when they are asked for.
-    Raises StoreError where there is no store, or nothing was written to it; FormatError where it is of another format.
+    Arrays have named dimensions, units, long names, flag meanings and a CF fill value. Values are read as stored;
+    `xarray.decode_cf` replaces unknown values by NaN. Each group has its CRS as the coordinate `crs`.
+
+    Parameters
+    ----------
+    source : session, folder of a store, or folder of a run. `catalogs.folder_at("s3://...")` gives a folder in a bucket.
+    chunks : Dask chunks as in `xarray.open_zarr`. The default are the store's, which are small; {"y": 2048, "x": 2048} gives
+        whole pages; None gives arrays without Dask.
+
+    Raises
+    ------
+    StoreError
+        There is no store, or it is empty.
+    FormatError
+        The store has another format.
     """
     import xarray as xr
 
@@ -192,19 +232,18 @@ def open_atlas(source: icechunk.Session | StoreLocation | str, *, chunks: Mappin
     groups = xr.open_groups(
         store, engine="zarr", consolidated=False, zarr_format=3, mask_and_scale=False, chunks=chunks
     )
-    crs = _crs_attributes(str(root.attrs.get("crs", group_at(root, "atlas").attrs["crs"])))
+    crs = _crs_attributes(str(root.attrs.get("crs", get_subgroup(root, "atlas").attrs["crs"])))
     tree = xr.DataTree.from_dict({name: _with_declared_attributes(name.strip("/"), group, crs) for name, group in groups.items()})
     return Atlas(tree, session, path, chunks)
 
 
 def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str, Any]) -> xr.Dataset:
-    """A group with the attributes that are declared for its arrays, and the CRS where it has one: a store that was written
-    before they were declared lacks some."""
+    """Add the declared attributes of the arrays and the CRS; older stores lack some of them."""
     declared = {array.path: array.attrs for array in ARRAYS}
     if group in TABLES:
         placed = {True: {"grid_mapping": "crs"}, False: {}}
         columns = TABLES[group].columns
-        declared = {f"{group}/{column.name}": {**column.attributes, **placed[column.placed]} for column in columns}
+        declared = {f"{group}/{column.name}": {**column.attributes, **placed[column.is_position]} for column in columns}
     for name, variable in dataset.variables.items():
         variable.attrs = {**declared.get(f"{group}/{name}", {}), **variable.attrs}
         for of_its_type in {"_FillValue", "flag_values"} & set(variable.attrs):
@@ -213,7 +252,7 @@ def _with_declared_attributes(group: str, dataset: xr.Dataset, crs: Mapping[str,
 
 
 def _crs_attributes(name: str) -> dict[str, Any]:
-    """CF attributes of a CRS."""
+    """Return the CF attributes of a CRS."""
     from pyproj import CRS
 
     return dict(CRS.from_user_input(name).to_cf())

@@ -1,4 +1,4 @@
-"""The block's store: an Icechunk repository with tables, atlas pages, panoramas and the journal."""
+"""Store of a block: an Icechunk repository with tables, atlas pages, panoramas and the journal."""
 
 from __future__ import annotations
 
@@ -23,33 +23,37 @@ if TYPE_CHECKING:
 
 BRANCH = "main"
 
-# It warns at every opening that local folders are unsafe for concurrent commits; one process commits, behind a lock.
+# Icechunk warns at every opening that local folders are unsafe for concurrent commits; here one process commits, behind a lock.
 icechunk.set_logs_filter("off")
 
-# Units, and pages of the atlas, that one manifest lists: a commit writes those that it touches anew, and in its snapshot a line
-# for each that there is (ADR 0045).
-UNITS_PER_MANIFEST, PAGES_PER_MANIFEST = 64, 4
+# A commit rewrites the manifests that it touches, and its snapshot has a line for every manifest (ADR 0045).
+UNITS_PER_MANIFEST = 64
+PAGES_PER_MANIFEST = 4
 
-# The local file system has no compare-and-swap: of two threads that move a branch at once, one commit is lost without an error.
-# A bucket has, and there this spares commits of the same process their second tries.
+# The local file system has no compare-and-swap: if two threads move a branch at once, one commit is lost without an error. A
+# bucket has it; there the lock saves retries within a process.
 _commit_lock = Lock()
-# What is asked before each commit into a store.
+# Called before each commit to a store.
 _commit_guards: dict[StoreLocation, Callable[[], None]] = {}
 
 
 class Repository(icechunk.Repository):
-    """Icechunk's in a folder, on this machine or in a bucket. Its sessions know it, so that whoever commits one can look
-    whether the commit arrived; and they are of snapshots that can be read, where Icechunk's would hold nothing. Both raise
-    StoreError."""
+    """Icechunk repository in a local folder or a bucket.
+
+    Its sessions know it, so that `commit` can check that the commit arrived. Sessions are only of readable snapshots; Icechunk
+    would return an empty one. Both raise StoreError.
+    """
 
     path: StoreLocation
 
     def writable_session(self, branch: str) -> icechunk.Session:
+        """Open a session for writing at the tip of a branch. Raises StoreError for an unreadable tip."""
         return self._readable(super().writable_session(branch))
 
     def readonly_session(
         self, branch: str | None = None, *, tag: str | None = None, snapshot_id: str | None = None, **of: Any
     ) -> icechunk.Session:
+        """Open a session for reading. Raises StoreError for an unreadable snapshot."""
         return self._readable(super().readonly_session(branch, tag=tag, snapshot_id=snapshot_id, **of))
 
     def _readable(self, session: icechunk.Session) -> icechunk.Session:
@@ -65,25 +69,36 @@ class Repository(icechunk.Repository):
 
 
 def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
-    """How a store is opened whose manifests list so many units, or pages, each.
+    """Return the Icechunk configuration for manifests of `units` units or `pages` pages each.
 
-    It is given at every opening, and not kept in the store: there it would be one more file without which a store is lost. What
-    was written otherwise is read as it is, and written so by the first commit that touches it.
+    The configuration is passed at every opening and not stored: a stored one would be one more file that the store depends on.
+    Manifests with another split stay readable; the first commit that touches them rewrites them.
     """
     array, along = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
     splitting: dict[icechunk.ManifestSplitCondition, Any] = {
         array.path_matches("^/(journal|panoramas)/"): {along.Axis(0): units},
         array.AnyArray(): {along.DimensionName("page"): pages},
     }
-    # Icechunk reads small manifests ahead, of which a session needs few: for that it takes longer than for a commit
+    # Icechunk preloads small manifests, which takes longer than a commit; a session needs few of them
     ahead = icechunk.ManifestPreloadConfig(max_total_refs=0, preload_if=icechunk.ManifestPreloadCondition.false())
     manifests = icechunk.ManifestConfig(preload=ahead, splitting=icechunk.ManifestSplittingConfig.from_dict(splitting))
     return icechunk.RepositoryConfig(manifest=manifests)
 
 
 def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
-    """The repository in folder `path`. Raises StoreError when there is none (and `create` is False) or it is damaged."""
-    if not create and not path.is_dir():  # the storage would make one, which a run takes for a store that lost all
+    """Open the repository in a folder.
+
+    Parameters
+    ----------
+    path : folder of the store.
+    create : creates the repository if there is none.
+
+    Raises
+    ------
+    StoreError
+        There is no repository, or it is damaged.
+    """
+    if not create and not path.is_dir():  # the storage would create one, which a run would take for a lost store
         raise StoreError(f"{path}: there is no store; run the block first")
     if isinstance(path, Path):
         if (path.exists() or path.is_symlink()) and not path.is_dir():  # Icechunk panics
@@ -105,8 +120,12 @@ def open_repository(path: StoreLocation, *, create: bool = False) -> Repository:
 
 
 def open_root(session: icechunk.Session) -> StoreGroup:
-    """The root group of a store, to be written to where the session is. Raises FormatError where it is of another format;
-    a store to which nothing was written yet is of any.
+    """Open the root group of a store, writable if the session is.
+
+    Raises
+    ------
+    FormatError
+        The store has another format; an empty store has any.
     """
     group = open_root_of_any_format(session)
     found = read_format(group)
@@ -121,46 +140,54 @@ def open_root(session: icechunk.Session) -> StoreGroup:
 
 
 def open_root_of_any_format(session: icechunk.Session) -> StoreGroup:
-    """The root group of a store, whoever wrote it; where the session is to be written to, it is made if there is none."""
+    """Open the root group of a store of any format; a writable session creates a missing one."""
     import zarr
 
     store: Any = session.store
-    if (repository := getattr(session, "repository", None)) is not None:  # a fork has none
+    if (repository := getattr(session, "repository", None)) is not None:  # forks have none
         store.folder = repository.path
     return cast(StoreGroup, zarr.open_group(store, mode="r" if session.read_only else "a"))
 
 
 def create_root(session: icechunk.Session) -> StoreGroup:
-    """An empty root group in place of whatever the store held."""
+    """Create an empty root group in place of the store's content."""
     import zarr
 
     return cast(StoreGroup, zarr.group(store=session.store, overwrite=True))
 
 
 def read_format(group: StoreGroup) -> int | None:
-    """The format of a store. Those made before it had an attribute of its own say it of what they were made for."""
+    """Return the format of a store; old stores keep it in their attribute `made_for`."""
     made_for = group.attrs.get("made_for")
     found = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
     return found if isinstance(found, int) else None
 
 
 def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:
-    """Write a table (a Dataset with one dimension per kind of row) over whatever the group held."""
+    """Write a table, a Dataset with one dimension per kind of row, over a group."""
     table.to_zarr(session.store, group=group, mode="w", consolidated=False)
 
 
 def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
+    """Open a table as a Dataset without Dask."""
     import xarray as xr
 
     return xr.open_zarr(session.store, group=group, consolidated=False, chunks=None)
 
 
 def commit(session: icechunk.Session, message: str) -> str:
-    """Commit a session of `open_repository` on top of whatever else was committed since it began. Returns the snapshot id.
+    """Commit a session of `open_repository` on top of all commits since it began.
 
-    One at a time in this process, whoever calls; one process at a time is for the run's lock, of which `guarded` asks. Raises
-    StoreError when another commit wrote the same chunk in the meantime, as one of the two writes would be lost, and when the
-    branch is not where this commit put it.
+    Commits of one process are serialised. Between processes the run's lock decides, which `guard_commits` checks.
+
+    Returns
+    -------
+    The id of the snapshot.
+
+    Raises
+    ------
+    StoreError
+        Another commit wrote the same chunk, or the branch does not name this commit afterwards.
     """
     branch = session.branch or BRANCH  # a committed session has none
     repository: Repository = session.repository  # type: ignore[attr-defined]
@@ -169,7 +196,7 @@ def commit(session: icechunk.Session, message: str) -> str:
         if (still := _commit_guards.get(repository.path)) is not None:
             still()
         try:
-            # moves the branch if its tip is the session's base; else rebases the session onto the tip, and tries again
+            # moves the branch if its tip is the session's base, else rebases the session onto the tip and retries
             snapshot = session.commit(message, rebase_with=icechunk.ConflictDetector())
         except icechunk.RebaseFailedError as error:
             raise StoreError(
@@ -187,7 +214,13 @@ def commit(session: icechunk.Session, message: str) -> str:
 
 @contextmanager
 def guard_commits(store: StoreLocation, check: Callable[[], None]) -> Iterator[None]:
-    """While this lasts, `still` is asked before each commit into a store: it raises where this process may commit no more."""
+    """Call `check` before each commit to a store within a `with` block.
+
+    Parameters
+    ----------
+    store : folder of the store.
+    check : raises if this process may no longer commit.
+    """
     _commit_guards[store] = check
     try:
         yield
@@ -196,11 +229,10 @@ def guard_commits(store: StoreLocation, check: Callable[[], None]) -> Iterator[N
 
 
 def expire_snapshots(repository: icechunk.Repository, min_age: timedelta = timedelta()) -> None:
-    """Forget every snapshot that is neither the newest, nor the one before it, nor tagged, nor younger than that, and remove
-    what only those held.
+    """Remove old snapshots and the data that only they use.
 
-    The one before stays for the day on which the newest cannot be read. For a moment at which nobody else writes: what an open
-    session wrote would be taken for garbage.
+    Keeps the newest snapshot, its parent, tagged snapshots and those younger than `min_age`. The parent is the fallback if the
+    newest cannot be read. Nobody else may write meanwhile: the data of an open session would count as garbage.
     """
     with _commit_lock:
         *_, before = islice(repository.ancestry(branch=BRANCH), 2)

@@ -1,4 +1,4 @@
-"""Where a store lies: a folder of this machine, or one in a bucket, which is given."""
+"""Location of a store: a local folder or a folder in a bucket."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ if TYPE_CHECKING:
 
 
 class BucketFolder(Protocol):
-    """A folder in a bucket. Equal ones are the same folder; they have a hash, and can be sent to workers."""
+    """Folder in a bucket, supplied by the caller.
+
+    Hashable, picklable for workers, and equal to another instance of the same folder.
+    """
 
     @property
     def name(self) -> str: ...
@@ -21,19 +24,19 @@ class BucketFolder(Protocol):
     def __truediv__(self, name: str, /) -> BucketFolder: ...
 
     def is_dir(self) -> bool:
-        """Whether anything lies in it."""
+        """Return True if the folder contains an object."""
 
     def icechunk_storage(self) -> icechunk.Storage:
-        """Itself as where an Icechunk repository lies. Credentials are those of the process that opens it."""
+        """Return the folder as Icechunk storage, with the credentials of the process that opens it."""
 
     def sizes(self) -> dict[str, int]:
-        """All that lies below it, by path, in bytes."""
+        """Return the size in bytes of every object below the folder, by path."""
 
     def write_text(self, text: str, /) -> object:
         """Write an object in one step."""
 
     def remove(self) -> object:
-        """Remove all that lies below it."""
+        """Remove all objects below the folder."""
 
 
 StoreLocation: TypeAlias = Path | BucketFolder

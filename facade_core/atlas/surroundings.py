@@ -1,4 +1,4 @@
-"""A chart's raster with what lies around it on the same surface: what is done to pieces side by side meets at their borders."""
+"""Raster of a chart with its surroundings on the same surface, so that neighbouring pieces match at their borders."""
 
 from __future__ import annotations
 
@@ -6,24 +6,36 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.geometry.charts import CORNERS, Charts, raster_sizes
+from facade_core.geometry.charts import CORNER_SHARES, Charts, raster_sizes
 
-# Pieces of one surface are in one plane where their normals are closer than this (cosine), and they are no further apart.
-MIN_COPLANAR_COSINE, MAX_PLANE_GAP_M = 0.98, 0.5
+# Coplanar pieces: cosine between normals, and distance.
+MIN_COPLANAR_COSINE = 0.98
+MAX_PLANE_GAP_M = 0.5
 
-# Of some rows and columns of a chart's raster: colour (h, w, 3) and provenance (h, w).
+# Reads rows and columns of a chart's raster: colour (h, w, 3) and provenance (h, w).
 ChartReader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
 
 
 def coplanar_pieces(charts: Charts, chart: int, margin: float) -> np.ndarray:
-    """The other pieces (k,) of a chart's surface that lie in its plane and come within `margin` metres of it."""
-    # in the chart's own frame a piece whose axes are others reaches farther than it does, by its diagonal at most
-    others = charts.near(chart, 2 * margin + charts.longest + MAX_PLANE_GAP_M)
+    """Find the other pieces of a chart's surface in its plane within a margin.
+
+    Parameters
+    ----------
+    charts : all charts.
+    chart : row of the chart.
+    margin : metres.
+
+    Returns
+    -------
+    (k,) chart rows.
+    """
+    # in the chart's frame a rotated piece extends farther, by its diagonal at most
+    others = charts.charts_within(chart, 2 * margin + charts.max_diagonal + MAX_PLANE_GAP_M)
     others = others[(charts.surface[others] == charts.surface[chart]) & (others != chart)]
     if len(others) == 0:
         return others
-    normal = charts.normal()
-    corners = charts.at_shares(others, CORNERS) - charts.origin[chart]
+    normal = charts.normals()
+    corners = charts.points_at_shares(others, CORNER_SHARES) - charts.origin[chart]
     x, y = corners @ charts.axis_u[chart], corners @ charts.axis_v[chart]
     width, height = charts.size[chart]
     near = (x.max(axis=1) > -margin) & (x.min(axis=1) < width + margin)
@@ -36,8 +48,21 @@ def coplanar_pieces(charts: Charts, chart: int, margin: float) -> np.ndarray:
 def read_with_surroundings(
     charts: Charts, density: np.ndarray, chart: int, size: tuple[int, int], margin: int, read: ChartReader
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (h + 2 m, w + 2 m, 3) and provenance (h + 2 m, w + 2 m) of a chart of size (h, w) texels and of what lies within
-    m = `margin` texels of it on pieces of its surface; 0 where there is none. density (n,): texels per metre of all charts."""
+    """Read colour and provenance of a chart with a margin filled from pieces of its surface.
+
+    Parameters
+    ----------
+    charts : all n charts.
+    density : (n,) texels per metre.
+    chart : row of the chart.
+    size : height h and width w of the chart, texels.
+    margin : m, texels.
+    read : reads part of a chart.
+
+    Returns
+    -------
+    Colour (h + 2 m, w + 2 m, 3) and provenance (h + 2 m, w + 2 m); 0 outside all pieces.
+    """
     height, width = size
     rows, columns = height + 2 * margin, width + 2 * margin
     colour, provenance = np.zeros((rows, columns, 3), np.uint8), np.zeros((rows, columns), np.uint8)
@@ -49,7 +74,7 @@ def read_with_surroundings(
         apart = axes @ (charts.origin[chart] - charts.origin[other])
         move = apart * density[other] + turn @ np.full(2, 0.5 - margin) - 0.5
         extent = raster_sizes(charts.size[other : other + 1], density[other])[0]
-        ends = CORNERS * (extent - 1)
+        ends = CORNER_SHARES * (extent - 1)
         back = (ends - move) @ np.linalg.inv(turn).T
         x0, y0 = np.maximum(np.floor(back.min(axis=0)) - 1, 0).astype(int)
         x1, y1 = np.minimum(np.ceil(back.max(axis=0)) + 2, (columns, rows)).astype(int)
@@ -57,7 +82,7 @@ def read_with_surroundings(
             continue
         grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1)
         at = np.floor(grid @ turn.T + move + 0.5).astype(np.int64)
-        # grids of pieces are not one grid: a texel may fall between the two, into the gutter
+        # grids of pieces differ: a texel may fall between two pieces, into the gutter
         gap = int(np.ceil(finer))
         inside = ((at >= -gap) & (at <= extent + gap - 1)).all(axis=2)
         if not inside.any():

@@ -1,4 +1,4 @@
-"""The tables of a block's plan, declared once: what is written, read and opened of them follows from here."""
+"""Declaration of the tables of a block's plan: writing, reading and opening them follows from it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from facade_core.core.errors import StoreError
-from facade_core.geometry.charts import KINDS
-from facade_core.geometry.walls import ROLES
+from facade_core.geometry.charts import CHART_KINDS
+from facade_core.geometry.walls import WALL_ROLES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,33 +20,47 @@ TEXT = "text"
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: its dimensions, that of the rows first; its dtype, TEXT for strings; CF attributes.
+    """Column of a table.
 
-    placed: its values are places in the block's CRS. optional: a table may be without.
+    Attributes
+    ----------
+    name : name of the array.
+    dims : dimensions, the rows first.
+    dtype : numpy dtype, `TEXT` for strings.
+    attributes : CF attributes.
+    is_position : values are positions in the block's CRS.
+    is_optional : the column may be missing.
     """
 
     name: str
     dims: tuple[str, ...]
     dtype: str
     attributes: Mapping[str, Any] = field(default_factory=dict)
-    placed: bool = False
-    optional: bool = False
+    is_position: bool = False
+    is_optional: bool = False
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table: a group of the store whose arrays are columns; attributes are the names of those that it has beside `crs`."""
+    """Group of the store whose arrays are columns.
+
+    Attributes
+    ----------
+    name : name of the group.
+    columns : columns of the table.
+    attributes : names of the group's attributes besides `crs`.
+    """
 
     name: str
     columns: tuple[Column, ...]
     attributes: tuple[str, ...] = ()
 
-    def dataset(self, values: Mapping[str, Any], attributes: Mapping[str, Any], crs: str) -> xr.Dataset:
+    def to_dataset(self, values: Mapping[str, Any], attributes: Mapping[str, Any], crs: str) -> xr.Dataset:
         """The columns' values as they are written. Raises StoreError where they, or the attributes, are not those declared."""
         import xarray as xr
 
         declared = {column.name for column in self.columns}
-        needed = {column.name for column in self.columns if not column.optional}
+        needed = {column.name for column in self.columns if not column.is_optional}
         if not needed <= set(values) <= declared or set(attributes) != set(self.attributes):
             odd = (needed - set(values)) | (set(values) - declared) | (set(attributes) ^ set(self.attributes))
             raise StoreError(
@@ -59,12 +73,12 @@ class Table:
         }
         return xr.Dataset(variables, attrs={**attributes, "crs": crs})
 
-    def read(self, dataset: xr.Dataset) -> dict[str, Any]:
+    def read_columns(self, dataset: xr.Dataset) -> dict[str, Any]:
         """The columns' values (rows, ...) and the table's attributes, by name; strings as str. Raises KeyError where one is not
         there."""
         values: dict[str, Any] = {name: dataset.attrs[name] for name in self.attributes}
         for column in self.columns:
-            if not column.optional or column.name in dataset:
+            if not column.is_optional or column.name in dataset:
                 found = dataset[column.name].values
                 values[column.name] = tuple(map(str, found)) if column.dtype == TEXT else found
         return values
@@ -77,20 +91,23 @@ def _to_array(values: Any, dtype: str) -> np.ndarray:
 
 
 def text_column(values: Sequence[str]) -> np.ndarray:
-    """Strings as a column that zarr keeps with variable length."""
+    """Convert strings to a variable-length string column of zarr."""
     return np.array(list(values), dtype=np.dtypes.StringDType())
 
 
 def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = "", **more: Any) -> Column:
-    """dims: names with blanks between; more: `placed`, `optional`, and other attributes."""
+    """Declare a column.
+
+    dims: names separated by blanks. more: `is_position`, `is_optional` and further CF attributes.
+    """
     of = {key: more.pop(key) for key in ("placed", "optional") if key in more}
     named = {key: value for key, value in (("units", units), ("long_name", long_name)) if value}
     return Column(name, tuple(dims.split()), dtype, {**named, **more}, **of)
 
 
-_KIND_FLAGS: dict[str, Any] = {"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)}
+_KIND_FLAGS: dict[str, Any] = {"flag_values": list(range(len(CHART_KINDS))), "flag_meanings": " ".join(CHART_KINDS)}
 
-_ROLE_FLAGS: dict[str, Any] = {"flag_values": list(range(len(ROLES))), "flag_meanings": " ".join(ROLES)}
+_ROLE_FLAGS: dict[str, Any] = {"flag_values": list(range(len(WALL_ROLES))), "flag_meanings": " ".join(WALL_ROLES)}
 
 TABLES = {
     table.name: table
@@ -98,7 +115,7 @@ TABLES = {
         Table(
             "charts",
             (
-                _column("kind", "chart", "uint8", ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS)), **_KIND_FLAGS),
+                _column("kind", "chart", "uint8", ", ".join(f"{i} {kind}" for i, kind in enumerate(CHART_KINDS)), **_KIND_FLAGS),
                 _column("surface", "chart", "int32", "the uncut surface that the chart is a piece of"),
                 _column("building", "chart", "int32", "row of buildings, -1 for ground"),
                 _column("origin", "chart xyz", "float64", "upper left corner", "m", placed=True),

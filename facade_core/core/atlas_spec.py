@@ -1,4 +1,4 @@
-"""The shape of an atlas, and of any array of a store."""
+"""Atlas dimensions, and specifications of store arrays."""
 
 from __future__ import annotations
 
@@ -17,8 +17,16 @@ STRING_DTYPE = "string"
 
 @dataclass(frozen=True)
 class AtlasSpec:
-    """Pages of page x page texels in chunks of chunk x chunk; a gutter of replicated texels around every chart; the texels per
-    metre of charts near streets, the most that any has."""
+    """Dimensions of an atlas.
+
+    Attributes
+    ----------
+    pages : number of pages.
+    texels_per_metre : density of charts near streets, the highest of the atlas.
+    page : side of a page in texels, a multiple of `chunk`.
+    chunk : side of a chunk in texels.
+    gutter : replicated texels around every chart.
+    """
 
     pages: int
     texels_per_metre: float
@@ -36,13 +44,13 @@ class AtlasSpec:
 
     @property
     def max_chart_side(self) -> float:
-        """The longest side in metres of a chart that still fits a page with its gutters."""
+        """Return the longest side in metres of a chart that fits a page with its gutters."""
         return (self.page - 2 * self.gutter) / self.texels_per_metre - 1e-6
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A dimension as one store has it: its size, and that of a chunk along it."""
+    """Size of a dimension in one store, and of a chunk along it."""
 
     size: int
     chunk: int
@@ -50,7 +58,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class ArraySpec:
-    """An array of a store: its path, the names of its dimensions, its dtype, what it holds, and other CF attributes."""
+    """Specification of a store array: path, dimension names, dtype, long name and further CF attributes."""
 
     path: str
     dims: tuple[str, ...]
@@ -60,10 +68,11 @@ class ArraySpec:
 
     @property
     def attrs(self) -> dict[str, Any]:
+        """Return the CF attributes of the array."""
         return {"long_name": self.long_name, **self.attributes}
 
     def create(self, group: StoreGroup, axes: Mapping[str, Axis]) -> StoreArray:
-        """Make the array anew, empty: metadata only."""
+        """Create the array empty, replacing an earlier one; only metadata is written."""
         return group.create_array(
             self.path,
             shape=tuple(axes[dim].size for dim in self.dims),
@@ -76,13 +85,12 @@ class ArraySpec:
         )
 
     def write(self, group: StoreGroup, folder: str, values: np.ndarray) -> None:
-        """Make the array anew in a folder of its own, of the size of what it holds, in one chunk."""
+        """Write `values` as a new array of one chunk in `folder`."""
         axes = {dim: Axis(size, size) for dim, size in zip(self.dims, values.shape, strict=True)}
         replace(self, path=f"{folder}/{self.path}").create(group, axes)[:] = values
 
     def resize(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
-        """Resize the array, which keeps what lies in both sizes; where its chunks would be others it is made anew. It is made
-        where the store is older than it."""
+        """Resize the array and keep the common part; create it where it is missing or its chunks differ."""
         if self.path not in group:
             self.create(group, axes)
             return

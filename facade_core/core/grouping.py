@@ -1,4 +1,4 @@
-"""Rows of a table by a value in one of its columns, found without comparing the whole column each time."""
+"""Index of table rows by the value of an integer column."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import numpy as np
 
 
 class RowIndex:
-    """A column (n,) of integers by value: the rows that comparing the whole column would select, in their order."""
+    """Row index of an integer column (n,), without a full comparison per query."""
 
     def __init__(self, column: np.ndarray) -> None:
         self._order = np.argsort(column, kind="stable")
         self._values = column[self._order].astype(np.int64)  # as asked for: nothing is converted at each question
 
     def rows_with(self, value: int) -> np.ndarray:
-        """The rows (k,) that hold a value, ascending."""
+        """Return the rows (k,) with a value, ascending."""
         first, last = np.searchsorted(self._values, (value, value + 1))
         return self._order[first:last]
 
     def rows_with_any(self, values: np.ndarray) -> np.ndarray:
-        """The rows (k,) that hold any of some values (v,), ascending; a value counts once."""
+        """Return the rows (k,) with any of the values (v,), ascending; repeated values count once."""
         values = np.unique(values)
         first, last = (np.searchsorted(self._values, values, side) for side in ("left", "right"))
         count = last - first
@@ -27,7 +27,7 @@ class RowIndex:
 
 
 def group_rows(values: np.ndarray) -> dict[int, np.ndarray]:
-    """The indices at which each value (n,) of whole numbers stands, ascending."""
+    """Return the ascending row indices of each distinct value of an integer column (n,)."""
     order = np.argsort(values, kind="stable")
     different, first = np.unique(values[order], return_index=True)
     return dict(zip(different.tolist(), np.split(order, first[1:]), strict=True)) if len(values) else {}

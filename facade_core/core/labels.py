@@ -39,7 +39,16 @@ PARSE_COLOURS = {name: "#" + bytes(colour.tolist()).hex() for name, colour in zi
 
 
 def colourise(labels: np.ndarray) -> np.ndarray:
-    """Draw a label map: (H, W) uint8 class ids -> (H, W, 3) uint8 RGB, UNKNOWN in black."""
+    """Draw a label map in the class colours, with UNKNOWN in black.
+
+    Parameters
+    ----------
+    labels : (height, width) class id per pixel.
+
+    Returns
+    -------
+    (height, width, 3) RGB.
+    """
     palette = np.zeros((256, 3), np.uint8)
     palette[: len(CLASSES)] = COLOURS
     return palette[labels]

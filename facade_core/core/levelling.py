@@ -1,50 +1,68 @@
-"""Seams between what is known better and worse: a smooth offset brings the worse to the better's colour at their border."""
+"""Removal of colour seams by a smooth offset, and filling of unknown texels from known ones."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Metres from a seam at which a third of its offset is left.
-LEVELLED_M = 2.0
-# So many times as far away, what is left of it is not seen: nothing there needs a look.
-LEVELLED_REACHES = 2.5
-# Texels around a seam whose mean colours are compared: more than a texture's grain, less than a window.
-BESIDE = 9
-# Levels out of 255 by which a seam is levelled at most: beyond, two materials meet, not two exposures of one.
-LARGEST = 64.0
-# Of the membrane, at each size.
-RELAXATIONS = 24
+# Metres from a seam at which its offset has fallen to 1 / e.
+SEAM_DECAY_M = 2.0
+# Beyond this many decay lengths the rest of the offset is invisible, and texels need not be read.
+MAX_SEAM_DECAYS = 2.5
+# Side in texels of the window whose mean colours are compared: more than a texture's grain, less than a window.
+MEAN_WINDOW_TEXELS = 9
+# Levels out of 255. A larger difference separates two materials, not two exposures of one.
+MAX_SEAM_OFFSET = 64.0
+# Jacobi iterations of the membrane at each size.
+RELAXATIONS_PER_SIZE = 24
 
 
 def fill_unknown(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """values (h, w, c) with those that are not `known` (h, w) bool taken from the known ones around: (h, w, c) float32.
+    """Fill unknown values with the means of known ones around them (pull-push).
 
-    Means of ever larger squares: a texel takes that of the smallest square of a power of two that holds a known one, so that
-    whoever averages squares in turn, as mipmaps do, meets nothing but known colours. Zeros where nothing is known.
+    An unknown value takes the mean of the smallest square with a power-of-two side that contains a known one. So means over
+    such squares, as in mipmaps, are means of known values only.
+
+    Parameters
+    ----------
+    values : (height, width, channels).
+    known : (height, width).
+
+    Returns
+    -------
+    (height, width, channels); zeros where nothing is known.
     """
     weight = known.astype(np.float32)
-    return _means(values.astype(np.float32) * weight[..., None], weight)
+    return _known_means(values.astype(np.float32) * weight[..., None], weight)
 
 
-def filled(colour: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """colour (h, w, c) uint8 with those that are not `known` (h, w) bool as `spread` has them, rounded.
+def fill_unknown_colours(colour: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Fill unknown colours as `fill_unknown` does, rounded to bytes.
 
-    The finest size, of four times as many texels as all others together, is gone through without floats.
+    The finest size, with four times as many texels as all others together, is processed without floats.
+
+    Parameters
+    ----------
+    colour : (height, width, channels).
+    known : (height, width).
+
+    Returns
+    -------
+    (height, width, channels).
     """
     height, width = known.shape
     total, weight = (
-        _halved(array, dtype).astype(np.float32)
+        _sum_blocks(array, dtype).astype(np.float32)
         for array, dtype in ((colour * known[..., None], np.uint16), (known, np.uint8))
     )
-    near = np.round(_means(total, weight)).astype(np.uint8)
+    near = np.round(_known_means(total, weight)).astype(np.uint8)
     return np.where(known[..., None], colour, near.repeat(2, axis=0).repeat(2, axis=1)[:height, :width])
 
 
-def _means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Of sums (h, w, c) of so many known values (h, w), both float32."""
+def _known_means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Compute the pyramid means of sums (h, w, c) of `weight` (h, w) known values."""
     levels = [(total, weight)]
     while max(levels[-1][1].shape) > 1:
-        levels.append(tuple(_halved(array) for array in levels[-1]))  # type: ignore[arg-type]
+        levels.append(tuple(_sum_blocks(array) for array in levels[-1]))  # type: ignore[arg-type]
     result = np.zeros((1, 1, total.shape[2]), np.float32)
     for total, weight in reversed(levels):
         coarse = (
@@ -57,11 +75,20 @@ def _means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach: float) -> np.ndarray:
-    """A chart's colour (h, w, 3) uint8 with the texels `free` levelled to those `fixed`, both (h, w) bool and disjoint.
+    """Level the seam between the fixed and the free texels of a chart.
 
-    Along their border the mean colours on both sides are compared, LARGEST at most; a membrane through that difference is
-    added to the free texels, less with the distance from the border: a third of it is left after `reach` texels. So a seam
-    goes, and a patch of another colour does not tint a whole wall. Fixed texels keep their colour.
+    The mean colours on both sides of the border are compared, up to MAX_SEAM_OFFSET. A membrane through the difference is
+    added to the free texels, and decays with the distance from the border, so that a patch does not tint a whole wall.
+
+    Parameters
+    ----------
+    colour : (height, width, 3) RGB of the chart.
+    fixed, free : (height, width), disjoint; only free texels change.
+    reach : texels from the border at which the offset has fallen to 1 / e.
+
+    Returns
+    -------
+    (height, width, 3) RGB.
     """
     import cv2
 
@@ -74,10 +101,14 @@ def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach
     means = []
     for region in (fixed, free):
         mask = region.astype(np.float32)
-        total = cv2.blur(colour.astype(np.float32) * mask[..., None], (BESIDE, BESIDE), borderType=cv2.BORDER_CONSTANT)
-        share = cv2.blur(mask, (BESIDE, BESIDE), borderType=cv2.BORDER_CONSTANT)
+        total = cv2.blur(
+            colour.astype(np.float32) * mask[..., None],
+            (MEAN_WINDOW_TEXELS, MEAN_WINDOW_TEXELS),
+            borderType=cv2.BORDER_CONSTANT,
+        )
+        share = cv2.blur(mask, (MEAN_WINDOW_TEXELS, MEAN_WINDOW_TEXELS), borderType=cv2.BORDER_CONSTANT)
         means.append(total / np.maximum(share, 1e-6)[..., None])
-    offset = _membrane(np.clip(means[0] - means[1], -LARGEST, LARGEST), border)
+    offset = _membrane(np.clip(means[0] - means[1], -MAX_SEAM_OFFSET, MAX_SEAM_OFFSET), border)
     away = cv2.distanceTransform((~grown).astype(np.uint8), cv2.DIST_L2, 3)
     offset *= np.exp(-away / reach)[..., None]
     levelled = colour.copy()
@@ -86,16 +117,13 @@ def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach
 
 
 def _membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The smooth sheet (h, w, c) float32 through the known values: each other is its neighbours' mean, the edges are free.
-
-    Coarse to fine, so that few relaxations at each size do.
-    """
+    """Interpolate known values (h, w, c) smoothly, with free borders, by relaxation from coarse to fine."""
     import cv2
 
     weight = known.astype(np.float32)
     levels = [(values.astype(np.float32) * weight[..., None], weight)]
     while max(levels[-1][1].shape) > 2:
-        levels.append(tuple(_halved(array) for array in levels[-1]))  # type: ignore[arg-type]
+        levels.append(tuple(_sum_blocks(array) for array in levels[-1]))  # type: ignore[arg-type]
     total, weight = levels[-1]
     sheet = np.broadcast_to(total.sum(axis=(0, 1)) / weight.sum(), total.shape)
     cross = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]], np.float32) / 4
@@ -106,13 +134,13 @@ def _membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
             sheet = np.ascontiguousarray(sheet[:height, :width])
         held = (weight > 0)[..., None]
         pinned = total / np.maximum(weight, 1e-9)[..., None]
-        for _ in range(RELAXATIONS):
+        for _ in range(RELAXATIONS_PER_SIZE):
             sheet = np.where(held, pinned, cv2.filter2D(sheet, -1, cross, borderType=cv2.BORDER_REPLICATE))
     return sheet
 
 
-def _halved(array: np.ndarray, dtype: type | None = None) -> np.ndarray:
-    """Sums of squares of 2 x 2, as their own type or one that holds more; an odd last row or column stands alone."""
+def _sum_blocks(array: np.ndarray, dtype: type | None = None) -> np.ndarray:
+    """Sum blocks of 2 x 2, zero-padded for odd sizes."""
     rows, columns = array.shape[0] % 2, array.shape[1] % 2
     padded = np.pad(array, [(0, rows), (0, columns)] + [(0, 0)] * (array.ndim - 2)) if rows or columns else array
     total = np.add(padded[::2, ::2], padded[1::2, ::2], dtype=dtype)

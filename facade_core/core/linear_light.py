@@ -1,5 +1,4 @@
-"""Colours as linear light, which is what a vertex' colour multiplies a texture's by (glTF 2.0, 3.9.2), and meant in which they
-keep their brightness from afar."""
+"""Conversion between sRGB and linear light, in which vertex colours multiply textures (glTF 2.0, 3.9.2)."""
 
 from __future__ import annotations
 
@@ -10,27 +9,40 @@ _BYTES = np.arange(256) / 255
 _LINEAR = np.where(_BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def linear(image: np.ndarray) -> np.ndarray:
-    """sRGB bytes (...) as linear light (...) float32, 0 to 1."""
+def srgb_to_linear(image: np.ndarray) -> np.ndarray:
+    """Convert sRGB bytes (...) to linear light (...), 0 to 1."""
     return _LINEAR[image]
 
 
-def srgb(light: np.ndarray) -> np.ndarray:
-    """Linear light (...) as sRGB bytes (...); what is beyond 0 to 1 is cut off."""
+def linear_to_srgb(light: np.ndarray) -> np.ndarray:
+    """Convert linear light (...) to sRGB bytes (...); values beyond 0 to 1 are clipped."""
     x = np.clip(light, 0, 1)
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
     return np.rint(255 * encoded).astype(np.uint8)
 
 
-def smoothed(light: np.ndarray, known: np.ndarray, sigma: float, *, wrap: bool = False) -> np.ndarray:
-    """The means of light (h, w, 3) where it is known (h, w) bool, weighted by a Gaussian of `sigma` pixels; where nothing is
-    near, of ever more around it (pull-push). wrap: the picture goes on into itself."""
+def smooth_known(light: np.ndarray, known: np.ndarray, sigma: float, *, wrap: bool = False) -> np.ndarray:
+    """Compute Gaussian means of the known light around each pixel.
+
+    Where no known pixel is near, ever wider means are used (pull-push).
+
+    Parameters
+    ----------
+    light : (height, width, 3) linear light.
+    known : (height, width).
+    sigma : pixels.
+    wrap : treat the picture as periodic.
+
+    Returns
+    -------
+    (height, width, 3) linear light.
+    """
     import cv2
 
     if wrap:
         pad = int(min(4 * sigma, *light.shape[:2]))
         spread = [(pad, pad), (pad, pad), (0, 0)]
-        grown = smoothed(np.pad(light, spread, "wrap"), np.pad(known, spread[:2], "wrap"), sigma)
+        grown = smooth_known(np.pad(light, spread, "wrap"), np.pad(known, spread[:2], "wrap"), sigma)
         return grown[pad:-pad, pad:-pad]
     weight = known.astype(np.float32)
     total, share = light * weight[..., None], weight
@@ -38,7 +50,7 @@ def smoothed(light: np.ndarray, known: np.ndarray, sigma: float, *, wrap: bool =
     left = np.ones(known.shape, np.float32)
     step, height, width = sigma, *known.shape
     for _ in range(8):
-        # a wide mean is as good on fewer pixels
+        # a wide mean loses nothing on fewer pixels
         factor = max(1, int(step / 3))
         size = (max(1, width // factor), max(1, height // factor))
         small = [cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (total, share)]

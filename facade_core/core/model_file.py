@@ -1,4 +1,4 @@
-"""Files of trained parsers: an .onnx, and beside it a .json that it is checked against."""
+"""Files of trained parsers: an .onnx file and a .json record of the same name that it is checked against."""
 
 from __future__ import annotations
 
@@ -14,8 +14,14 @@ from facade_core.core.labels import CLASSES
 _REMEDY = "train it anew with this version"
 
 
-def stamp(path: Path) -> tuple[tuple[int, int], ...]:
-    """Changes when one of the two files does. Raises ModelError where one is missing."""
+def file_stamps(path: Path) -> tuple[tuple[int, int], ...]:
+    """Return modification times and sizes of both files.
+
+    Raises
+    ------
+    ModelError
+        Where one of the files is missing.
+    """
     files = (path, path.with_suffix(".json"))
     for file in files:
         if not file.is_file():
@@ -23,8 +29,14 @@ def stamp(path: Path) -> tuple[tuple[int, int], ...]:
     return tuple((file.stat().st_mtime_ns, file.stat().st_size) for file in files)
 
 
-def read_record(path: Path) -> dict[str, Any]:
-    """The .json beside an .onnx file. Raises ModelError where it is no JSON object or for other classes."""
+def read_model_record(path: Path) -> dict[str, Any]:
+    """Read the .json record of an .onnx file.
+
+    Raises
+    ------
+    ModelError
+        Where the record is no JSON object or lists other classes.
+    """
     path = path.with_suffix(".json")
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
@@ -37,8 +49,20 @@ def read_record(path: Path) -> dict[str, Any]:
     return record
 
 
-def open_session(path: Path, record: Mapping[str, Any], *, threads: int) -> Any:
-    """The inference session of a file whose checksum is the record's. Raises ModelError otherwise."""
+def open_inference_session(path: Path, record: Mapping[str, Any], *, threads: int) -> Any:
+    """Open an inference session of a model file.
+
+    Parameters
+    ----------
+    path : the .onnx file.
+    record : its .json record, with the checksum.
+    threads : threads per operator.
+
+    Raises
+    ------
+    ModelError
+        Where the checksum differs or onnxruntime rejects the file.
+    """
     import onnxruntime
 
     content = path.read_bytes()
@@ -47,7 +71,7 @@ def open_session(path: Path, record: Mapping[str, Any], *, threads: int) -> Any:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
-    # Threads that wait take a processor from the other workers otherwise: as much again as the network itself.
+    # Spinning threads would take as much processor time from other workers as the network itself.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
@@ -55,14 +79,14 @@ def open_session(path: Path, record: Mapping[str, Any], *, threads: int) -> Any:
         raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
 
 
-def add_to_record(path: Path, **more: Any) -> None:
-    """Add to the .json beside an .onnx file."""
-    text = json.dumps(read_record(path) | more, indent=1) + "\n"
+def extend_model_record(path: Path, **more: Any) -> None:
+    """Add entries to the .json record of an .onnx file."""
+    text = json.dumps(read_model_record(path) | more, indent=1) + "\n"
     path.with_suffix(".json").write_text(text, encoding="utf-8")
 
 
 def write_model(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
-    """Write an .onnx file and the .json beside it, checksum and classes added to the record."""
+    """Write an .onnx file and its .json record, with checksum and classes added."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     whole = {"sha256": hashlib.sha256(content).hexdigest(), "classes": list(CLASSES), **record}

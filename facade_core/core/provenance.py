@@ -1,4 +1,4 @@
-"""Where a texel's colour is from, and which source wins."""
+"""Provenance of texels, and the rank of their sources."""
 
 from __future__ import annotations
 
@@ -21,14 +21,24 @@ class Provenance(IntEnum):
     PHOTO = 5
 
 
-def resolve(
+def resolve_provenance(
     seed: np.ndarray, evidence: np.ndarray, street: np.ndarray, views: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Colour and provenance of texels from the facade stages' seed and the street stage's result.
+    """Combine the base layer of the facade stages with the result of the street stage.
 
-    seed, street (..., 3) uint8; evidence (...,) uint8 provenance of the seed, UNSEEN where there is none; views (...,) how many
-    views made the street colour. Rank: photo > inpainted > synthesised > translated > unseen, which stays black: what it is
-    made of is for `facade_core.street.surfaces` to say.
+    Rank: photo > inpainted > synthesised > translated > unseen. Unseen texels stay black; `facade_core.street.surfaces` fills
+    them.
+
+    Parameters
+    ----------
+    seed : (..., 3) RGB of the base layer.
+    evidence : (...) provenance of the base layer, UNSEEN where it is empty.
+    street : (..., 3) RGB of the street stage.
+    views : (...) number of views behind the street colour.
+
+    Returns
+    -------
+    (..., 3) RGB, and (...) provenance.
     """
     provenance = np.where(
         evidence > Provenance.UNSEEN, evidence, np.where(views > 0, Provenance.TRANSLATED, Provenance.UNSEEN)

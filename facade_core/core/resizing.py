@@ -1,12 +1,12 @@
-"""Pictures at another size."""
+"""Resizing of images and label maps."""
 
 from __future__ import annotations
 
 import numpy as np
 
 
-def resized(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """An image (h, w, ...) uint8 at size = (height, width): by the means of its pixels where that is smaller, else smoothly."""
+def resize_image(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Resize an image (h, w, ...) to (height, width): by area means where it gets smaller, else bicubic."""
     import cv2
 
     if image.shape[:2] == size:
@@ -15,8 +15,8 @@ def resized(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA if smaller else cv2.INTER_CUBIC)
 
 
-def resized_with_labels(image: np.ndarray, labels: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """An image (h, w, 3) uint8 and its labels (h, w) uint8 at size = (height, width)."""
+def resize_with_labels(image: np.ndarray, labels: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Resize an image (h, w, 3) and its labels (h, w) to (height, width)."""
     import cv2
 
-    return resized(image, size), cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
+    return resize_image(image, size), cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)

@@ -8,8 +8,8 @@ from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True)
-def ascending(values: np.ndarray) -> np.ndarray:
-    """The order of a few values from the least on; equal ones as they came."""
+def argsort_few(values: np.ndarray) -> np.ndarray:
+    """Return the stable ascending order (k,) of a few values (k,)."""
     order = np.empty(len(values), np.int64)
     for i in range(len(values)):
         j = i

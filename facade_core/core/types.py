@@ -1,4 +1,4 @@
-"""Values that travel between the stages. All are frozen; arrays in them are not to be written to."""
+"""Immutable values that stages exchange. Arrays in them must not be written to."""
 
 from __future__ import annotations
 
@@ -22,10 +22,15 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """An axis-parallel rectangle of one class: pixels (or metres), y down, half-open.
+    """Axis-parallel rectangle of one class: pixels or metres, y down, half-open.
 
-    confidence, 0 to 1: how sure the parser is of it; 1 where the rectangle is given. Equal rectangles are equal
-    elements, however sure.
+    Equal rectangles are equal elements, whatever their confidence.
+
+    Attributes
+    ----------
+    label : class name, one of ELEMENT_CLASSES.
+    x0, y0, x1, y1 : left, top, right and bottom.
+    confidence : certainty of the parser, 0 to 1; 1 where the rectangle is given.
     """
 
     label: str
@@ -37,16 +42,25 @@ class Element:
 
     @property
     def width(self) -> float:
+        """Return the width."""
         return self.x1 - self.x0
 
     @property
     def height(self) -> float:
+        """Return the height."""
         return self.y1 - self.y0
 
 
 @dataclass(frozen=True, slots=True)
 class Parsing:
-    """A parsed facade: labels (H, W) uint8; confidence (H, W, 7) float32, rows sum to 1; occluded (H, W) bool."""
+    """Parsed facade.
+
+    Attributes
+    ----------
+    labels : (height, width) class ids.
+    confidence : (height, width, 7) class probabilities; they sum to 1.
+    occluded : (height, width), True where something hides the facade.
+    """
 
     labels: np.ndarray
     confidence: np.ndarray
@@ -55,7 +69,7 @@ class Parsing:
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """An irregular rectangular lattice: sorted split positions in pixels, both borders included."""
+    """Irregular rectangular lattice: sorted split positions in pixels, both borders included."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
@@ -63,7 +77,7 @@ class Lattice:
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A completed layout and its score; higher is better."""
+    """Completed layout and its score; higher is better."""
 
     elements: tuple[Element, ...]
     score: float
@@ -71,10 +85,14 @@ class Completion:
 
 @dataclass(frozen=True, slots=True)
 class Synthesis:
-    """A facade put together from an exemplar's tiles.
+    """Facade assembled from the tiles of an exemplar.
 
-    image (H, W, 3) uint8; labels (H, W) uint8, carried along with the tiles; tiles (rows, columns) int32, the
-    exemplar tile shown at each node, row-major in the exemplar's lattice; energy, Eq. 4 of the tiles paper.
+    Attributes
+    ----------
+    image : (height, width, 3) RGB.
+    labels : (height, width) class ids, moved along with the tiles.
+    tiles : (rows, columns) exemplar tile at each node, row-major in the exemplar's lattice.
+    energy : Eq. 4 of the tiles paper.
     """
 
     image: np.ndarray
@@ -89,11 +107,15 @@ SEMANTICS = ("wall", "roof", "ground", "window", "door", "ceiling", "unknown")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shell:
-    """A building's surface as triangles, in the block's metric frame (z up).
+    """Surface of a building as triangles, in the block's metric frame (z up).
 
-    vertices (v, 3) float64 metres; triangles (t, 3) int32, counter-clockwise seen from outside where the source keeps to it;
-    semantic (t,) uint8, an index into SEMANTICS; texture (t,) int32, an index into the block's own textures, -1 without;
-    uv (t, 3, 2) float32, texture coordinates of the corners, 0 to 1, u right and v up; zeros without texture.
+    Attributes
+    ----------
+    vertices : (v, 3) metres.
+    triangles : (t, 3) vertex indices, counter-clockwise from outside where the source complies.
+    semantic : (t,) index into SEMANTICS.
+    texture : (t,) index into the block's textures, -1 without.
+    uv : (t, 3, 2) texture coordinates of the corners, 0 to 1, u right and v up; zeros without a texture.
     """
 
     vertices: np.ndarray
@@ -105,12 +127,16 @@ class Shell:
 
 @dataclass(frozen=True, slots=True)
 class Roof:
-    """A roof over the eaves: shape as in OpenStreetMap's roof:shape; height in metres from the eaves to the ridge.
+    """Roof above the eaves.
 
-    direction: degrees clockwise from grid north that a skillion roof faces (falls towards); across: the ridge runs along the
-    short side. pitch: degrees of the slopes (of a mansard's steep part) where that is known: where they would rise above
-    `height` the roof is flat. A flat roof is "flat" and 0 high. confidence, 0 to 1: how sure the shape is, 1 where it is
-    stated, less where it is assumed.
+    Attributes
+    ----------
+    shape : value of OpenStreetMap's roof:shape; "flat" has height 0.
+    height : metres from the eaves to the ridge.
+    direction : degrees clockwise from grid north that a skillion roof falls towards.
+    across : True where the ridge is parallel to the short side.
+    pitch : known degrees of the slopes, of a mansard's steep part; slopes that reach `height` continue flat.
+    confidence : certainty of the shape, 0 to 1; 1 where a source states it.
     """
 
     shape: str
@@ -123,8 +149,13 @@ class Roof:
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """What the walls and the roof of a building are of, as a source states it: colours as red, green, blue, 0 to 255; materials
-    as in OpenStreetMap's building:material and roof:material."""
+    """Stated colours and materials of a building's walls and roof.
+
+    Attributes
+    ----------
+    wall_colour, roof_colour : red, green, blue, 0 to 255; None where unknown.
+    wall_material, roof_material : values of OpenStreetMap's building:material and roof:material; None where unknown.
+    """
 
     wall_colour: tuple[int, int, int] | None = None
     roof_colour: tuple[int, int, int] | None = None
@@ -138,7 +169,7 @@ PLAIN = Finish()
 
 @dataclass(frozen=True, slots=True)
 class Sun:
-    """Where the sun stands: azimuth, degrees clockwise from the grid's north; elevation, degrees over the horizon."""
+    """Direction of the sun: azimuth in degrees clockwise from grid north, elevation in degrees above the horizon."""
 
     azimuth: float
     elevation: float
@@ -146,12 +177,22 @@ class Sun:
 
 @dataclass(frozen=True, slots=True)
 class Building:
-    """A building in the block's metric frame (metres, z up): a footprint to extrude, or a shell, which may stand in parts.
+    """Building in the block's metric frame (metres, z up): a footprint to extrude, or a modelled shell.
 
-    height is from the ground to the eaves (of a shell: to its top); height_source says where it is from: "height", "levels",
-    "default" or "model". levels is the number of storeys where the source states it. base is the height of the ground at the
-    building, None where the terrain decides. raised: from the ground to its underside, 0 of what stands on the ground. part_of:
-    the id that the source gives the whole of which it is a part, None of a whole one; parts of one stand on one ground.
+    Attributes
+    ----------
+    id : unique id.
+    footprint : outline seen from above; only a shell may have several parts.
+    height : metres from the ground to the eaves, of a shell to its top.
+    height_source : "height", "levels", "default" or "model".
+    levels : stated number of floors.
+    name : display name.
+    base : ground height at the building; None where the terrain decides.
+    roof : roof above the eaves; None for a flat one.
+    shell : modelled surface, in place of the extrusion.
+    finish : stated colours and materials.
+    raised : metres from the ground to the underside, 0 for a building on the ground.
+    part_of : id of the whole of which this is a part; parts of one whole share one ground height.
     """
 
     id: str
@@ -168,8 +209,8 @@ class Building:
     part_of: str | None = None
 
     @property
-    def house(self) -> str:
-        """The id that all parts of one building share: of the whole."""
+    def whole_id(self) -> str:
+        """Return the id that all parts of one building share."""
         return self.part_of or self.id
 
 
@@ -178,14 +219,15 @@ Shares = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Corrected:
-    """What is said of one facade, in shares of its wall's width and height, y down.
+class FacadeCorrection:
+    """Corrections of one facade, in shares of its wall's width and height, y down.
 
-    Args:
-        elements: its windows, doors, balconies and shops as (class, left, top, right, bottom), all of them; None: as found.
-        hide: what a picture of it shows that is not of it, such as a poster or a van.
-        keep: what is of it although the parser takes it for something in front.
-        facade: whether it is one; else a wall of its material.
+    Attributes
+    ----------
+    elements : all windows, doors, balconies and shops as (class, left, top, right, bottom); None keeps the parsed ones.
+    hide : rectangles of occluders that the parser misses, such as a poster or a van.
+    keep : rectangles of the facade that the parser takes for an occluder.
+    facade : False makes it a plain wall of its material.
     """
 
     elements: tuple[tuple[str, float, float, float, float], ...] | None = None
@@ -194,16 +236,17 @@ class Corrected:
     facade: bool = True
 
 
-AS_FOUND = Corrected()
+AS_FOUND = FacadeCorrection()
 
 
 @dataclass(frozen=True, slots=True)
-class Models:
-    """Files of trained models by which facades are made; None: what is shipped.
+class ModelFiles:
+    """Files of trained models; None selects the shipped one.
 
-    Args:
-        parser: an .onnx with its .json beside it.
-        layout: a .json of layouts.
+    Attributes
+    ----------
+    parser : an .onnx file, with a .json record of the same name.
+    layout : a .json file of layouts.
     """
 
     parser: Path | None = None
@@ -211,20 +254,23 @@ class Models:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """All that are named."""
+        """Return all files that are set."""
         parser = () if self.parser is None else (self.parser, self.parser.with_suffix(".json"))
         return (*parser, *(() if self.layout is None else (self.layout,)))
 
 
-SHIPPED_MODELS = Models()
+SHIPPED_MODELS = ModelFiles()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elevation:
-    """A raster of ground heights in the block's metric frame.
+    """Raster of ground heights in the block's metric frame.
 
-    x, y: the centre of the first (north-western) cell; step: metres between cells, both ways; heights (rows, columns)
-    float32 metres, row 0 north, NaN where unknown.
+    Attributes
+    ----------
+    x, y : centre of the first (north-western) cell.
+    step : metres between cells, both ways.
+    heights : (rows, columns) metres, row 0 north, NaN where unknown.
     """
 
     x: float
@@ -235,11 +281,15 @@ class Elevation:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where an equirectangular picture was taken, in the block's metric frame.
+    """Pose of an equirectangular panorama in the block's metric frame.
 
-    z is None where only the place is known: the camera then stands on the terrain. heading: degrees clockwise from grid north
-    of the centre of the full panorama; pitch (up) and roll (clockwise) in degrees. view: the part of the full panorama
-    that the picture holds, (left, top, width, height) as shares of it.
+    Attributes
+    ----------
+    x, y : metres.
+    z : metres; None puts the camera above the terrain.
+    heading : degrees clockwise from grid north to the centre of the full panorama.
+    pitch, roll : degrees, upwards and clockwise.
+    view : (left, top, width, height) of the picture as shares of the full panorama.
     """
 
     x: float
@@ -253,7 +303,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Street:
-    """A street centreline in the block's metric frame (metres)."""
+    """Street centreline in the block's metric frame (metres)."""
 
     id: str
     name: str | None
@@ -262,12 +312,20 @@ class Street:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way on the ground in the block's metric frame, metres: what lies there, not where a camera travels.
+    """Mapped way on the ground in the block's metric frame, metres; unlike a `Street` it carries no camera.
 
-    kind: "road", "path", "cycle", "steps", "tram" or "crossing" (the line along which people cross). width: from edge to edge,
-    of a tram's track its gauge; assumed: whether that is by its class. surface: one of SURFACES. lanes: that are marked; 0:
-    none. pavement, parking: to the left and right of its line, 0 where there is none; parking lies within the width. rank:
-    whose surface goes through where roads meet, the larger.
+    Attributes
+    ----------
+    id : unique id; not part of digests.
+    line : centreline.
+    kind : "road", "path", "cycle", "steps", "tram" or "crossing" (the line along which people cross).
+    width : metres from edge to edge; gauge of a tram's track.
+    surface : one of SURFACES.
+    assumed : True where the width follows from the class.
+    lanes : number of marked lanes, 0 without.
+    oneway : True for one-way traffic.
+    pavement, parking : metres to the left and right of the line, 0 without; parking is within the width.
+    rank : priority at junctions; the surface of the larger rank continues.
     """
 
     id: str
@@ -294,7 +352,7 @@ SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A piece of ground of one surface, of SURFACES, in the block's metric frame."""
+    """Area of ground with one surface of SURFACES, in the block's metric frame."""
 
     id: str
     outline: Polygon | MultiPolygon
@@ -303,7 +361,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What a map says of the ground; outline: where the block ends, None where nothing says so."""
+    """Mapped ground of a block; outline is the border of the block, None where unknown."""
 
     ways: tuple[Way, ...] = ()
     areas: tuple[Area, ...] = ()

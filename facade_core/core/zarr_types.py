@@ -1,4 +1,4 @@
-"""What the house uses of zarr's groups and arrays, as types: zarr's own items are unions too wide to be of use to a checker."""
+"""Types of zarr groups and arrays, as zarr's own item types are unions too wide for a type checker."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class StoreArray(Protocol):
-    """A zarr.Array. What is read of it is an array of numpy, of no dimension for one element."""
+    """Protocol of zarr.Array; reading returns numpy arrays, of no dimension for one element."""
 
     @property
     def shape(self) -> tuple[int, ...]: ...
@@ -37,7 +37,7 @@ class StoreArray(Protocol):
 
 
 class StoreGroup(Protocol):
-    """A zarr.Group. Its items are arrays, by their paths; `group_at` is for groups."""
+    """Protocol of zarr.Group; its items are arrays by path, `get_subgroup` returns groups."""
 
     @property
     def attrs(self) -> MutableMapping[str, Any]: ...
@@ -53,6 +53,12 @@ class StoreGroup(Protocol):
     def require_group(self, name: str) -> StoreGroup: ...
 
 
-def group_at(group: StoreGroup, path: str) -> StoreGroup:
-    """A group in a group. Raises KeyError where there is none."""
+def get_subgroup(group: StoreGroup, path: str) -> StoreGroup:
+    """Return a group of a group.
+
+    Raises
+    ------
+    KeyError
+        Where there is none.
+    """
     return cast(StoreGroup, group[path])

@@ -13,26 +13,26 @@ from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
 from facade_core.facade.pipeline import Facade
 from facade_core.facade.variation.encoding import encode
-from facade_core.parsing.floor_structure import storeys
+from facade_core.parsing.floor_structure import count_floors
 from facade_core.parsing.lattice import lattice
 
 # A box that moved by less than so many texels is the same.
-SAME = 1.0
+MAX_SHIFT_TEXELS = 1.0
 # What becomes wall reaches so many texels beyond a box, or this share of its height: sills do.
-RIM, SILL = 2, 0.15
+MIN_RIM_TEXELS, SILL_SHARE = 2, 0.15
 # Around what becomes wall, so many texels are compared with those around the wall that is laid there.
-AROUND = 10
+CONTEXT_TEXELS = 10
 
 
-def texels_of(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
+def rasterise_boxes(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
     """The texels (h, w) bool whose middle lies in one of some boxes, for size = (h, w)."""
     mask = np.zeros(size, bool)
     for x0, y0, x1, y1 in boxes:
-        mask[_pixels(y0 * size[0], y1 * size[0]), _pixels(x0 * size[1], x1 * size[1])] = True
+        mask[_pixel_slice(y0 * size[0], y1 * size[0]), _pixel_slice(x0 * size[1], x1 * size[1])] = True
     return mask
 
 
-def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, float, float]]) -> Facade:
+def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, float, float]]) -> Facade:
     """A facade with these elements in place of its own, which are sure. A photo stays what it shows; where the texture was made
     up, its own wall is laid over elements that are gone, and its own elements are drawn where there are new ones.
 
@@ -41,17 +41,17 @@ def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, floa
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
     made_up = facade.provenance != Provenance.PHOTO
-    gone, new = unlike(facade.elements, layout), unlike(layout, facade.elements)
+    gone, new = unmatched_elements(facade.elements, layout), unmatched_elements(layout, facade.elements)
     image = facade.image.copy()
     stays = np.zeros((height, width), bool)  # a railing stays before a window that goes
     for e in facade.elements:
         if e not in gone:
-            stays[_within(e, 0, (height, width))] = True
+            stays[_element_slices(e, 0, (height, width))] = True
     for e in gone:
-        _lay_wall(image, facade.labels, e, made_up & ~stays)
+        _paint_wall(image, facade.labels, e, made_up & ~stays)
     for e in new:
-        _lay_element(image, facade, e, made_up)
-    labels = _labels(facade.labels, layout)
+        _paint_element(image, facade, e, made_up)
+    labels = _draw_labels(facade.labels, layout)
     hierarchy = None if facade.hierarchy is None else encode(image, list(layout))
     return replace(
         facade,
@@ -61,23 +61,23 @@ def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, floa
         elements=layout,
         hierarchy=hierarchy,
         told=None,
-        floors=storeys(labels),
+        floors=count_floors(labels),
     )
 
 
-def _lay_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.ndarray) -> None:
+def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.ndarray) -> None:
     """Lay the facade's own wall over what was an element: the piece, clear of elements, round which it looks most like here. By
     diffusion where no piece is clear."""
     import cv2
 
     height, width = labels.shape
-    rows, columns = _within(e, max(RIM, round(SILL * e.height)), (height, width))
+    rows, columns = _element_slices(e, max(MIN_RIM_TEXELS, round(SILL_SHARE * e.height)), (height, width))
     mask = np.zeros((height, width), bool)
     mask[rows, columns] = made_up[rows, columns]
     if not mask.any():
         return
     outer = tuple(
-        slice(max(one.start - AROUND, 0), min(one.stop + AROUND, end))
+        slice(max(one.start - CONTEXT_TEXELS, 0), min(one.stop + CONTEXT_TEXELS, end))
         for one, end in ((rows, height), (columns, width))
     )
     ring = np.ones((outer[0].stop - outer[0].start, outer[1].stop - outer[1].start), np.uint8)
@@ -94,7 +94,7 @@ def _lay_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.nda
     image[outer] = np.where(mask[outer][..., None], piece, image[outer])
 
 
-def _lay_element(image: np.ndarray, facade: Facade, e: Element, made_up: np.ndarray) -> None:
+def _paint_element(image: np.ndarray, facade: Facade, e: Element, made_up: np.ndarray) -> None:
     """Draw the element of the facade that is of this class and most of this size; nothing where it has none."""
     import cv2
 
@@ -103,45 +103,48 @@ def _lay_element(image: np.ndarray, facade: Facade, e: Element, made_up: np.ndar
         return
     other = min(like, key=lambda o: (abs(np.log(o.width / e.width)) + abs(np.log(o.height / e.height)), o.y0, o.x0))
     size = facade.labels.shape
-    rows, columns = _within(e, 0, size)
+    rows, columns = _element_slices(e, 0, size)
     if rows.stop <= rows.start or columns.stop <= columns.start:
         return
-    shown = facade.image[_within(other, 0, size)]
+    shown = facade.image[_element_slices(other, 0, size)]
     shape = (columns.stop - columns.start, rows.stop - rows.start)
     drawn = cv2.resize(shown, shape, interpolation=cv2.INTER_AREA if shape[0] < shown.shape[1] else cv2.INTER_LINEAR)
     image[rows, columns] = np.where(made_up[rows, columns][..., None], drawn, image[rows, columns])
 
 
-def _within(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice, slice]:
+def _element_slices(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice, slice]:
     """The texels, in a raster of size (h, w), of an element and a rim around it."""
     y0, y1 = (min(max(round(y), 0), size[0]) for y in (e.y0 - rim, e.y1 + rim))
     x0, x1 = (min(max(round(x), 0), size[1]) for x in (e.x0 - rim, e.x1 + rim))
     return slice(y0, y1), slice(x0, x1)
 
 
-def unlike(elements: Sequence[Element], others: Sequence[Element], *, moved: float = SAME) -> list[Element]:
+def unmatched_elements(
+    elements: Sequence[Element], others: Sequence[Element], *, max_shift: float = MAX_SHIFT_TEXELS
+) -> list[Element]:
     """The elements that none of the others is, of one class and with no side farther off than `moved`."""
     return [
         a
         for a in elements
         if not any(
-            a.label == b.label and max(abs(a.x0 - b.x0), abs(a.y0 - b.y0), abs(a.x1 - b.x1), abs(a.y1 - b.y1)) <= moved
+            a.label == b.label
+            and max(abs(a.x0 - b.x0), abs(a.y0 - b.y0), abs(a.x1 - b.x1), abs(a.y1 - b.y1)) <= max_shift
             for b in others
         )
     ]
 
 
-def _labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
+def _draw_labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
     """A label map (h, w) uint8 whose elements are those of a layout: what else was one is wall."""
     drawn = labels.copy()
     drawn[np.isin(labels, [CLASSES.index(name) for name in ELEMENT_CLASSES])] = FacadeClass.WALL
     for name in ELEMENT_CLASSES:
         for e in layout:
             if e.label == name:
-                drawn[_pixels(e.y0, e.y1), _pixels(e.x0, e.x1)] = CLASSES.index(name)
+                drawn[_pixel_slice(e.y0, e.y1), _pixel_slice(e.x0, e.x1)] = CLASSES.index(name)
     return drawn
 
 
-def _pixels(low: float, high: float) -> slice:
+def _pixel_slice(low: float, high: float) -> slice:
     """The pixels whose middle lies within."""
     return slice(max(round(low), 0), max(round(high), 0))

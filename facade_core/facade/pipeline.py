@@ -14,46 +14,46 @@ import shapely
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
-from facade_core.core.resizing import resized, resized_with_labels
-from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, Models
+from facade_core.core.resizing import resize_image, resize_with_labels
+from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, ModelFiles
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.observed import dilate_by_window, visible_boxes
-from facade_core.facade.texture.building_walls import Wall, on_wall
+from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
+from facade_core.facade.texture.building_walls import Wall, compose_wall
 from facade_core.facade.texture.inpainting import inpaint
-from facade_core.facade.texture.retargeting import Style
+from facade_core.facade.texture.retargeting import ExemplarStyle
 from facade_core.facade.texture.scale import exemplar_scale
-from facade_core.facade.texture.tint import tinted
-from facade_core.facade.variation.encoding import coded, encode
+from facade_core.facade.texture.tint import tint_facade
+from facade_core.facade.variation.encoding import encode, encode_variations
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.photo_exchange import exchange_in_photo
-from facade_core.facade.variation.variations import variations
+from facade_core.facade.variation.variations import find_variations
 from facade_core.facade.wall_material import lit_colour
-from facade_core.imagery.rectify.crop import cut_to_facade
-from facade_core.imagery.rectify.shadow import shaded_share
-from facade_core.parsing.confidence import Told, certainty, share_of, with_probabilities
+from facade_core.imagery.rectify.crop import crop_to_facade
+from facade_core.imagery.rectify.shadow import shadow_share
+from facade_core.parsing.confidence import FacadeEstimates, calibrate_elements, load_calibration
 from facade_core.parsing.elements import elements
-from facade_core.parsing.floor_structure import storeys
+from facade_core.parsing.floor_structure import count_floors
 from facade_core.parsing.lattice import lattice
-from facade_core.parsing.occluders import THING_RIM, grown, no_spill, things_in_front
+from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, dilate, occluder_mask, remove_spill
 from facade_core.parsing.segmenter import parse
 
 # A facade of which less than this is seen is not completed from it: what is made would be a guess.
-LEAST_SEEN = 0.05
+MIN_VISIBLE_SHARE = 0.05
 # An element hidden by more than this share was not observed.
-HIDDEN_SHARE = 0.3
+MAX_HIDDEN_SHARE = 0.3
 # Pixels of the longer side at which an exemplar that comes with labels is counted and looked at: windows are large there.
-COUNTED = 640
+MAX_COUNTING_SIDE_PX = 640
 
 # The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
-VARIED = 0.75
+EXCHANGE_LEVEL = 0.75
 # A wall on no street is drawn in pixels so much finer than its texels where the exemplar has them: in its texels it would be
 # softer.
-FINER = 2
+OVERSAMPLING = 2
 # How many times lighter or darker a wall may be painted in any band: farther off, grain would be what is seen.
-PAINTED = 4.0
+MAX_PAINT_FACTOR = 4.0
 # A wall goes on so far, metres, behind what stands against it, and beyond its edges.
-EDGE_M = 0.25
+FREE_MARGIN_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Facade:
     elements: tuple[Element, ...]
     hierarchy: Hierarchy | None
     completion: Completion | None
-    told: Told | None
+    estimates: FacadeEstimates | None
     floors: int
     seconds: dict[str, float] = field(compare=False)
 
@@ -96,15 +96,15 @@ class Exemplar:
     labels: np.ndarray
     occluded: np.ndarray
     box: Box
-    found: bool
+    has_facade: bool
     metres_per_pixel: float
     floors: int
     columns: int
-    shaded: float
+    shaded_share: float
     seconds: dict[str, float] = field(compare=False)
 
 
-class _Made(NamedTuple):
+class _CompletedPhoto(NamedTuple):
     """A photo parsed and completed, as `Facade` has it, with its lattice and variations to come."""
 
     image: np.ndarray
@@ -114,20 +114,20 @@ class _Made(NamedTuple):
     masked_share: float
     elements: tuple[Element, ...]
     completion: Completion | None
-    told: Told
+    told: FacadeEstimates
 
 
-def from_photo(
+def build_facade_from_photo(
     image: np.ndarray,
     hidden: np.ndarray,
     *,
-    kept: np.ndarray | None = None,
+    facade_mask: np.ndarray | None = None,
     outside: np.ndarray | None = None,
     private: np.ndarray | None = None,
     clean: bool = False,
     entrances: Sequence[float] = (),
     front: bool = False,
-    models: Models = SHIPPED_MODELS,
+    models: ModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Facade:
     """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
@@ -139,11 +139,11 @@ def from_photo(
     (`complete`); models: by which it is parsed and completed. Raises ImageError where less than LEAST_SEEN of it is seen.
     """
     seconds: dict[str, float] = {}
-    made = _completed(
+    made = _complete_photo(
         image,
         hidden,
         seconds,
-        kept=kept,
+        kept=facade_mask,
         outside=outside,
         private=private,
         clean=clean,
@@ -152,9 +152,9 @@ def from_photo(
         models=models,
         seed=seed,
     )
-    with _timed(seconds, "lattice"):
+    with _timer(seconds, "lattice"):
         split = lattice(made.labels)
-    with _timed(seconds, "encode"):
+    with _timer(seconds, "encode"):
         hierarchy = encode(made.image, made.elements)
     return Facade(
         evidence=image,
@@ -168,13 +168,13 @@ def from_photo(
         elements=made.elements,
         hierarchy=hierarchy,
         completion=made.completion,
-        told=made.told,
+        estimates=made.told,
         floors=int(made.told.value.floors),
         seconds=seconds,
     )
 
 
-def _completed(
+def _complete_photo(
     image: np.ndarray,
     hidden: np.ndarray,
     seconds: dict[str, float],
@@ -185,31 +185,31 @@ def _completed(
     clean: bool,
     entrances: Sequence[float] = (),
     front: bool = False,
-    models: Models,
+    models: ModelFiles,
     seed: int,
-) -> _Made:
-    """What `from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
-    _require_seen(hidden, "of it")
-    with _timed(seconds, "parse"):
+) -> _CompletedPhoto:
+    """What `build_facade_from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
+    _require_visible(hidden, "of it")
+    with _timer(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]), model=models.parser)
-        found = np.zeros_like(hidden) if clean else no_spill(parsing.occluded, hidden)
+        found = np.zeros_like(hidden) if clean else remove_spill(parsing.occluded, hidden)
         if kept is not None:
             found &= ~kept
-        in_front, masked = things_in_front(found)
+        in_front, masked = occluder_mask(found)
         if private is not None:
             in_front |= private
         masked_share = float((in_front & ~hidden).mean())
         hidden = hidden | in_front
         if outside is not None:
-            hidden |= grown(outside, THING_RIM)
-    _require_seen(hidden, "beside sky, trees, cars and the like")
-    with _timed(seconds, "elements"):
-        observed = [e for e in elements(parsing) if share_of(hidden, e) <= HIDDEN_SHARE]
+            hidden |= dilate(outside, OCCLUDER_RIM_SHARE)
+    _require_visible(hidden, "beside sky, trees, cars and the like")
+    with _timer(seconds, "elements"):
+        observed = [e for e in elements(parsing) if masked_share(hidden, e) <= MAX_HIDDEN_SHARE]
     completion, made, result, layout = None, parsing, image, observed
     if hidden.any():
         height, width = hidden.shape
-        with _timed(seconds, "complete"):
+        with _timer(seconds, "complete"):
             if observed:
                 seen = visible_boxes(dilate_by_window(hidden, observed)) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
                 shown = replace(parsing, occluded=hidden | parsing.occluded)
@@ -224,23 +224,23 @@ def _completed(
                     model=None if models.layout is None else layouts.load_cached_model(models.layout),
                 )[0]
                 layout = list(completion.elements)
-        with _timed(seconds, "inpaint"):
+        with _timer(seconds, "inpaint"):
             result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
         # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
-        with _timed(seconds, "parse"):
+        with _timer(seconds, "parse"):
             made = parse(result, model=models.parser)
-        with _timed(seconds, "elements"):
+        with _timer(seconds, "elements"):
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
-    sure = certainty(models.parser)
-    layout, told = with_probabilities(layout, sure, hidden), sure.told(made, layout, hidden)
-    return _Made(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
+    sure = load_calibration(models.parser)
+    layout, told = calibrate_elements(layout, sure, hidden), sure.told(made, layout, hidden)
+    return _CompletedPhoto(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
 
 
-def _require_seen(hidden: np.ndarray, what: str) -> None:
+def _require_visible(hidden: np.ndarray, what: str) -> None:
     seen = 1 - hidden.mean()
-    if seen < LEAST_SEEN:
+    if seen < MIN_VISIBLE_SHARE:
         raise ImageError(
-            f"only {seen:.1%} of the facade is seen {what}, and {LEAST_SEEN:.0%} are the least; give a photo that shows more "
+            f"only {seen:.1%} of the facade is seen {what}, and {MIN_VISIBLE_SHARE:.0%} are the least; give a photo that shows more "
             "of it, or none"
         )
 
@@ -249,59 +249,59 @@ def prepare_exemplar(
     image: np.ndarray,
     hidden: np.ndarray,
     *,
-    storey: float,
+    floor_height: float,
     private: np.ndarray | None = None,
     labels: np.ndarray | None = None,
-    models: Models = SHIPPED_MODELS,
+    models: ModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Exemplar:
     """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch; hidden and private as
-    in `from_photo`. One that comes with labels (h, w) uint8, and of which all is seen, is taken as it is: it shows the facade
+    in `build_facade_from_photo`. One that comes with labels (h, w) uint8, and of which all is seen, is taken as it is: it shows the facade
     alone. Raises ImageError where it shows too little, or no window."""
     seconds: dict[str, float] = {}
     if labels is not None and not hidden.any() and (private is None or not private.any()):
         evidence = made = image
         box, found, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
-        with _timed(seconds, "elements"):
-            seen, classes = _at_most(made, labels, COUNTED)
-            floors, layout = storeys(classes), tuple(elements(classes))
+        with _timer(seconds, "elements"):
+            seen, classes = _shrink_to_side(made, labels, MAX_COUNTING_SIDE_PX)
+            floors, layout = count_floors(classes), tuple(elements(classes))
     else:
-        cut = cut_to_facade(image, hidden, model=models.parser)
+        cut = crop_to_facade(image, hidden, model=models.parser)
         found = cut.found
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
-        whole = _completed(
+        whole = _complete_photo(
             cut.image, cut.hidden, seconds, outside=cut.outside, private=private, clean=False, models=models, seed=seed
         )
         evidence, made, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
         floors, layout, seen, classes = int(whole.told.value.floors), whole.elements, made, labels
     if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
-    with _timed(seconds, "scale"):
-        scale = exemplar_scale(made, labels, storey=storey)
-    shaded = shaded_share(seen, classes)
+    with _timer(seconds, "scale"):
+        scale = exemplar_scale(made, labels, storey=floor_height)
+    shaded = shadow_share(seen, classes)
     return Exemplar(evidence, made, labels, occluded, box, found, scale, floors, count_columns(layout), shaded, seconds)
 
 
-def _at_most(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
+def _shrink_to_side(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
     """An image (h, w, 3) and labels (h, w), so much smaller that no side has more pixels than `longest`."""
     share = longest / max(labels.shape)
     if share >= 1:
         return image, labels
     height, width = (max(1, round(side * share)) for side in labels.shape)
-    return resized_with_labels(image, labels, (height, width))
+    return resize_with_labels(image, labels, (height, width))
 
 
-def from_exemplar(
-    style: Style,
+def build_facade_from_exemplar(
+    style: ExemplarStyle,
     wall: Wall,
     size: tuple[int, int],
     *,
-    part: tuple[float, float] | None = None,
-    like: Style | None = None,
+    span: tuple[float, float] | None = None,
+    floor_style: ExemplarStyle | None = None,
     metres_per_pixel: float,
-    house: int = 0,
-    colour: np.ndarray | None = None,
+    building_seed: int = 0,
+    wall_colour: np.ndarray | None = None,
     seed: int = 0,
 ) -> Facade:
     """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`: finer than the raster of size = (h, w)
@@ -314,32 +314,40 @@ def from_exemplar(
     import cv2
 
     seconds: dict[str, float] = {}
-    with _timed(seconds, "retarget"):
-        left, right = part or (0.0, wall.width)
+    with _timer(seconds, "retarget"):
+        left, right = span or (0.0, wall.width)
         whole = wall.street or wall.door  # of a back's door the joints would be lost
         texel = wall.height / size[0]
-        pixel = metres_per_pixel if whole else max(metres_per_pixel, texel / FINER)
-        texture, labels = on_wall(
-            style, wall, like=like, metres_per_pixel=metres_per_pixel, drawn_at=pixel, shown_at=texel, seed=seed
+        pixel = metres_per_pixel if whole else max(metres_per_pixel, texel / OVERSAMPLING)
+        texture, labels = compose_wall(
+            style,
+            wall,
+            floor_style=floor_style,
+            metres_per_pixel=metres_per_pixel,
+            output_metres_per_pixel=pixel,
+            texel_m=texel,
+            seed=seed,
         )
         own = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
-        texture, labels = resized(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
+        texture, labels = resize_image(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
         if labels.shape != size:
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
-    with _timed(seconds, "elements"):
+    with _timer(seconds, "elements"):
         layout = tuple(elements(labels))
     hierarchy = varied = None
-    with _timed(seconds, "vary"):
+    with _timer(seconds, "vary"):
         if wall.street:
             # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
-            texture, varied = exchange_in_photo(texture, variations(texture, layout), VARIED, seed)
-        texture = tinted(texture, labels, house=house, seed=seed, paint=_paint(texture, labels, colour))
-    with _timed(seconds, "lattice"):
+            texture, varied = exchange_in_photo(texture, find_variations(texture, layout), EXCHANGE_LEVEL, seed)
+        texture = tint_facade(
+            texture, labels, building_seed=building_seed, seed=seed, paint=_paint_factors(texture, labels, wall_colour)
+        )
+    with _timer(seconds, "lattice"):
         split = lattice(labels)
     if varied is not None:
-        with _timed(seconds, "encode"):
-            hierarchy = coded(texture, varied)
-    known = np.ones(size, bool) if wall.street else _free(wall, (left, right), size)
+        with _timer(seconds, "encode"):
+            hierarchy = encode_variations(texture, varied)
+    known = np.ones(size, bool) if wall.street else _free_mask(wall, (left, right), size)
     return Facade(
         evidence=texture,
         image=texture,
@@ -352,27 +360,27 @@ def from_exemplar(
         elements=layout,
         hierarchy=hierarchy,
         completion=None,
-        told=None,
-        floors=storeys(labels),
+        estimates=None,
+        floors=count_floors(labels),
         seconds=seconds,
     )
 
 
-def _paint(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
+def _paint_factors(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
     """Factors (3,) that give the wall of a texture (h, w, 3) a colour (3,); None without either."""
     on = labels == FacadeClass.WALL
     if colour is None or not on.any():
         return None
-    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / PAINTED, PAINTED))
+    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / MAX_PAINT_FACTOR, MAX_PAINT_FACTOR))
 
 
-def _free(wall: Wall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
+def _free_mask(wall: Wall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
     """The texels (h, w) bool of a part of a wall, from left to right in metres, that stand against no neighbour."""
     import cv2
 
     mask = np.zeros(size, np.uint8)
     scale = np.array([size[1] / (part[1] - part[0]), size[0] / wall.height])
-    for polygon in shapely.get_parts(wall.free.buffer(EDGE_M)):
+    for polygon in shapely.get_parts(wall.free.buffer(FREE_MARGIN_M)):
         rings = [polygon.exterior, *polygon.interiors]
         corners = [np.rint((shapely.get_coordinates(ring) - [part[0], 0]) * scale).astype(np.int32) for ring in rings]
         cv2.fillPoly(mask, corners[:1], 1)
@@ -395,7 +403,7 @@ def count_columns(layout: Sequence[Element]) -> int:
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+def _timer(seconds: dict[str, float], stage: str) -> Iterator[None]:
     start = time.perf_counter()
     yield
     seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start

@@ -1,4 +1,4 @@
-"""Buildings and ground into planar charts and a mesh: extruded footprints, roofs, shells and the terrain around them."""
+"""Construction of a block's charts and mesh: extruded footprints, roofs, modelled shells and ground."""
 
 from __future__ import annotations
 
@@ -11,32 +11,33 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Street
-from facade_core.geometry.buildings.chimneys import chimneys
-from facade_core.geometry.buildings.dormers import dormers
-from facade_core.geometry.buildings.eaves import LOW_ROOF_M, overhang, parapet
-from facade_core.geometry.buildings.extrusion import above, add_extruded
-from facade_core.geometry.buildings.facets import Facets, facets, walled
-from facade_core.geometry.buildings.gutters import gutters
-from facade_core.geometry.buildings.roof_details import Trim
-from facade_core.geometry.buildings.roof_edges import OPEN, Around, along_streets
-from facade_core.geometry.buildings.roof_shapes import GRID_M, roof_shell
-from facade_core.geometry.buildings.shells import add_facets, add_skirt, from_the_ground
-from facade_core.geometry.buildings.vents import vents, vents_on_flat
-from facade_core.geometry.charts import Charts, Mesh, Pieces
+from facade_core.geometry.buildings.chimneys import build_chimneys
+from facade_core.geometry.buildings.dormers import build_dormers
+from facade_core.geometry.buildings.eaves import MIN_PARAPET_ROOF_M, build_overhang, build_parapet
+from facade_core.geometry.buildings.extrusion import add_extrusion, facets_above
+from facade_core.geometry.buildings.facets import Facets, group_facets, walled_share
+from facade_core.geometry.buildings.gutters import build_gutters
+from facade_core.geometry.buildings.roof_details import RoofDetail
+from facade_core.geometry.buildings.roof_edges import OPEN_SURROUNDINGS, RoofSurroundings, sample_streets
+from facade_core.geometry.buildings.roof_shapes import GRID_M, build_roof_shell
+from facade_core.geometry.buildings.shells import add_facets, add_skirt, lift_to_ground
+from facade_core.geometry.buildings.vents import build_flat_roof_vents, build_vents
+from facade_core.geometry.charts import ChartBuilder, Charts, Mesh
 from facade_core.geometry.ground.ground_charts import add_ground
 from facade_core.geometry.ground.terrain import Terrain
-from facade_core.geometry.neighbours import beside, free_line, in_the_way, on_one_ground
+from facade_core.geometry.neighbours import eaves_obstacles, free_outline, level_building_parts, roof_neighbours
 
-# Footprint vertices nearer than this to the wall they lie on do not split it into two facades.
-COLLINEAR_M = 0.2
-# Ground reaches this far around buildings, and fills gaps between them up to twice the second figure.
+# Footprint vertices nearer than this to the straight wall do not split it into two facades; metres.
+COLLINEAR_TOLERANCE_M = 0.2
+# Metres of ground around buildings.
 FORECOURT_M = 6.0
+# Half of the widest gap between buildings that ground fills; metres.
 COURTYARD_M = 22.0
-# A shell with walls along less of its free outline is a canopy: the ground goes on under it, as under what begins above it.
-WALLED = 0.6
+# A shell with walls along a smaller share of its free outline is a canopy, and ground continues below it.
+MIN_WALLED_SHARE = 0.6
 
 
-def block_surfaces(
+def build_block_surfaces(
     buildings: Sequence[Building],
     streets: Sequence[Street],
     *,
@@ -46,34 +47,51 @@ def block_surfaces(
     grid: float = 32.0,
     within: Polygon | None = None,
 ) -> tuple[Charts, Mesh, tuple[tuple[str, str], ...]]:
-    """Charts and mesh of a block: the surfaces of every building, and the ground near the streets on the terrain.
+    """Build the charts and the mesh of a block.
 
-    Third, the buildings without usable surfaces, which are left out: (id, reason).
+    Surfaces longer than `largest`, and all ground, are cut on the world grid, uneven ground finer; pieces keep the id of
+    their surface. Ground covers courtyards too. It ends straight where a street ends, and FORECOURT_M beyond `within`.
 
-    Surfaces longer than `max_chart_side` metres, and all ground, are cut on the world grid of `grid` metres (ground finer where it is
-    uneven); pieces keep their surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills
-    courtyards; it ends straight where a street ends, and FORECOURT_M beyond `within`, where a block has one.
-    Raises GeometryError when nothing is left.
+    Parameters
+    ----------
+    terrain : ground heights below the block.
+    ground_margin : metres of ground on both sides of the centrelines.
+    largest : metres; longer surfaces are cut.
+    grid : step of the world grid in metres.
+    within : outline of the block; None where unknown.
+
+    Returns
+    -------
+    Charts, mesh, and the buildings without usable surfaces as (id, reason).
+
+    Raises
+    ------
+    GeometryError
+        Where the block has neither buildings nor ground.
     """
-    pieces = Pieces()
+    pieces = ChartBuilder()
     refused, outlines = [], []
-    buildings = on_one_ground(buildings, terrain)
+    buildings = level_building_parts(buildings, terrain)
     tree = shapely.STRtree([building.footprint for building in buildings])
-    eyes = along_streets([street.line for street in streets])
+    eyes = sample_streets([street.line for street in streets])
     for index, building in enumerate(buildings):
         try:
-            party = beside(index, buildings, tree)
-            around = Around(in_the_way(index, buildings, tree, terrain), eyes, tree)
-            outline, found = add_building(pieces, index, building, terrain, party, around, largest=largest, grid=grid)
+            adjoining = roof_neighbours(index, buildings, tree)
+            around = RoofSurroundings(eaves_obstacles(index, buildings, tree, terrain), eyes, tree)
+            outline, found = add_building(
+                pieces, index, building, terrain, adjoining, around, largest=largest, grid=grid
+            )
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
-        if building.raised == 0 and (found is None or walled(found, free_line(index, buildings, tree)) >= WALLED):
+        if building.raised == 0 and (
+            found is None or walled_share(found, free_outline(index, buildings, tree)) >= MIN_WALLED_SHARE
+        ):
             outlines.append(outline)
     if streets:
         near = [street.line.buffer(ground_margin, cap_style="square", join_style="mitre") for street in streets]
         built = shapely.union_all(outlines)
-        # closing the footprints covers courtyards and gaps that no street comes near
+        # closing the footprints covers courtyards and gaps far from streets
         around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
         open_ground = shapely.union_all([*near, around]).difference(built)
         if within is not None:
@@ -84,60 +102,82 @@ def block_surfaces(
     if not len(pieces):
         why = f": {refused[0][0]}: {refused[0][1]}" if refused else "; check its area and input files"
         raise GeometryError(f"the block has neither buildings nor streets{why}")
-    return *pieces.values(), tuple(refused)
+    return *pieces.build(), tuple(refused)
 
 
 def add_building(
-    pieces: Pieces,
+    pieces: ChartBuilder,
     index: int,
     building: Building,
     terrain: Terrain,
-    party: Sequence[Polygon | MultiPolygon] = (),
-    around: Around = OPEN,
+    adjoining: Sequence[Polygon | MultiPolygon] = (),
+    around: RoofSurroundings = OPEN_SURROUNDINGS,
     *,
     largest: float,
     grid: float = 32.0,
 ) -> tuple[Polygon | MultiPolygon, Facets | None]:
-    """The surfaces of one building behind those in `pieces`. Raises GeometryError where it has none.
+    """Add the surfaces of one building.
 
-    party: the footprints that its roof runs on over; around: what its roof's edge has about it. Returns what it covers, and a
-    shell's facets, None of what is built here.
+    Parameters
+    ----------
+    pieces : charts collected so far; extended in place.
+    index : row of the building.
+    adjoining : footprints that its roof continues over.
+    around : surroundings of its roof edges.
+    largest : metres; longer surfaces are cut.
+    grid : step of the world grid in metres.
+
+    Returns
+    -------
+    The covered area, and the facets of a modelled shell; None of an extruded building.
+
+    Raises
+    ------
+    GeometryError
+        Where the building has no usable surface.
     """
-    outline = _outline(building)
+    outline = _valid_outline(building)
     if building.shell is not None:
-        shell = from_the_ground(building.shell, terrain.lowest(outline))
+        shell = lift_to_ground(building.shell, terrain.lowest_along(outline))
     else:
         if not (np.isfinite(building.height) and building.height > building.raised):
             above_what = "where it begins" if building.raised else "0"
             raise GeometryError(f"its height is not above {above_what}; state one or drop it")
-        base = terrain.lowest(outline) if building.base is None else building.base
+        base = terrain.lowest_along(outline) if building.base is None else building.base
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
-        roofed = roof_shell(replace(building, footprint=onto_grid), base, party) if onto_grid.is_valid else None
-        beside: list[Trim | None] = []
+        roofed = (
+            build_roof_shell(replace(building, footprint=onto_grid), base, adjoining) if onto_grid.is_valid else None
+        )
+        details: list[RoofDetail | None] = []
         assumed = building.roof is not None and building.roof.confidence < 1
         top = base + building.height
         if roofed is None:
-            if building.roof is not None and building.roof.shape == "flat" and building.height > LOW_ROOF_M:
-                beside.append(parapet(outline, top, around))
+            if building.roof is not None and building.roof.shape == "flat" and building.height > MIN_PARAPET_ROOF_M:
+                details.append(build_parapet(outline, top, around))
                 if assumed:
-                    beside.append(vents_on_flat(building.id, outline, top, around, building.height))
-            add_extruded(pieces, index, outline, base, building.height, terrain, largest, grid, raised=building.raised)
+                    details.append(build_flat_roof_vents(building.id, outline, top, around, building.height))
+            add_extrusion(pieces, index, outline, base, building.height, terrain, largest, grid, raised=building.raised)
         else:
-            closed = above(facets(roofed, outline), top)
-            over = overhang(closed, onto_grid, around)
+            closed = facets_above(group_facets(roofed, outline), top)
+            over = build_overhang(closed, onto_grid, around)
             roof = over.roof
-            add_extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof, building.raised)
-            beside += [over.coves, gutters(building.id, over, lambda xy: _foot(terrain, base, building.raised, xy))]
+            add_extrusion(
+                pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof, building.raised
+            )
+            details += [
+                over.coves,
+                build_gutters(building.id, over, lambda xy: _wall_foot(terrain, base, building.raised, xy)),
+            ]
             if assumed:
-                stacks = chimneys(building.id, closed, onto_grid)
-                lights = dormers(building.id, closed, onto_grid, around, stacks)
-                cowls = vents(building.id, closed, onto_grid, around, building.height, [stacks, lights])
-                beside += [stacks, lights, cowls]
-        for trim in beside:
+                stacks = build_chimneys(building.id, closed, onto_grid)
+                lights = build_dormers(building.id, closed, onto_grid, around, stacks)
+                cowls = build_vents(building.id, closed, onto_grid, around, building.height, [stacks, lights])
+                details += [stacks, lights, cowls]
+        for trim in details:
             if trim is not None:
                 add_facets(pieces, index, trim.facets, largest, grid, trim.along)
         return outline, None
-    found = facets(shell, outline)
+    found = group_facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")
     add_facets(pieces, index, found, largest, grid)
@@ -145,14 +185,14 @@ def add_building(
     return outline, found
 
 
-def _foot(terrain: Terrain, base: float, raised: float, place: np.ndarray) -> float:
-    """Where the walls of a building begin at a place (2,), metres: on the ground, or where it is raised over that."""
-    return base + raised if raised else max(base, float(terrain.height(place[None])[0]))
+def _wall_foot(terrain: Terrain, base: float, raised: float, place: np.ndarray) -> float:
+    """Return the height in metres at which walls begin at a place (2,)."""
+    return base + raised if raised else max(base, float(terrain.interpolate(place[None])[0]))
 
 
-def _outline(building: Building) -> Polygon | MultiPolygon:
-    """What a building covers; only a shell may be in several parts."""
-    footprint = shapely.orient_polygons(building.footprint.simplify(COLLINEAR_M))
+def _valid_outline(building: Building) -> Polygon | MultiPolygon:
+    """Return the simplified outline of a building; only a shell may have several parts."""
+    footprint = shapely.orient_polygons(building.footprint.simplify(COLLINEAR_TOLERANCE_M))
     kinds = ("Polygon",) if building.shell is None else ("Polygon", "MultiPolygon")
     if footprint.geom_type not in kinds or not footprint.area > 0:
         raise GeometryError("its footprint has no area; repair or drop it")

@@ -1,4 +1,4 @@
-"""Charts into atlas pages: every chart starts on a chunk boundary, so that a chunk has one owner."""
+"""Packing of charts into atlas pages. Charts start at chunk boundaries, so that each chunk has one owner."""
 
 from __future__ import annotations
 
@@ -10,18 +10,23 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import raster_sizes
 
-# Pages still open for first fit: more would fill pages better, but scatter a building over the atlas.
-OPEN_PAGES = 4
-# Charts that are wider than half a chunk share a row of chunks up to this part of one high.
-THIN = 4
+# Pages open for first fit: more would fill pages better, but scatter a building over the atlas.
+MAX_OPEN_PAGES = 4
+# Charts wider than half a chunk share chunks where they are at most chunk / THIN_DIVISOR texels high.
+THIN_DIVISOR = 4
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where each chart's texels lie: page, x, y (n,) int32 of the first texel inside the gutter; width, height (n,) int32; how
-    many texels a metre of it has, (n,) float64.
+    """Places of n charts in the atlas. Rows (y, y + height) and columns (x, x + width) are half-open.
 
-    pages is how many pages there are. Rows (y, y + height) and columns (x, x + width) are half-open.
+    Attributes
+    ----------
+    page : (n,).
+    x, y : (n,) first texel inside the gutter.
+    width, height : (n,) texels.
+    texels_per_metre : (n,) density of each chart.
+    pages : number of pages.
     """
 
     page: np.ndarray
@@ -33,7 +38,18 @@ class Placement:
     pages: int
 
     def chunks(self, chart: int, chunk: int, gutter: int) -> np.ndarray:
-        """The chunks that hold chart's texels and gutters: (k, 3) int32 of page, chunk row, chunk column."""
+        """Return the chunks that hold a chart's texels and gutters.
+
+        Parameters
+        ----------
+        chart : index of the chart.
+        chunk : side of a chunk in texels.
+        gutter : texels.
+
+        Returns
+        -------
+        (k, 3) page, chunk row, chunk column.
+        """
         rows = np.arange(
             (self.y[chart] - gutter) // chunk, (self.y[chart] + self.height[chart] + gutter - 1) // chunk + 1
         )
@@ -45,14 +61,14 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class Places:
-    """Where the charts of an earlier ingest lie: ids (n,) uint64, as of `facade_core.plan.identity`, and their placement."""
+class PreviousPlacement:
+    """Placement of an earlier ingest, with its chart ids (n,) as computed by `facade_core.plan.identity`."""
 
     ids: np.ndarray
     placement: Placement
 
 
-def pack(
+def pack_charts(
     size: np.ndarray,
     texels_per_metre: float | np.ndarray,
     owner: np.ndarray,
@@ -61,16 +77,28 @@ def pack(
     chunk: int,
     gutter: int,
     ids: np.ndarray | None = None,
-    last: Places | None = None,
+    last: PreviousPlacement | None = None,
 ) -> Placement:
-    """Pack charts of `size` (n, 2), width and height in metres, at one density or each at its own (n,), into square pages of
-    `page` texels.
+    """Pack charts into square pages, first fit in their order over the last few pages.
 
-    Charts up to half a chunk share chunks, but only with charts of the same `owner` (n,), the building, and so do long ones up
-    to a THINth of a chunk high; charts without one (-1) never share. Charts keep their order, first fit over the last few
-    pages, so that neighbours stay together. With the places of an earlier ingest, charts (of `ids` (n,) uint64) that it had
-    stay, and the others take the first free places.
-    Raises GeometryError for a chart larger than a page less its gutters.
+    Charts up to half a chunk share chunks with charts of the same owner, and so do long charts up to chunk / THIN_DIVISOR
+    high. With an earlier placement, known charts keep their places, and new ones take the first free places.
+
+    Parameters
+    ----------
+    size : (n, 2) width and height in metres.
+    texels_per_metre : one density, or (n,).
+    owner : (n,) building of each chart; -1 never shares a chunk.
+    page : side of a page in texels.
+    chunk : side of a chunk in texels.
+    gutter : texels around each chart.
+    ids : (n,) chart ids, needed with `last`.
+    last : placement of an earlier ingest.
+
+    Raises
+    ------
+    GeometryError
+        Where a chart is larger than a page without its gutters.
     """
     texels = raster_sizes(size, texels_per_metre)
     outer = texels + 2 * gutter
@@ -86,9 +114,9 @@ def pack(
     place = np.full((blocks, 3), -1, np.int64)
     if last is not None and ids is not None:
         corner = np.column_stack([inner_x, inner_y]) + gutter
-        place = _stayed(place, block, corner, texels, ids, last, chunk)
+        place = _reuse_places(place, block, corner, texels, ids, last, chunk)
     _first_fit(
-        place, cells, page // chunk, OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1
+        place, cells, page // chunk, MAX_OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1
     )
     return Placement(
         page=place[block, 0].astype(np.int32),
@@ -101,16 +129,16 @@ def pack(
     )
 
 
-def _stayed(
+def _reuse_places(
     place: np.ndarray,
     block: np.ndarray,
     corner: np.ndarray,
     texels: np.ndarray,
     ids: np.ndarray,
-    last: Places,
+    last: PreviousPlacement,
     chunk: int,
 ) -> np.ndarray:
-    """`place` (blocks, 3) with page, column and row of each block whose charts were all there, at the same places in it."""
+    """Fill `place` (blocks, 3) with page, column and row of each block whose charts all keep their earlier places."""
     if len(last.ids) == 0:
         return place
     order = np.argsort(last.ids)
@@ -129,8 +157,7 @@ def _stayed(
 
 @njit(cache=True)
 def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Each chart's block of whole chunks and its place in it; small charts of one owner go on shelves of one chunk, thin ones
-    on shelves as long as the first of them."""
+    """Assign each chart to a block of whole chunks and a place in it; small and thin charts of one owner share shelves."""
     n = len(outer)
     block = np.empty(n, np.int64)
     inner_x = np.zeros(n, np.int64)
@@ -140,7 +167,7 @@ def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.
     thin_owner, thin_block, thin_x, thin_y, thin_height, thin_length = -1, -1, 0, 0, 0, 0
     for i in range(n):
         width, height = outer[i, 0], outer[i, 1]
-        if width > chunk // 2 and height <= chunk // THIN and owner[i] >= 0:
+        if width > chunk // 2 and height <= chunk // THIN_DIVISOR and owner[i] >= 0:
             if owner[i] == thin_owner and thin_x + width > thin_length:
                 thin_x, thin_y, thin_height = 0, thin_y + thin_height, 0
             if owner[i] != thin_owner or thin_y + height > chunk or width > thin_length:
@@ -167,7 +194,7 @@ def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.
 
 
 @njit(cache=True)
-def _take(taken: np.ndarray, row: int, column: int, height: int, width: int) -> None:
+def _occupy(taken: np.ndarray, row: int, column: int, height: int, width: int) -> None:
     for y in range(row, row + height):
         for x in range(column, column + width):
             taken[y, x] = True
@@ -184,8 +211,7 @@ def _is_free(taken: np.ndarray, row: int, column: int, height: int, width: int) 
 
 @njit(cache=True)
 def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) -> None:
-    """Blocks of chunks on pages of side x side chunks, in place: those without a page take the first free place on the last
-    open_pages pages."""
+    """Place blocks without a page, in place, on the last `open_pages` pages of side x side chunks."""
     pages = 0
     for i in range(len(place)):
         pages = max(pages, place[i, 0] + 1)
@@ -194,7 +220,7 @@ def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) 
     for i in range(len(place)):
         page, column, row = place[i]
         if page >= 0:
-            _take(taken[page], row, column, size[i, 1], size[i, 0])
+            _occupy(taken[page], row, column, size[i, 1], size[i, 0])
             free[page] -= size[i, 0] * size[i, 1]
     for i in range(len(place)):
         if place[i, 0] >= 0:
@@ -206,7 +232,7 @@ def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) 
             for row in range(side - height + 1):
                 for column in range(side - width + 1):
                     if _is_free(taken[p], row, column, height, width):
-                        _take(taken[p], row, column, height, width)
+                        _occupy(taken[p], row, column, height, width)
                         free[p] -= width * height
                         place[i, 0], place[i, 1], place[i, 2] = p, column, row
                         break

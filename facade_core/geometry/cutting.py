@@ -1,4 +1,4 @@
-"""Cutting surfaces on the world grid: walls by their line, level surfaces by their outline, facets by their triangles."""
+"""Cutting of walls, level surfaces and facets on the world grid."""
 
 from __future__ import annotations
 
@@ -6,13 +6,25 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-# No piece of a wall is shorter than this.
-SHORTEST_WALL_M = 0.05
+# Metres; walls are not cut into shorter pieces.
+MIN_WALL_PIECE_M = 0.05
+# Vertices nearer than this to a cutting plane lie on it; metres.
 ON_PLANE_M = 1e-6
 
 
-def line_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.ndarray:
-    """Distances along a wall from a to b (2,) at which it crosses the world grid, both ends included."""
+def grid_crossings(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.ndarray:
+    """Compute the distances at which a wall crosses the world grid.
+
+    Parameters
+    ----------
+    a, b : (2,) ends of the wall.
+    length : metres between them.
+    grid : step of the world grid in metres.
+
+    Returns
+    -------
+    (k,) ascending metres from `a`, both ends included.
+    """
     crossings = [np.array([0.0, length])]
     for axis in range(2):
         low, high = sorted((a[axis], b[axis]))
@@ -20,18 +32,19 @@ def line_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.nd
         if high - low > 1e-9:
             crossings.append((lines - a[axis]) / (b[axis] - a[axis]) * length)
     cuts = np.unique(np.round(np.clip(np.concatenate(crossings), 0, length), 6))
-    keep = np.concatenate([[True], np.diff(cuts) > SHORTEST_WALL_M])
+    keep = np.concatenate([[True], np.diff(cuts) > MIN_WALL_PIECE_M])
     keep[-1], keep[0] = True, True
-    if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= SHORTEST_WALL_M:
+    if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= MIN_WALL_PIECE_M:
         keep[np.flatnonzero(keep)[-2]] = False
     return cuts[keep]
 
 
-def cells(polygon: Polygon, grid: float) -> list[Polygon]:
-    """The parts of a polygon in the cells of the world grid, row by row, each the same wherever the polygon's rings begin.
+def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:
+    """Cut a polygon into the cells of the world grid, row by row.
 
-    A cell is cut out of what is near it: of the holes those that reach it, of the outline a frame where it does not. Edges that
-    cross its border are whole, so that a part is the same to the bit as one cut out of the whole polygon.
+    A part does not depend on where the polygon's rings begin. Each cell is intersected with the polygon near it only: with
+    holes that reach it, and with a frame in place of an outline that does not. Edges that cross the cell's border stay whole, so
+    that each part equals one cut from the whole polygon to the bit.
     """
     west, south, east, north = polygon.bounds
     columns = np.arange(np.floor(west / grid), np.ceil(east / grid))
@@ -60,10 +73,18 @@ def cells(polygon: Polygon, grid: float) -> list[Polygon]:
 def cut_triangles(
     vertices: np.ndarray, triangles: np.ndarray, uv: np.ndarray, grid: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles cut on the planes of the world grid, along the axes on which they are longer than a cell together.
+    """Cut triangles on the planes of the world grid, along the axes on which together they exceed a cell.
 
-    vertices (v, 3) metres, triangles (t, 3), uv (t, 3, 2) at the corners. Returns vertices with those on the cuts behind,
-    triangles, uv, the triangle each is a part of, and the number of its cell, all per part.
+    Parameters
+    ----------
+    vertices : (v, 3) metres.
+    triangles : (t, 3).
+    uv : (t, 3, 2) texture coordinates of the corners.
+    grid : step of the world grid in metres.
+
+    Returns
+    -------
+    Vertices with those on the cuts appended; triangles and uv of the parts; (p,) source triangle and (p,) cell number.
     """
     source = np.arange(len(triangles))
     corners = vertices[triangles].reshape(-1, 3)
@@ -71,23 +92,23 @@ def cut_triangles(
     axes = np.flatnonzero(high - low > grid).tolist()
     for axis in axes:
         for at in np.arange(np.floor(low[axis] / grid) + 1, np.ceil(high[axis] / grid)) * grid:
-            vertices, triangles, uv, part = _split(vertices, triangles, uv, axis, at)
+            vertices, triangles, uv, part = _split_at_plane(vertices, triangles, uv, axis, at)
             source = source[part]
     middle = vertices[triangles].mean(axis=1)[:, axes]
     cell = np.unique(np.floor(middle / grid), axis=0, return_inverse=True)[1].reshape(-1)
     return vertices, triangles, uv, source, cell
 
 
-def _split(
+def _split_at_plane(
     vertices: np.ndarray, triangles: np.ndarray, uv: np.ndarray, axis: int, at: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles that cross a plane in two or three; the fourth value is the triangle each is a part of."""
+    """Split triangles that cross a plane in two or three; the fourth value is the source triangle of each part."""
     height = vertices[:, axis] - at
     height[np.abs(height) < ON_PLANE_M] = 0
     side = np.sign(height)[triangles]
     cross = np.flatnonzero((side.min(axis=1) < 0) & (side.max(axis=1) > 0))
     rest = np.setdiff1d(np.arange(len(triangles)), cross)
-    # the corner that is alone on its side, or on the plane, comes first: its value is the other two's sum, negated, or zero
+    # rotate the corner first that is alone on its side, or on the plane: its sign is minus the sum of all, or zero
     total = side[cross].sum(axis=1)
     first = np.argmax(side[cross] == -total[:, None], axis=1)
     turn = (first[:, None] + np.arange(3)) % 3

@@ -1,4 +1,4 @@
-"""Soft light on what has no texture yet: how much of the sky each place of a chart sees, by rays, once per chart."""
+"""Ambient daylight of untextured charts: the visible share of the sky, by rays, computed once per chart."""
 
 from __future__ import annotations
 
@@ -11,44 +11,50 @@ from facade_core.core.numba_cache import njit
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.raycast import MISS, RayCaster
 
-# Metres between the places of a chart that are looked from, its border's among them; light is linear between them.
-CELL_M = 2.0
-RAYS = 24
-# What stands farther than this takes no light.
-REACH_M = 20.0
-# Rays start this far off the surface and within its border: a vertex may lie centimetres off its chart's plane. So far aside
-# they start too, as walls often stand on whole metres.
-LIFT_M, ASIDE_M = 0.05, 0.013
-# Of the light, this much comes from everywhere.
-LEAST = 0.35
-# A place from which more than this share of rays meets surfaces from behind is inside of something.
-INSIDE = 0.5
+# Metres between the sample places of a chart, which include its border; light is linear between them.
+PLACE_SPACING_M = 2.0
+RAYS_PER_PLACE = 24
+# Metres; farther surfaces occlude no light.
+MAX_OCCLUDER_M = 20.0
+# Metres from a surface and its border to the start of rays: vertices are up to centimetres off their chart's plane.
+RAY_LIFT_M = 0.05
+# Metres by which rays start aside, as walls often coincide with whole metres.
+RAY_SHIFT_M = 0.013
+# Share of the light that is ambient.
+MIN_DAYLIGHT = 0.35
+# A place where a larger share of rays hits back faces is inside a building.
+MAX_BACK_FACE_SHARE = 0.5
 
 
 class Daylight:
-    """Light of charts on grids of their own, filled in as charts come into view.
+    """Daylight of charts on their own grids, computed on demand and safe between threads.
 
-    place (charts,) int64 where a chart's grid starts in `light`, -1 before it is computed; rows, columns (charts,) int64 its
-    shape, at least 2; light (k,) float32 in LEAST..1, of which the last may not be in use. The same for a chart whatever else
-    was asked for before it, by whichever thread. Ground goes on below houses: there it has the light of the ground beside.
+    The light of a chart does not depend on the order of requests. Ground continues below buildings, where it takes the light of
+    the ground around.
+
+    Attributes
+    ----------
+    start : (charts,) first index of a chart's grid in `light`, -1 before it is computed.
+    rows, columns : (charts,) shape of the grid, at least 2.
+    light : (k,) MIN_DAYLIGHT to 1; its end may be unused.
     """
 
     def __init__(self, charts: Charts, caster: RayCaster) -> None:
         self._charts, self._caster = charts, caster
-        places = np.maximum(np.ceil(charts.size / CELL_M - 1e-6), 1).astype(np.int64) + 1
+        places = np.maximum(np.ceil(charts.size / PLACE_SPACING_M - 1e-6), 1).astype(np.int64) + 1
         self.columns, self.rows = places[:, 0].copy(), places[:, 1].copy()
-        self.place = np.full(len(charts), -1, np.int64)
+        self.start = np.full(len(charts), -1, np.int64)
         self.light = np.zeros(0, np.float32)
         self._used = 0
         self._filling = Lock()
 
-    def reach(self, wanted: Sequence[int] | np.ndarray) -> None:
-        """Compute what is missing of some charts."""
+    def compute(self, wanted: Sequence[int] | np.ndarray) -> None:
+        """Compute the missing light of the charts (k,)."""
         chosen = np.asarray(wanted, np.int64)
-        if (self.place[chosen] >= 0).all():
+        if (self.start[chosen] >= 0).all():
             return
         with self._filling:
-            self._fill(np.unique(chosen[self.place[chosen] < 0]))
+            self._fill(np.unique(chosen[self.start[chosen] < 0]))
 
     def _fill(self, new: np.ndarray) -> None:
         count = self.rows[new] * self.columns[new]
@@ -57,33 +63,43 @@ class Daylight:
         row, column = np.divmod(np.arange(int(count.sum())) - np.repeat(first, count), self.columns[own])
         charts = self._charts
         share = np.column_stack([column / (self.columns[own] - 1), row / (self.rows[own] - 1)])
-        inset = np.minimum(LIFT_M, 0.5 * charts.size[own])
-        across, down = np.clip(share * charts.size[own] + ASIDE_M, inset, charts.size[own] - inset).T
-        normal = charts.normal()
-        points = charts.points(own, across, down) + LIFT_M * normal[own]
+        inset = np.minimum(RAY_LIFT_M, 0.5 * charts.size[own])
+        across, down = np.clip(share * charts.size[own] + RAY_SHIFT_M, inset, charts.size[own] - inset).T
+        normal = charts.normals()
+        points = charts.points(own, across, down) + RAY_LIFT_M * normal[own]
         frame = np.stack([charts.axis_u[own], charts.axis_v[own], normal[own]], axis=1)
         clear, behind = np.zeros(len(own)), np.zeros(len(own))
-        for direction in hemisphere():
+        for direction in hemisphere_directions():
             ray = np.einsum("i,nij->nj", direction, frame)
             depth, met = self._caster.cast(points, ray)
-            clear += np.minimum(depth, REACH_M) / REACH_M / RAYS
+            clear += np.minimum(depth, MAX_OCCLUDER_M) / MAX_OCCLUDER_M / RAYS_PER_PLACE
             behind += (met != MISS) & (np.einsum("ij,ij->i", normal[met], ray) > 0)
-        spread(clear, behind > INSIDE * RAYS, first, self.rows[new], self.columns[new])
+        fill_hidden_places(
+            clear, behind > MAX_BACK_FACE_SHARE * RAYS_PER_PLACE, first, self.rows[new], self.columns[new]
+        )
         end = self._used + len(own)
-        if end > len(
-            self.light
-        ):  # twice as much: one chart after the other must not copy all that went before each time
+        if end > len(self.light):  # doubled, so that adding charts one by one stays linear
             grown = np.ones(max(end, 2 * len(self.light)), np.float32)
             grown[: self._used] = self.light[: self._used]
             self.light = grown
-        self.light[self._used : end] = LEAST + (1 - LEAST) * clear
-        self.place[new] = self._used + first
+        self.light[self._used : end] = MIN_DAYLIGHT + (1 - MIN_DAYLIGHT) * clear
+        self.start[new] = self._used + first
         self._used = end
 
 
 @njit(cache=True)
-def spread(clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> None:
-    """Places inside of something take the mean of those beside them that are not, ring by ring; grids begin at first (k,)."""
+def fill_hidden_places(
+    clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> None:
+    """Fill places inside buildings with the mean of visible neighbours, ring by ring, in place.
+
+    Parameters
+    ----------
+    clear : (p,) share of visible sky of all places; changed.
+    inside : (p,) places to fill.
+    first : (k,) first place of each grid.
+    rows, columns : (k,) shape of each grid.
+    """
     for grid in range(len(first)):
         start, height, width = first[grid], rows[grid], columns[grid]
         hidden = inside[start : start + height * width].copy()
@@ -110,9 +126,9 @@ def spread(clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.nd
             hidden = ring
 
 
-def hemisphere() -> np.ndarray:
-    """Unit directions (RAYS, 3) about +z, as dense as a matt surface weighs them: a spiral of equal steps."""
-    share = (np.arange(RAYS) + 0.5) / RAYS
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS)
+def hemisphere_directions() -> np.ndarray:
+    """Return unit directions (RAYS_PER_PLACE, 3) about +z with cosine density: a spiral of equal steps."""
+    share = (np.arange(RAYS_PER_PLACE) + 0.5) / RAYS_PER_PLACE
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS_PER_PLACE)
     radius = np.sqrt(share)
     return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - share)])

@@ -1,4 +1,4 @@
-"""The equirectangular projection of an upright street camera. Axes: geometry/README.md."""
+"""Equirectangular projection of an upright street camera. Axes: geometry/README.md."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from functools import lru_cache
 import numpy as np
 
 
-def basis(forward: np.ndarray) -> np.ndarray:
-    """camera_from_world rotation (3, 3) of an upright camera that looks along the horizontal unit vector `forward` (2,)."""
+def upright_rotation(forward: np.ndarray) -> np.ndarray:
+    """Return the camera_from_world rotation (3, 3) of an upright camera along the horizontal unit vector `forward` (2,)."""
     fx, fy = float(forward[0]), float(forward[1])
     return np.array([[fy, -fx, 0.0], [0.0, 0.0, -1.0], [fx, fy, 0.0]])
 
 
-def directions(forward: np.ndarray, width: int) -> np.ndarray:
-    """World unit directions through the pixel centres: (width / 2, width, 3) float64."""
-    return _of_camera(width) @ basis(forward)
+def panorama_rays(forward: np.ndarray, width: int) -> np.ndarray:
+    """Return the world unit directions through the pixel centres, (width / 2, width, 3)."""
+    return _camera_rays(width) @ upright_rotation(forward)
 
 
 @lru_cache(maxsize=1)
-def _of_camera(width: int) -> np.ndarray:
-    """The same in the camera's axes: every viewpoint of a block has them."""
+def _camera_rays(width: int) -> np.ndarray:
+    """Return the same directions in camera axes, which all viewpoints of a block share."""
     height = width // 2
     longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
     latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
@@ -33,9 +33,23 @@ def _of_camera(width: int) -> np.ndarray:
     return camera
 
 
-def project(points: np.ndarray, position: np.ndarray, forward: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where world points (..., 3) fall: pixel coordinates (..., 2) as (u, v), and their range in metres (...,)."""
-    camera = (np.asarray(points) - position) @ basis(forward).T
+def project_to_panorama(
+    points: np.ndarray, position: np.ndarray, forward: np.ndarray, width: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Project world points into a panorama.
+
+    Parameters
+    ----------
+    points : (..., 3) metres.
+    position : (3,) of the camera.
+    forward : (2,) horizontal unit vector.
+    width : panorama width in pixels.
+
+    Returns
+    -------
+    (..., 2) pixel coordinates (u, v), and (...) range in metres.
+    """
+    camera = (np.asarray(points) - position) @ upright_rotation(forward).T
     distance = np.linalg.norm(camera, axis=-1)
     longitude = np.arctan2(camera[..., 0], camera[..., 2])
     latitude = np.arcsin(np.clip(-camera[..., 1] / np.maximum(distance, 1e-12), -1, 1))

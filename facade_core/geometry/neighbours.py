@@ -1,4 +1,4 @@
-"""What a building has beside it, and which stand on one ground."""
+"""Neighbours of buildings, and the common ground height of building parts."""
 
 from __future__ import annotations
 
@@ -13,66 +13,99 @@ from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.types import Building
 from facade_core.geometry.buildings.eaves import OVERHANG_M
-from facade_core.geometry.buildings.roof_edges import ASIDE_M, OPEN
+from facade_core.geometry.buildings.roof_edges import NEIGHBOUR_CLEARANCE_M, OPEN_SURROUNDINGS
 from facade_core.geometry.ground.terrain import Terrain
 
-# The outline of a model lies this near to its neighbours'.
-OUTLINE_M = 0.3
-# A roof runs on over neighbours whose walls are at least this share of its own's.
-AS_HIGH = 0.5
-# A neighbour that ends this much lower is in no eaves' way.
-LOWER_M = 0.5
+# Metres between outlines of buildings that touch.
+NEIGHBOUR_GAP_M = 0.3
+# A roof continues over neighbours of at least this share of its own wall height.
+MIN_HEIGHT_RATIO = 0.5
+# A neighbour that ends this far below the eaves does not obstruct them; metres.
+EAVES_TOLERANCE_M = 0.5
 
 
-def beside(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> list[Polygon | MultiPolygon]:
-    """The footprints of a building's neighbours that are not much lower, over which its roof runs on: of a part none."""
+def roof_neighbours(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> list[Polygon | MultiPolygon]:
+    """Return the footprints that a building's roof continues over; none for a building part.
+
+    Parameters
+    ----------
+    index : row of the building.
+    tree : footprints of all buildings.
+    """
     own = buildings[index]
     if own.roof is None or not own.roof.height > 0 or own.part_of is not None:
         return []
-    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=OUTLINE_M).tolist())
+    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=NEIGHBOUR_GAP_M).tolist())
     others = [buildings[i] for i in near if i != index]
-    return [other.footprint for other in others if other.height >= AS_HIGH * own.height and other.footprint.is_valid]
+    return [
+        other.footprint
+        for other in others
+        if other.height >= MIN_HEIGHT_RATIO * own.height and other.footprint.is_valid
+    ]
 
 
-def in_the_way(index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain) -> BaseGeometry:
-    """What a building's neighbours cover that reach up to its eaves."""
+def eaves_obstacles(index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain) -> BaseGeometry:
+    """Return the area covered by neighbours that reach up to a building's eaves.
+
+    Parameters
+    ----------
+    index : row of the building.
+    tree : footprints of all buildings.
+    """
     own = buildings[index]
     if own.shell is not None or not np.isfinite(own.height):
-        return OPEN.high
-    least = _base(own, terrain) + own.height - LOWER_M
-    near = [i for i in tree.query(own.footprint, predicate="dwithin", distance=OVERHANG_M + ASIDE_M) if i != index]
-    high = [
-        one for one in (buildings[i] for i in sorted(near)) if one.footprint.is_valid and _top(one, terrain) > least
+        return OPEN_SURROUNDINGS.neighbours
+    least = _base_height(own, terrain) + own.height - EAVES_TOLERANCE_M
+    near = [
+        i
+        for i in tree.query(own.footprint, predicate="dwithin", distance=OVERHANG_M + NEIGHBOUR_CLEARANCE_M)
+        if i != index
     ]
-    # what stands on its own roof's edge counts as beside it
+    high = [
+        one
+        for one in (buildings[i] for i in sorted(near))
+        if one.footprint.is_valid and _top_height(one, terrain) > least
+    ]
+    # a part of the same building on the roof's edge counts as adjoining
     return shapely.union_all(
-        [one.footprint.buffer(ASIDE_M, join_style="mitre") if _of_one(own, one) else one.footprint for one in high]
+        [
+            one.footprint.buffer(NEIGHBOUR_CLEARANCE_M, join_style="mitre")
+            if _is_same_building(own, one)
+            else one.footprint
+            for one in high
+        ]
     )
 
 
-def _of_one(own: Building, other: Building) -> bool:
-    """Whether two are parts of one building, or one of the other."""
-    return own.house == other.house
+def _is_same_building(own: Building, other: Building) -> bool:
+    """Return whether both are parts of one building, or one is a part of the other."""
+    return own.whole_id == other.whole_id
 
 
-def _base(building: Building, terrain: Terrain) -> float:
-    return terrain.lowest(building.footprint) if building.base is None else building.base
+def _base_height(building: Building, terrain: Terrain) -> float:
+    return terrain.lowest_along(building.footprint) if building.base is None else building.base
 
 
-def _top(building: Building, terrain: Terrain) -> float:
-    return _base(building, terrain) + building.height + (building.roof.height if building.roof else 0.0)
+def _top_height(building: Building, terrain: Terrain) -> float:
+    return _base_height(building, terrain) + building.height + (building.roof.height if building.roof else 0.0)
 
 
-def free_line(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
-    """The line along which a building's outline is not another's too: party walls are often left out of models."""
+def free_outline(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
+    """Return the outline of a building without the part shared with neighbours; models often omit party walls.
+
+    Parameters
+    ----------
+    index : row of the building.
+    tree : footprints of all buildings.
+    """
     footprint = buildings[index].footprint
-    others = [i for i in tree.query(footprint, predicate="dwithin", distance=OUTLINE_M) if i != index]
-    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(OUTLINE_M)
+    others = [i for i in tree.query(footprint, predicate="dwithin", distance=NEIGHBOUR_GAP_M) if i != index]
+    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(NEIGHBOUR_GAP_M)
     return shapely.difference(footprint.boundary, touched)
 
 
-def on_one_ground(buildings: Sequence[Building], terrain: Terrain) -> list[Building]:
-    """The buildings, those in parts on the lowest ground along all of these."""
+def level_building_parts(buildings: Sequence[Building], terrain: Terrain) -> list[Building]:
+    """Return the buildings with all parts of one whole on the lowest ground along them."""
     parts: dict[str, list[Building]] = defaultdict(list)
     for building in buildings:
         if building.part_of is not None:
@@ -80,7 +113,7 @@ def on_one_ground(buildings: Sequence[Building], terrain: Terrain) -> list[Build
     for building in buildings if parts else ():
         if building.id in parts:
             parts[building.id].append(building)
-    ground = {whole: min(_base(part, terrain) for part in own) for whole, own in parts.items()}
+    ground = {whole: min(_base_height(part, terrain) for part in own) for whole, own in parts.items()}
     lowest = [ground.get(building.part_of or building.id) for building in buildings]
     return [
         building if base is None else replace(building, base=base)

@@ -1,4 +1,4 @@
-"""Ray casting against the block's mesh (Open3D's Embree scene)."""
+"""Ray casting on a block's mesh with Open3D's Embree scene."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from facade_core.geometry.charts import Mesh
 
 MISS = -1
-# The local origin lies on a grid of this step, metres: the same rays hit the same places when something is built elsewhere.
-ORIGIN_M = 1024.0
+# Grid step of the local origin in metres: rays hit the same places when the block changes elsewhere.
+ORIGIN_GRID_M = 1024.0
 
 
 @cache
-def ray_library() -> Any:
-    """open3d, loaded."""
-    # open3d links against libusb, which many machines lack; the package brings one, loaded before it is looked for.
+def load_open3d() -> Any:
+    """Import open3d, after the libusb that it needs."""
+    # open3d links against libusb, which many machines lack; libusb_package brings one, which must be loaded first
     import libusb_package
 
     ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
@@ -28,13 +28,13 @@ def ray_library() -> Any:
 
 
 class RayCaster:
-    """Nearest hits of rays with a mesh; not picklable, built once per process and block."""
+    """Ray caster for nearest hits with a mesh; not picklable, built once per process and block."""
 
     def __init__(self, mesh: Mesh) -> None:
-        open3d = ray_library()
+        open3d = load_open3d()
         # Embree works in float32: a local origin keeps millimetres for coordinates of millions of metres.
-        self.centre = np.round(mesh.vertices.mean(axis=0) / ORIGIN_M) * ORIGIN_M
-        # behind the last triangle's, what a ray that hits none has met
+        self.centre = np.round(mesh.vertices.mean(axis=0) / ORIGIN_GRID_M) * ORIGIN_GRID_M
+        # the last entry serves rays without a hit
         self._met = np.append(mesh.chart, MISS).astype(np.int32)
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         self._tensor = open3d.core.Tensor
@@ -44,10 +44,16 @@ class RayCaster:
         )
 
     def cast(self, origin: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rays from `origin` (3,) or (..., 3) along `directions` (..., 3) in world metres.
+        """Cast rays and return their nearest hits.
 
-        Returns the distance in units of the direction's length (...,) float32, inf where nothing is hit, and the chart hit
-        (...,) int32, MISS where none.
+        Parameters
+        ----------
+        origin : (3,) or (..., 3) metres.
+        directions : (..., 3) of any length.
+
+        Returns
+        -------
+        (...) distance in lengths of the direction, inf without a hit; (...) chart, MISS without a hit.
         """
         rays = np.empty((*directions.shape[:-1], 6), np.float32)
         rays[..., :3] = origin - self.centre

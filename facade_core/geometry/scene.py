@@ -1,4 +1,4 @@
-"""A block as the street stage sees it: mesh, charts, their place in the atlas and a ray caster."""
+"""Scene of a block for visibility: mesh, charts, their places in the atlas, and a ray caster."""
 
 from __future__ import annotations
 
@@ -9,22 +9,29 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.atlas_spec import AtlasSpec
-from facade_core.core.name_hash import number_of
+from facade_core.core.name_hash import hash_name
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Finish
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.daylight import Daylight
-from facade_core.geometry.equirectangular import directions
+from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.streets import Viewpoint
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Geometry of a block. `spacing` (metres between viewpoints) and `visibility_range` (metres) gate the views of Eq. 1;
-    names are the ids of the buildings, by row, finishes what is stated of their colours and materials; none is stated of any
-    where there are none."""
+    """Geometry of a block.
+
+    Attributes
+    ----------
+    mesh, charts, placement, spec : geometry and atlas.
+    spacing : metres between viewpoints; gates the views of Eq. 1.
+    visibility_range : metres; gates the views of Eq. 1.
+    names : ids of the buildings by row.
+    finishes : stated colours and materials by row; empty where none are stated.
+    """
 
     mesh: Mesh
     charts: Charts
@@ -36,43 +43,64 @@ class Scene:
     finishes: tuple[Finish, ...] = ()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[Any, ...]]:
-        """A scene goes to another process without what it derives, such as the tree of its rays."""
+        """Pickle the fields only, without derived values such as the ray caster."""
         return Scene, tuple(getattr(self, one.name) for one in fields(self))
 
     @cached_property
-    def building_numbers(self) -> np.ndarray:
-        """A number of 32 bits for each building, (buildings,) int64, that chance may be seeded by: of its id, so that it stays
-        when others come and go; its row where the scene has no names."""
+    def building_hashes(self) -> np.ndarray:
+        """Return a 32-bit hash of each building's id as a random seed, (buildings,); the row in a scene without names."""
         if not self.names:
             return np.arange(max(1, int(self.charts.building.max(initial=0)) + 1))
-        return np.array([number_of(name) for name in self.names])
+        return np.array([hash_name(name) for name in self.names])
 
     @cached_property
     def caster(self) -> RayCaster:
+        """Return the ray caster of the mesh."""
         return RayCaster(self.mesh)
 
     @cached_property
     def daylight(self) -> Daylight:
+        """Return the daylight of the charts."""
         return Daylight(self.charts, self.caster)
 
-    def look(self, viewpoint: Viewpoint, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What a viewpoint sees: ray directions (h, w, 3), depth (h, w) metres and chart (h, w), MISS beyond the range too."""
-        rays = directions(viewpoint.forward, width)
+    def cast_panorama(self, viewpoint: Viewpoint, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Cast the rays of a viewpoint's panorama.
+
+        Parameters
+        ----------
+        viewpoint : the camera.
+        width : pixels; the height is half of it.
+
+        Returns
+        -------
+        (h, w, 3) ray directions, (h, w) depth in metres, and (h, w) chart, MISS beyond the visibility range too.
+        """
+        rays = panorama_rays(viewpoint.forward, width)
         depth, chart = self.caster.cast(viewpoint.position, rays)
         chart = np.where(depth <= self.visibility_range, chart, MISS)
         return rays, depth, chart
 
-    def locate(self, points: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The texel that holds each world point (k, 3) on its chart (k,): row and column (k,) int32, clipped to the chart."""
+    def locate_texels(self, points: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the texels that hold world points on their charts.
+
+        Parameters
+        ----------
+        points : (k, 3) metres.
+        chart : (k,) chart of each point.
+
+        Returns
+        -------
+        (k,) row and (k,) column, clipped to the chart.
+        """
         charts, placement = self.charts, self.placement
         row, column = np.empty(len(chart), np.int32), np.empty(len(chart), np.int32)
         frame = (charts.origin, charts.axis_u, charts.axis_v, placement.width, placement.height)
         _locate(points, chart, *frame, placement.texels_per_metre, row, column)
         return row, column
 
-    def seen(self, viewpoint: Viewpoint, width: int) -> np.ndarray:
-        """Sorted ids of the charts that the viewpoint's panorama shows: what it reads, and may write."""
-        chart = self.look(viewpoint, width)[2]
+    def visible_charts(self, viewpoint: Viewpoint, width: int) -> np.ndarray:
+        """Return the ascending ids of the charts in the viewpoint's panorama."""
+        chart = self.cast_panorama(viewpoint, width)[2]
         return np.unique(chart[chart != MISS])
 
 

@@ -1,4 +1,4 @@
-"""Viewpoints along street centrelines (street paper, 3) and the waves in which streets may run side by side."""
+"""Viewpoints along street centrelines (street paper, 3), and waves of streets that may run in parallel."""
 
 from __future__ import annotations
 
@@ -11,12 +11,21 @@ from shapely import LineString, Polygon
 
 from facade_core.core.grouping import RowIndex
 
-SHORTEST = 1.0  # m; a shorter street has no viewpoint
+# Metres; a shorter street has no viewpoint.
+MIN_STREET_M = 1.0
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """An upright panoramic camera: position (3,) metres, forward (2,) horizontal unit vector along the street."""
+    """Upright panoramic camera on a street.
+
+    Attributes
+    ----------
+    id : index of the viewpoint.
+    street : index of the street.
+    position : (3,) metres.
+    forward : (2,) horizontal unit vector along the street.
+    """
 
     id: int
     street: int
@@ -24,28 +33,39 @@ class Viewpoint:
     forward: np.ndarray
 
 
-def flat(points: np.ndarray) -> np.ndarray:
-    """Ground at z = 0: heights (n,) of points (n, 2)."""
+def flat_ground(points: np.ndarray) -> np.ndarray:
+    """Return height 0 for points (n, 2)."""
     return np.zeros(len(points))
 
 
-def viewpoints(
+def place_viewpoints(
     centreline: LineString,
     *,
     spacing: float = 5.0,
     height: float = 2.5,
     obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
-    ground: Callable[[np.ndarray], np.ndarray] = flat,
+    ground: Callable[[np.ndarray], np.ndarray] = flat_ground,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and forward directions (n, 2) every `spacing` metres along a centreline, `height` above the ground.
+    """Place viewpoints every `spacing` metres along a centreline.
 
-    The first stands half a spacing in, so that two streets that meet do not share a viewpoint; a street from SHORTEST to one
-    spacing long has one in its middle. None stands inside an obstacle (a yard of it is outside) or nearer to one than
-    `clearance` metres. A caller with many streets gives the obstacles as one tree. ground: heights (n,) of points (n, 2).
+    The first is half a spacing from the start, so that two streets that meet share none. A street from MIN_STREET_M to one
+    spacing long has one in its middle. Viewpoints inside obstacles are dropped; a courtyard is outside.
+
+    Parameters
+    ----------
+    spacing : metres between viewpoints.
+    height : metres above the ground.
+    obstacles : polygons, or a tree of them for many streets.
+    clearance : metres from a viewpoint to an obstacle.
+    ground : maps points (n, 2) to ground heights (n,).
+
+    Returns
+    -------
+    (n, 3) positions in metres, and (n, 2) forward unit vectors.
     """
     if centreline.length <= spacing:
-        distance = np.array([centreline.length / 2] if centreline.length >= SHORTEST else [])
+        distance = np.array([centreline.length / 2] if centreline.length >= MIN_STREET_M else [])
     else:
         distance = np.arange(spacing / 2, centreline.length, spacing)
     if len(distance) == 0:
@@ -65,10 +85,10 @@ def viewpoints(
     return np.column_stack([points, ground(points) + height]), forward
 
 
-def colour_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
-    """Wave of each street, (n,) int32: streets of one wave never touch a chunk that the other writes.
+def assign_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
+    """Assign streets to waves, (n,); within a wave no street touches a chunk that another writes.
 
-    Greedy colouring of the conflict graph, streets with most conflicts first (ties: lower index), lowest free wave.
+    Greedy colouring of the conflict graph: streets with most conflicts first (ties: lower index), lowest free wave.
     """
     n = len(writes)
     readers: dict = {}
@@ -89,11 +109,15 @@ def colour_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
     return wave
 
 
-def predecessors(wave: np.ndarray, reads: np.ndarray, writes: np.ndarray) -> list[np.ndarray]:
-    """For each street those of earlier waves that must have ended before it starts, as they touch a chunk that it writes, or
-    write one that it reads: indices (k,), ascending.
+def wave_predecessors(wave: np.ndarray, reads: np.ndarray, writes: np.ndarray) -> list[np.ndarray]:
+    """Return for each street the streets of earlier waves that must end before it starts, ascending.
 
-    wave (n,); reads (r, 2) and writes (w, 2): pairs of a street and the number of a chunk, what is written among what is read.
+    These touch a chunk that it writes, or write one that it reads.
+
+    Parameters
+    ----------
+    wave : (n,) wave of each street.
+    reads, writes : (r, 2) and (w, 2) pairs of street and chunk; writes are among the reads.
     """
     writes, reads = (np.unique(pairs, axis=0) for pairs in (writes, reads))
     by_chunk = RowIndex(reads[:, 1])

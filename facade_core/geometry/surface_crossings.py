@@ -1,24 +1,24 @@
-"""On which side of a facet the inside of a shell lies: by how many surfaces a ray from it crosses."""
+"""Ray parity test that tells the inside of a shell from its outside."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.geometry.raycast import ray_library
+from facade_core.geometry.raycast import load_open3d
 
-# Rays are counted from this far on: a window may lie in front of its wall.
-RAY_START_M = 0.02
-# Rays are tilted a little, each by another vector, so that no edge of an upright world is met exactly.
-TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.0031, -0.0149, 0.0083]])
+# Metres; nearer hits do not count: a window may be in front of its wall.
+MIN_HIT_M = 0.02
+# Offsets of the three rays of a point, so that no ray hits an edge of an upright world exactly.
+RAY_TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.0031, -0.0149, 0.0083]])
 
 
-class Crossings:
-    """The triangles (t, 3, 3) of facets (t,), for counting; not picklable."""
+class CrossingCounter:
+    """Counter of ray crossings with triangles (t, 3, 3) of facets (t,); not picklable."""
 
     def __init__(self, corners: np.ndarray, facet: np.ndarray) -> None:
         self._facet = facet
         self._centre = corners.reshape(-1, 3).mean(axis=0) if len(corners) else np.zeros(3)
-        open3d = ray_library()
+        open3d = load_open3d()
         self._tensor = open3d.core.Tensor
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         if len(corners):
@@ -27,18 +27,28 @@ class Crossings:
                 self._tensor(np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)),
             )
 
-    def odd(self, points: np.ndarray, directions: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """Whether most of three rays from each point (n, 3) along `directions` cross an odd number of triangles of facets other
-        than `own` (n,): (n,) bool."""
+    def is_odd(self, points: np.ndarray, directions: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Return whether most of three rays from each point cross an odd number of triangles.
+
+        Parameters
+        ----------
+        points : (n, 3) metres.
+        directions : (n, 3).
+        own : (n,) facet whose triangles do not count.
+
+        Returns
+        -------
+        (n,).
+        """
         if len(points) == 0 or len(self._facet) == 0:
             return np.zeros(len(points), bool)
-        rays = np.empty((len(TILTS), len(points), 6), np.float32)
+        rays = np.empty((len(RAY_TILTS), len(points), 6), np.float32)
         rays[..., :3] = points - self._centre
-        rays[..., 3:] = directions + TILTS[:, None]
+        rays[..., 3:] = directions + RAY_TILTS[:, None]
         hit = {
             name: of.numpy() for name, of in self._scene.list_intersections(self._tensor(rays.reshape(-1, 6))).items()
         }
         ray = hit["ray_ids"].astype(np.int64)
-        counted = (self._facet[hit["primitive_ids"]] != own[ray % len(points)]) & (hit["t_hit"] > RAY_START_M)
-        crossed = np.bincount(ray[counted], minlength=rays[..., 0].size).reshape(len(TILTS), len(points))
-        return (crossed % 2).sum(axis=0) > len(TILTS) // 2
+        counted = (self._facet[hit["primitive_ids"]] != own[ray % len(points)]) & (hit["t_hit"] > MIN_HIT_M)
+        crossed = np.bincount(ray[counted], minlength=rays[..., 0].size).reshape(len(RAY_TILTS), len(points))
+        return (crossed % 2).sum(axis=0) > len(RAY_TILTS) // 2

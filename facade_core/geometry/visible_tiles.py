@@ -1,4 +1,4 @@
-"""Which tiles of the charts a panorama's pixels can fall on: all others need no look."""
+"""Selection of the chart tiles that a panorama's pixels may fall on."""
 
 from __future__ import annotations
 
@@ -8,22 +8,24 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-# Texels along a tile's side.
-TILE = 16
-# Texels that a pixel's edges may bulge between its corners.
-MARGIN = 1.0
+# Texels along the side of a tile.
+VISIBLE_TILE_TEXELS = 16
+# Texels by which the projected edges of a pixel may bulge between its corners.
+PIXEL_MARGIN_TEXELS = 1.0
 
 
-class Facing(NamedTuple):
-    """Charts as a viewpoint has them before it, k of them.
+class FacingCharts(NamedTuple):
+    """Charts that face a viewpoint, k of them.
 
-    origin (k, 3): from the camera;
-    axis_u, axis_v, normal (k, 3);
-    farthest (k,): metres at which a texel counts;
-    step (k,): metres from texel to texel;
-    width, height (k,): texels;
-    surface (k,): what each is a piece of;
-    offset (k,): where its texels begin in the window.
+    Attributes
+    ----------
+    origin : (k, 3) relative to the camera.
+    axis_u, axis_v, normal : (k, 3).
+    farthest : (k,) metres from the camera up to which a texel counts.
+    step : (k,) metres per texel.
+    width, height : (k,) texels.
+    surface : (k,) uncut surface of each chart.
+    offset : (k,) first texel in the texel buffer.
     """
 
     origin: np.ndarray
@@ -39,21 +41,29 @@ class Facing(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def mark_tiles(
-    seen: np.ndarray, surface: np.ndarray, place: np.ndarray, camera: np.ndarray, charts: Facing
+def mark_visible_tiles(
+    seen: np.ndarray, surface: np.ndarray, place: np.ndarray, camera: np.ndarray, charts: FacingCharts
 ) -> np.ndarray:
-    """Tiles that lie under a pixel that shows their chart, or that is beside one that does and shows the same surface.
+    """Mark the tiles below pixels that show their chart, or that adjoin one that does on the same surface.
 
-    seen, surface (h, w): chart and surface of each pixel;
-    place (charts,): position of a chart among `charts`, which are Facing, -1 where it is not;
-    camera (3, 3): rotation.
+    Parameters
+    ----------
+    seen, surface : (h, w) chart and surface per pixel.
+    place : (charts,) position of a chart in `charts`, -1 for others.
+    camera : (3, 3) camera_from_world rotation.
+    charts : the charts that face the viewpoint.
 
-    Returns one flag per tile, charts one after another, row-major.
+    Returns
+    -------
+    (tiles,) flags, chart by chart, row-major.
     """
     rows, columns = seen.shape
     origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
     farthest = charts.farthest
-    tiles_wide, tiles_high = (charts.width + (TILE - 1)) // TILE, (charts.height + (TILE - 1)) // TILE
+    tiles_wide, tiles_high = (
+        (charts.width + (VISIBLE_TILE_TEXELS - 1)) // VISIBLE_TILE_TEXELS,
+        (charts.height + (VISIBLE_TILE_TEXELS - 1)) // VISIBLE_TILE_TEXELS,
+    )
     first = np.zeros(len(origin) + 1, np.int64)
     for k in range(len(origin)):
         first[k + 1] = first[k] + tiles_wide[k] * tiles_high[k]
@@ -116,10 +126,16 @@ def mark_tiles(
                     left += origin[k, axis] * axis_u[k, axis]
                     top += origin[k, axis] * axis_v[k, axis]
                 step = charts.step[k]
-                x0 = max(0, int(np.floor(((low_x - left) / step - MARGIN) / TILE)))
-                y0 = max(0, int(np.floor(((low_y - top) / step - MARGIN) / TILE)))
-                x1 = min(tiles_wide[k] - 1, int(np.floor(((high_x - left) / step + MARGIN) / TILE)))
-                y1 = min(tiles_high[k] - 1, int(np.floor(((high_y - top) / step + MARGIN) / TILE)))
+                x0 = max(0, int(np.floor(((low_x - left) / step - PIXEL_MARGIN_TEXELS) / VISIBLE_TILE_TEXELS)))
+                y0 = max(0, int(np.floor(((low_y - top) / step - PIXEL_MARGIN_TEXELS) / VISIBLE_TILE_TEXELS)))
+                x1 = min(
+                    tiles_wide[k] - 1,
+                    int(np.floor(((high_x - left) / step + PIXEL_MARGIN_TEXELS) / VISIBLE_TILE_TEXELS)),
+                )
+                y1 = min(
+                    tiles_high[k] - 1,
+                    int(np.floor(((high_y - top) / step + PIXEL_MARGIN_TEXELS) / VISIBLE_TILE_TEXELS)),
+                )
                 for tile_row in range(y0, y1 + 1):
                     start = first[k] + tile_row * tiles_wide[k]
                     for tile in range(start + x0, start + x1 + 1):

@@ -1,6 +1,8 @@
-"""Walls among walls: what of one stands free of its neighbours, and which go round a bend as one."""
+"""Relations between walls: their free parts, and runs of walls round a bend."""
 
 from __future__ import annotations
+
+from enum import IntEnum
 
 import numpy as np
 import shapely
@@ -9,62 +11,92 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 
-# What a wall is to the streets: on one; beside it, in sight but narrow; out of sight.
-ROLES = ("street", "side", "back")
-STREET, SIDE, BACK = range(len(ROLES))
-
-# A wall that faces another from no farther than this stands against it: party walls, and the joints between buildings.
-JOINT_M = 0.5
-# Two walls face each other where the cosine between their normals is below this.
-OPPOSITE = -0.94
-# Triangles of one wall meet within this; so do walls at a corner.
-SNAP_M, MEETING_M = 0.001, 0.05
-# A bend between two walls that are one: facets narrower than so much, turned by no more than this (cosine).
-FACET_M, BEND = 3.0, 0.86
-# Feet and tops of walls that are one differ by no more.
-LEVEL_M = 0.1
-# A wall narrower than this, or lower, is a ledge.
-NARROW_M = 0.7
-# Walls and roofs that are smaller, square metres, or narrower are trim: edges of roofs, chimneys, skirts.
-TRIM_M2, TRIM_M = 2.0, 0.6
-# Storeys of a building are from so low to so high where its height allows it.
-STOREY_M = (2.6, 4.5)
+WALL_ROLES = ("street", "side", "back")
 
 
-def taken_whole(charts: Charts) -> np.ndarray:
-    """The walls and roofs (n,) bool that are no trim."""
-    large = (charts.size.min(axis=1) >= TRIM_M) & (charts.size.prod(axis=1) >= TRIM_M2)
+class WallRole(IntEnum):
+    """Relation of a wall to the streets: the index of its name in `WALL_ROLES`."""
+
+    STREET = 0
+    # In sight, but too narrow for a facade.
+    SIDE = 1
+    # Out of sight.
+    BACK = 2
+
+
+# Metres between two opposite walls up to which they touch: party walls, and the joints between buildings.
+MAX_JOINT_M = 0.5
+# Cosine between the normals of two walls below which they face each other.
+MAX_FACING_COSINE = -0.94
+# Grid on which the triangles of one wall meet; metres.
+SNAP_M = 0.001
+# Metres between the ends of two walls that meet at a corner.
+CORNER_TOLERANCE_M = 0.05
+# Metres; walls at least as wide are not joined round a bend.
+MAX_BEND_FACET_M = 3.0
+# Cosine between the normals of two walls that are joined round a bend.
+MIN_BEND_COSINE = 0.86
+# Metres by which the feet and tops of joined walls may differ.
+LEVEL_TOLERANCE_M = 0.1
+# Metres; a narrower or lower wall is a ledge.
+MIN_WALL_M = 0.7
+# Smaller or narrower walls and roofs are details, such as roof edges, chimneys and skirts; square metres and metres.
+MIN_MAIN_SURFACE_M2 = 2.0
+MIN_MAIN_SURFACE_M = 0.6
+# Lowest and greatest floor height in metres, where the height of the building allows it.
+FLOOR_HEIGHT_M = (2.6, 4.5)
+
+
+def is_main_surface(charts: Charts) -> np.ndarray:
+    """Return the walls and roofs that are no details, (n,)."""
+    large = (charts.size.min(axis=1) >= MIN_MAIN_SURFACE_M) & (charts.size.prod(axis=1) >= MIN_MAIN_SURFACE_M2)
     return ((charts.kind == ChartKind.WALL) | (charts.kind == ChartKind.ROOF)) & large
 
 
-def free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:
-    """A wall's outline, and what of it stands against no other: polygons in its frame, metres, x right and y down. Openings
-    that the source gives count as wall."""
-    own = _outline(charts, mesh, chart, chart)
-    normal = charts.normal()
-    near = charts.near(chart, JOINT_M)
-    near = near[(charts.kind[near] == ChartKind.WALL) & (normal[near] @ normal[chart] < OPPOSITE)]
-    apart = (charts.at_shares(near, np.array([[0.5, 0.5]]))[:, 0] - charts.origin[chart]) @ normal[chart]
-    against = [_outline(charts, mesh, other, chart) for other in near[np.abs(apart) <= JOINT_M].tolist()]
+def free_wall_area(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:
+    """Return a wall's outline, and the part of it without a neighbour's wall against it.
+
+    Parameters
+    ----------
+    chart : index of the wall.
+
+    Returns
+    -------
+    Polygons in the wall's frame, metres, x right and y down; openings of the source count as wall.
+    """
+    own = _outline_without_openings(charts, mesh, chart, chart)
+    normal = charts.normals()
+    near = charts.charts_within(chart, MAX_JOINT_M)
+    near = near[(charts.kind[near] == ChartKind.WALL) & (normal[near] @ normal[chart] < MAX_FACING_COSINE)]
+    apart = (charts.points_at_shares(near, np.array([[0.5, 0.5]]))[:, 0] - charts.origin[chart]) @ normal[chart]
+    against = [
+        _outline_without_openings(charts, mesh, other, chart) for other in near[np.abs(apart) <= MAX_JOINT_M].tolist()
+    ]
     free = shapely.difference(own, shapely.union_all(against, grid_size=SNAP_M), grid_size=SNAP_M)
-    # a sliver beside a neighbour whose corners lie elsewhere is none
-    open_ = free.buffer(-MEETING_M, join_style="mitre").buffer(MEETING_M, join_style="mitre").intersection(own)
+    # opening drops slivers along a neighbour with other corners
+    open_ = (
+        free.buffer(-CORNER_TOLERANCE_M, join_style="mitre")
+        .buffer(CORNER_TOLERANCE_M, join_style="mitre")
+        .intersection(own)
+    )
     return own, open_
 
 
-def free_share(charts: Charts, mesh: Mesh) -> np.ndarray:
-    """The share of each chart's area that stands against no wall of a neighbour, (n,): 1 of what is no wall, or narrower or
-    lower than NARROW_M."""
+def free_wall_shares(charts: Charts, mesh: Mesh) -> np.ndarray:
+    """Return the share of each chart's area without a neighbour's wall against it, (n,).
+
+    Charts that are no walls, or smaller than MIN_WALL_M, have share 1.
+    """
     share = np.ones(len(charts))
-    for chart in np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= NARROW_M).all(axis=1)).tolist():
-        whole, part = free_part(charts, mesh, chart)
+    for chart in np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.size >= MIN_WALL_M).all(axis=1)).tolist():
+        whole, part = free_wall_area(charts, mesh, chart)
         share[chart] = part.area / max(whole.area, SNAP_M**2)
     return share
 
 
-def _outline(charts: Charts, mesh: Mesh, chart: int, frame: int) -> BaseGeometry:
-    """A wall's outline without its holes, in the frame of another."""
-    triangles = mesh.triangles[mesh.triangles_of(chart)]
+def _outline_without_openings(charts: Charts, mesh: Mesh, chart: int, frame: int) -> BaseGeometry:
+    """Return a wall's outline without its holes, in the frame of another chart."""
+    triangles = mesh.triangles[mesh.chart_triangles(chart)]
     points = mesh.vertices[triangles.ravel()]
     flat = charts.coordinates(np.full(len(points), frame), points).reshape(-1, 3, 2)
     flat = np.concatenate([flat, flat[:, :1]], axis=1)
@@ -73,15 +105,17 @@ def _outline(charts: Charts, mesh: Mesh, chart: int, frame: int) -> BaseGeometry
     return shapely.union_all(parts)
 
 
-def bends(charts: Charts, walls: np.ndarray) -> list[list[int]]:
-    """Some walls (k,) in runs that are laid out as one, each from left to right as seen from outside: the facets of what is
-    round, and the pieces of one surface; most walls are a run of their own."""
+def wall_runs(charts: Charts, walls: np.ndarray) -> list[list[int]]:
+    """Group walls (k,) into runs that are laid out as one, from left to right seen from outside.
+
+    A run is a rounded wall of several facets, or the pieces of one surface; most walls form their own run.
+    """
     following: dict[int, int] = {}
     for own in group_rows(charts.building[walls]).values():
-        following |= _following(charts, walls[own])
+        following |= _right_neighbours(charts, walls[own])
     first = sorted(set(walls.tolist()) - set(following.values()))
     runs, left = [], set(walls.tolist())
-    for start in [*first, *sorted(set(walls.tolist()))]:  # a tower all round begins anywhere: at the first of its walls
+    for start in [*first, *sorted(set(walls.tolist()))]:  # a closed ring of walls starts at its first wall
         run = []
         while start in left:
             left.remove(start)
@@ -92,16 +126,16 @@ def bends(charts: Charts, walls: np.ndarray) -> list[list[int]]:
     return sorted(runs)
 
 
-def _following(charts: Charts, walls: np.ndarray) -> dict[int, int]:
-    """Of walls (k,) of one building, the one to the right with which each is one."""
-    foot = charts.at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
+def _right_neighbours(charts: Charts, walls: np.ndarray) -> dict[int, int]:
+    """Map walls (k,) of one building to the wall on the right that continues them."""
+    foot = charts.points_at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
     top = charts.origin[walls, 2]
-    normal, width = charts.normal()[walls], charts.size[walls, 0]
+    normal, width = charts.normals()[walls], charts.size[walls, 0]
     apart = np.linalg.norm(foot[:, None, 1, :2] - foot[None, :, 0, :2], axis=-1)
-    meet = (apart < MEETING_M) & (np.abs(foot[:, None, 1, 2] - foot[None, :, 0, 2]) < LEVEL_M)
-    meet &= np.abs(top[:, None] - top) < LEVEL_M
-    narrow = width < FACET_M
-    one = narrow[:, None] & narrow & (normal @ normal.T > BEND)
+    meet = (apart < CORNER_TOLERANCE_M) & (np.abs(foot[:, None, 1, 2] - foot[None, :, 0, 2]) < LEVEL_TOLERANCE_M)
+    meet &= np.abs(top[:, None] - top) < LEVEL_TOLERANCE_M
+    narrow = width < MAX_BEND_FACET_M
+    one = narrow[:, None] & narrow & (normal @ normal.T > MIN_BEND_COSINE)
     one |= charts.surface[walls][:, None] == charts.surface[walls]
     pairs = np.argwhere(meet & one & ~np.eye(len(walls), dtype=bool))
     return {int(walls[a]): int(walls[b]) for a, b in pairs.tolist()}

@@ -1,4 +1,4 @@
-"""What stood in front of facades, people and number plates with it, in the evidence that is kept."""
+"""Privacy of stored evidence: people and number plates in front of facades."""
 
 from __future__ import annotations
 
@@ -6,15 +6,26 @@ import numpy as np
 
 from facade_core.core.types import Privacy
 
-# Side in metres of the squares that a blurred thing is averaged over: some three faces wide, a plate long.
+# Side in metres of the squares over which a blurred occluder is averaged: about three faces or one plate.
 BLUR_CELL_M = 0.5
 
 
 def apply_privacy(evidence: np.ndarray, hidden: np.ndarray, privacy: Privacy, texels_per_metre: float) -> np.ndarray:
-    """The evidence (h, w, 3) uint8 of a facade, with what hides it (h, w) bool as `privacy` says.
+    """Keep, mask or blur the hidden texels of a facade's evidence.
 
-    A blurred place has the mean colour of all hidden texels in its square, not of its neighbours: nothing of a thing remains
-    but these, and nothing of the facade beside it is touched.
+    A blurred texel has the mean colour of all hidden texels of its square. Visible texels contribute nothing and stay
+    unchanged, so that nothing but these means remains of an occluder.
+
+    Parameters
+    ----------
+    evidence : (h, w, 3) uint8.
+    hidden : (h, w) bool, texels that an occluder hides.
+    privacy : "keep", "mask" or "blur".
+    texels_per_metre : density of the raster.
+
+    Returns
+    -------
+    (h, w, 3) uint8; the input itself where nothing changes.
     """
     if privacy == "keep" or not hidden.any():
         return evidence
@@ -25,9 +36,9 @@ def apply_privacy(evidence: np.ndarray, hidden: np.ndarray, privacy: Privacy, te
     height, width = hidden.shape
     cell = max(2, round(BLUR_CELL_M * texels_per_metre))
     square = (np.arange(height) // cell)[:, None] * -(-width // cell) + (np.arange(width) // cell)[None]
-    there = square[hidden]
-    count = np.maximum(1, np.bincount(there))
+    hidden_squares = square[hidden]
+    count = np.maximum(1, np.bincount(hidden_squares))
     for channel in range(3):
-        mean = np.bincount(there, evidence[..., channel][hidden]) / count
-        result[..., channel][hidden] = np.rint(mean)[there]
+        mean = np.bincount(hidden_squares, evidence[..., channel][hidden]) / count
+        result[..., channel][hidden] = np.rint(mean)[hidden_squares]
     return result

@@ -19,11 +19,11 @@ import numpy as np
 
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
-from facade_core.core.model_file import read_record, stamp
+from facade_core.core.model_file import file_stamps, read_model_record
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing.elements import elements
-from facade_core.parsing.floor_structure import storeys
-from facade_core.parsing.network import SHIPPED
+from facade_core.parsing.floor_structure import count_floors
+from facade_core.parsing.network import SHIPPED_NETWORK
 
 # An element is right where a true one of its class overlaps it by this much (intersection over union).
 LEAST_OVERLAP = 0.5
@@ -44,7 +44,7 @@ _LEAST_UNSURE, _LEAST_SHARE = 0.005, 0.15
 _SUREST = 1e-3
 
 
-class Figures(NamedTuple):
+class FacadeFigures(NamedTuple):
     """One number each of the share of a facade that its windows are, their number, and the number of its storeys."""
 
     window_share: float
@@ -52,89 +52,89 @@ class Figures(NamedTuple):
     floors: float
 
 
-class Told(NamedTuple):
+class FacadeEstimates(NamedTuple):
     """What a parse says of a facade as a whole, and the least and the most of each that holds the truth in COVERAGE of facades;
     floors: 0 where it shows no windows."""
 
-    value: Figures
-    low: Figures
-    high: Figures
+    value: FacadeFigures
+    low: FacadeFigures
+    high: FacadeFigures
 
 
 @dataclass(frozen=True, slots=True)
-class Certainty:
+class Calibration:
     """lines: class -> (slope, offset) of the log odds that an element is right over those of its confidence; widths: half of
     an interval's width for each unit that a parse is unsure of, as in `doubts`."""
 
     lines: Mapping[str, tuple[float, float]]
-    widths: Figures
+    widths: FacadeFigures
 
     def probability(self, element: Element) -> float:
         """That a parsed element is right."""
         slope, offset = self.lines[element.label]
         return 1 / (1 + math.exp(-(slope * _log_odds(element.confidence) + offset)))
 
-    def told(self, parsing: Parsing, found: Sequence[Element], hidden: np.ndarray) -> Told:
+    def told(self, parsing: Parsing, found: Sequence[Element], hidden: np.ndarray) -> FacadeEstimates:
         """What a parse and the elements found in it say of a facade. Nothing is known of what is hidden (h, w) bool, and half
         of the windows and storeys that are taken to be there may be wrong."""
         value = _figures(parsing.labels, found)
         doubt, unseen = (
-            doubts(parsing.confidence[..., FacadeClass.WINDOW], value, hidden),
+            figure_uncertainty(parsing.confidence[..., FacadeClass.WINDOW], value, hidden),
             _unseen(value, found, hidden),
         )
         share, windows, floors = self.halves(doubt, unseen)
-        return Told(
+        return FacadeEstimates(
             value,
-            Figures(
+            FacadeFigures(
                 max(0.0, value.window_share - share),
                 max(0, math.ceil(value.windows - windows)),
                 max(min(1, value.floors), math.ceil(value.floors - floors)),
             ),
-            Figures(
+            FacadeFigures(
                 min(1.0, value.window_share + share),
                 math.floor(value.windows + windows),
                 math.floor(value.floors + floors),
             ),
         )
 
-    def halves(self, doubt: Figures, unseen: Figures) -> Figures:
+    def halves(self, doubt: FacadeFigures, unseen: FacadeFigures) -> FacadeFigures:
         """Half of the intervals' widths: what a parse is unsure of, and what is hidden."""
-        return Figures(*(width * one + more for width, one, more in zip(self.widths, doubt, unseen, strict=True)))
+        return FacadeFigures(*(width * one + more for width, one, more in zip(self.widths, doubt, unseen, strict=True)))
 
 
-def certainty(model: str | Path | None = None) -> Certainty:
+def load_calibration(model: str | Path | None = None) -> Calibration:
     """Of a network's file, the shipped one without a model. Raises ModelError where its .json says nothing of it."""
-    path = SHIPPED if model is None else Path(model)
-    return _certainty(path.resolve(), stamp(path))
+    path = SHIPPED_NETWORK if model is None else Path(model)
+    return _certainty(path.resolve(), file_stamps(path))
 
 
 @functools.lru_cache(maxsize=2)
-def _certainty(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Certainty:
-    record = read_record(path).get("certainty")
+def _certainty(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Calibration:
+    record = read_model_record(path).get("certainty")
     try:
         lines = {name: (float(slope), float(offset)) for name, (slope, offset) in record["elements"].items()}  # type: ignore[index]
-        widths = Figures(**{name: float(width) for name, width in record["widths"].items()})  # type: ignore[index]
-        return Certainty({name: lines[name] for name in ELEMENT_CLASSES}, widths)
+        widths = FacadeFigures(**{name: float(width) for name, width in record["widths"].items()})  # type: ignore[index]
+        return Calibration({name: lines[name] for name in ELEMENT_CLASSES}, widths)
     except (TypeError, KeyError, ValueError) as error:
         raise ModelError(f"{path}: its .json does not say how sure it is; train it anew with this version") from error
 
 
-def with_probabilities(found: Sequence[Element], sure: Certainty, hidden: np.ndarray) -> list[Element]:
+def calibrate_elements(found: Sequence[Element], sure: Calibration, hidden: np.ndarray) -> list[Element]:
     """Elements whose confidence is the probability that they are right, times the share of them that is not hidden (h, w) bool:
     what is made up was seen by nobody."""
     return [
-        dataclasses.replace(element, confidence=sure.probability(element) * (1 - share_of(hidden, element)))
+        dataclasses.replace(element, confidence=sure.probability(element) * (1 - masked_share(hidden, element)))
         for element in found
     ]
 
 
-def share_of(mask: np.ndarray, element: Element) -> float:
+def masked_share(mask: np.ndarray, element: Element) -> float:
     """The share of an element's box that a mask (h, w) bool has."""
     part = mask[int(element.y0) : math.ceil(element.y1), int(element.x0) : math.ceil(element.x1)]
     return float(part.mean()) if part.size else 0.0
 
 
-def unsure(chance: np.ndarray, share: float, hidden: np.ndarray) -> float:
+def expected_window_error(chance: np.ndarray, share: float, hidden: np.ndarray) -> float:
     """The share of a facade that is expected to be wrongly called a window, or not one. chance, hidden (...): that a pixel is a
     window, and whether it is hidden; share: of the facade that its windows are taken to be, which goes for what is hidden."""
     there = max(share, _LEAST_SHARE)
@@ -142,53 +142,53 @@ def unsure(chance: np.ndarray, share: float, hidden: np.ndarray) -> float:
     return _LEAST_UNSURE + float(doubt.mean())
 
 
-def doubts(chance: np.ndarray, value: Figures, hidden: np.ndarray) -> Figures:
+def figure_uncertainty(chance: np.ndarray, value: FacadeFigures, hidden: np.ndarray) -> FacadeFigures:
     """What a parse is unsure of, by which intervals are wider: a share of the facade; for counts, that of what is seen and the
     square root of the count, as many are missed by more, but by a smaller part of them."""
     seen = _LEAST_UNSURE + float(np.where(hidden, 0, np.minimum(chance, 1 - chance)).mean())
-    share = unsure(chance, value.window_share, hidden)
-    return Figures(share, seen * math.sqrt(1 + value.windows), math.sqrt(seen * value.floors))
+    share = expected_window_error(chance, value.window_share, hidden)
+    return FacadeFigures(share, seen * math.sqrt(1 + value.windows), math.sqrt(seen * value.floors))
 
 
-def _figures(labels: np.ndarray, found: Sequence[Element]) -> Figures:
+def _figures(labels: np.ndarray, found: Sequence[Element]) -> FacadeFigures:
     windows = sum(element.label == "window" for element in found)
-    return Figures(float((labels == FacadeClass.WINDOW).mean()), windows, storeys(labels))
+    return FacadeFigures(float((labels == FacadeClass.WINDOW).mean()), windows, count_floors(labels))
 
 
-def _unseen(value: Figures, found: Sequence[Element], hidden: np.ndarray) -> Figures:
+def _unseen(value: FacadeFigures, found: Sequence[Element], hidden: np.ndarray) -> FacadeFigures:
     """How many of the windows, by those around or those made up, and storeys may be wrong for being hidden (h, w) bool. The
     doubt of the window share has it already."""
-    made_up = sum(share_of(hidden, element) for element in found if element.label == "window")
+    made_up = sum(masked_share(hidden, element) for element in found if element.label == "window")
     share = float(hidden.mean())
     # where none is seen there may be one
     around = max(value.windows - made_up, 1) * share / max(1 - share, _LEAST_UNSURE)
     rows = float((hidden.mean(1) >= _HIDDEN_ROW).mean())
-    return Figures(0.0, _MADE_UP_WRONG * max(made_up, around), _MADE_UP_WRONG * value.floors * rows)
+    return FacadeFigures(0.0, _MADE_UP_WRONG * max(made_up, around), _MADE_UP_WRONG * value.floors * rows)
 
 
-class Observed(NamedTuple):
+class ParseObservation(NamedTuple):
     """How a parse compares with the truth: the elements found, which of them (n,) bool are right, by how much its figures were
     missed, what it was unsure of, and what was hidden by things in front."""
 
     found: list[Element]
-    right: np.ndarray
-    misses: Figures
-    doubts: Figures
-    unseen: Figures
+    match_elements: np.ndarray
+    misses: FacadeFigures
+    figure_uncertainty: FacadeFigures
+    unseen: FacadeFigures
 
 
-def observed(parsing: Parsing, truth: np.ndarray, possible: np.ndarray) -> Observed:
+def observe_parse(parsing: Parsing, truth: np.ndarray, possible: np.ndarray) -> ParseObservation:
     """A parse against true labels (h, w), where these are known. possible (h, w): bit i is set where class i may be, all bits
     where nothing is told; what may be a window, such as the blind before one, counts as part of it."""
     known = truth < len(CLASSES)
-    found = [element for element in elements(parsing) if share_of(~known, element) <= _MOST_UNKNOWN]
+    found = [element for element in elements(parsing) if masked_share(~known, element) <= _MOST_UNKNOWN]
     share, true_share = (float((labels[known] == FacadeClass.WINDOW).mean()) for labels in (parsing.labels, truth))
     windows, counted, true_counted = _counts(parsing, truth, possible)
-    value = Figures(share, *counted)
-    doubt = doubts(parsing.confidence[..., FacadeClass.WINDOW][known], value, np.zeros(int(known.sum()), bool))
-    misses = Figures(*(abs(one - other) for one, other in zip(value, (true_share, *true_counted), strict=True)))
+    value = FacadeFigures(share, *counted)
+    doubt = figure_uncertainty(parsing.confidence[..., FacadeClass.WINDOW][known], value, np.zeros(int(known.sum()), bool))
+    misses = FacadeFigures(*(abs(one - other) for one, other in zip(value, (true_share, *true_counted), strict=True)))
     unseen = _unseen(value, windows, parsing.occluded)
-    return Observed(found, right(found, elements(truth)), misses, doubt, unseen)
+    return ParseObservation(found, match_elements(found, elements(truth)), misses, doubt, unseen)
 
 
 def _counts(
@@ -201,33 +201,33 @@ def _counts(
     windows, true_windows = (
         [element for element in elements(of) if element.label == "window"] for of in (parsing.labels, true)
     )
-    on_true = overlaps(windows, true_windows).max(axis=1, initial=0) > 0
+    on_true = element_ious(windows, true_windows).max(axis=1, initial=0) > 0
     windows = [
-        one for one, on in zip(windows, on_true.tolist(), strict=True) if on or share_of(told, one) >= _LEAST_TOLD
+        one for one, on in zip(windows, on_true.tolist(), strict=True) if on or masked_share(told, one) >= _LEAST_TOLD
     ]
     rows, columns = (np.flatnonzero(told.any(axis)) for axis in (1, 0))
     inside = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     floors, true_floors = (
-        storeys(np.where(told, of, FacadeClass.WALL)[inside].astype(np.uint8)) for of in (parsing.labels, true)
+        count_floors(np.where(told, of, FacadeClass.WALL)[inside].astype(np.uint8)) for of in (parsing.labels, true)
     )
     return windows, (len(windows), floors), (len(true_windows), true_floors)
 
 
-def right(found: Sequence[Element], true: Sequence[Element]) -> np.ndarray:
+def match_elements(found: Sequence[Element], true: Sequence[Element]) -> np.ndarray:
     """Which found elements (n,) bool are right: paired with true ones of their class, one to one, for the most IoU in all."""
     from scipy.optimize import linear_sum_assignment
 
     good = np.zeros(len(found), bool)
     for name in {element.label for element in found}:
         at = [index for index, element in enumerate(found) if element.label == name]
-        overlap = overlaps([found[index] for index in at], [element for element in true if element.label == name])
+        overlap = element_ious([found[index] for index in at], [element for element in true if element.label == name])
         overlap[overlap < LEAST_OVERLAP] = 0
         rows, columns = linear_sum_assignment(overlap, maximize=True)
         good[np.array(at)[rows[overlap[rows, columns] > 0]]] = True
     return good
 
 
-def overlaps(one: Sequence[Element], other: Sequence[Element]) -> np.ndarray:
+def element_ious(one: Sequence[Element], other: Sequence[Element]) -> np.ndarray:
     """IoU of every element with every other, (n, m)."""
     first, second = (np.array([(e.x0, e.y0, e.x1, e.y1) for e in some]).reshape(-1, 4) for some in (one, other))
     low = np.maximum(first[:, None, :2], second[None, :, :2])
@@ -237,7 +237,7 @@ def overlaps(one: Sequence[Element], other: Sequence[Element]) -> np.ndarray:
     return shared / np.maximum(areas[0][:, None] + areas[1][None] - shared, 1e-9)
 
 
-def fit(photos: Sequence[Observed]) -> dict[str, Any]:
+def fit_calibration(photos: Sequence[ParseObservation]) -> dict[str, Any]:
     """What the .json of a network keeps as "certainty", from what was observed on photos, one at least."""
     seen: dict[str, list[tuple[float, bool]]] = {}
     for element, is_right in (pair for one in photos for pair in zip(one.found, one.right.tolist(), strict=True)):
@@ -247,7 +247,7 @@ def fit(photos: Sequence[Observed]) -> dict[str, Any]:
     # a facade without storeys is unsure of none
     ratios = np.sort(np.maximum(0, misses - unseen) / np.maximum(doubted, _LEAST_UNSURE), axis=0)
     place = min(len(ratios), math.ceil((len(ratios) + 1) * COVERAGE))
-    widths = Figures(*ratios[place - 1].tolist())
+    widths = FacadeFigures(*ratios[place - 1].tolist())
     return {"elements": lines, "widths": {name: round(width, 4) for name, width in widths._asdict().items()}}
 
 

@@ -64,7 +64,7 @@ def _without_slivers(boxes: Sequence[_Box]) -> list[_Box]:
     return [box for box, area in zip(boxes, areas, strict=True) if area >= least]
 
 
-def per_window(layout: Sequence[Element]) -> list[Element]:
+def split_balconies(layout: Sequence[Element]) -> list[Element]:
     """A layout whose balconies carry one window each: what runs before several is cut midway between them.
 
     For what places balconies by their windows; the others are returned as they are, and the order is kept.

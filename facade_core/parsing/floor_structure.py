@@ -17,7 +17,7 @@ _STOREY, _OF_TWO, _OF_WINDOW = 0.5, 0.35, 1.3
 
 
 @dataclass(frozen=True, slots=True)
-class Structure:
+class FloorStructure:
     """Bands and bays, in pixels of the label map.
 
     floors: the window span (top, bottom) of every floor, top first; kinds: "roof", "middle" or "ground" of each.
@@ -54,14 +54,14 @@ class Structure:
         return len(self.floors) + self.ground_band
 
 
-def storeys(labels: np.ndarray) -> int:
+def count_floors(labels: np.ndarray) -> int:
     """The storeys that a label map (H, W) shows, the ground floor included and a row of windows in the roof too; 0 without
     windows."""
-    found = structure(labels)
+    found = find_structure(labels)
     return found.storeys if found else 0
 
 
-def runs(profile: np.ndarray, threshold: float) -> list[Span]:
+def spans_above(profile: np.ndarray, threshold: float) -> list[Span]:
     """Half-open spans over which a profile is above a threshold."""
     inside = np.concatenate([[False], profile > threshold, [False]])
     edges = np.flatnonzero(inside[1:] != inside[:-1])
@@ -77,7 +77,7 @@ def window_spans(window: np.ndarray) -> list[Span]:
     profile = gaussian_filter1d(window.mean(1), 1.0)
     if profile.max() <= 0.0:
         return []
-    found = runs(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
+    found = spans_above(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
     height = np.median([b - a for a, b in found])
     joined: list[Span] = []
     for a, b in found:
@@ -88,7 +88,7 @@ def window_spans(window: np.ndarray) -> list[Span]:
     return joined
 
 
-def structure(labels: np.ndarray) -> Structure | None:
+def find_structure(labels: np.ndarray) -> FloorStructure | None:
     """The floors and bays of a label map (H, W), or None where it shows no windows.
 
     The sky above the roof is left out: `top` is the first row with less than a tenth of sky.
@@ -130,12 +130,12 @@ def structure(labels: np.ndarray) -> Structure | None:
         floor_cuts.append(bottom)
     across = element[floors[0][0] : ground_top].mean(0)
     bay_cuts = [0, *(_cut(across, a[1], b[0], 0.5) for a, b in zip(bays, bays[1:], strict=False)), width]
-    return Structure(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
+    return FloorStructure(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
 
 
 def _clear_of_windows(window: np.ndarray, top: int) -> int:
     """A top that cuts no window: below windows that mostly lie above it, else above them."""
-    for a, b in runs(window.mean(1), 0.0):
+    for a, b in spans_above(window.mean(1), 0.0):
         if a < top < b:
             return a if top - a <= b - top else b
     return top
@@ -195,7 +195,7 @@ def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
     return int(at[np.argmin(between + 0.1 * np.abs(fraction - preferred))])
 
 
-def structural_lattice(structure: Structure) -> Lattice:
+def structural_lattice(structure: FloorStructure) -> Lattice:
     """Three rows per floor and three columns per bay: before, across and after its windows; roof and ground in one."""
     rows = [structure.top]
     for (a, b), low in zip(structure.floors, structure.floor_cuts[1:], strict=True):
@@ -212,7 +212,7 @@ def _between(position: int, low: int, high: int, room: int) -> int:
     return min(max(position, low + 1), high - room)
 
 
-def trimmed_labels(labels: np.ndarray) -> np.ndarray:
+def fill_sky_and_unknown(labels: np.ndarray) -> np.ndarray:
     """Labels with chimneys' and roof lines' left-over sky turned to roof and unknown pixels to wall."""
     return np.where(
         labels == FacadeClass.SKY, FacadeClass.ROOF, np.where(labels == UNKNOWN, FacadeClass.WALL, labels)

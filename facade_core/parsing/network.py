@@ -13,16 +13,16 @@ from scipy import special
 
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import CLASSES, FacadeClass
-from facade_core.core.model_file import open_session, read_record, stamp
-from facade_core.parsing.segmentation import Segmented
+from facade_core.core.model_file import file_stamps, open_inference_session, read_model_record
+from facade_core.parsing.segmentation import Segmentation
 
-SHIPPED = Path(__file__).parent / "models" / "network.onnx"
+SHIPPED_NETWORK = Path(__file__).parent / "models" / "network.onnx"
 
 # Raised whenever the meaning of the inputs or outputs changes.
 NETWORK_VERSION = 2
 
 # The logits after those of the classes: something stands in front of the facade; sky, street or neighbours beside it are seen.
-IN_FRONT, OUTSIDE = len(CLASSES), len(CLASSES) + 1
+OCCLUDER_OUTPUT, OUTSIDE_OUTPUT = len(CLASSES), len(CLASSES) + 1
 
 # Image sides are multiples of COARSEST; position is given, and logits are returned, at these strides.
 COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
@@ -48,7 +48,7 @@ class Network:
     views: tuple[tuple[float, bool], ...] = VIEWS
     working_area = (150_000, 250_000)
 
-    def segment(self, image: np.ndarray) -> Segmented:
+    def segment(self, image: np.ndarray) -> Segmentation:
         """Of an image (H, W, 3) uint8, means over mirrored and scaled views."""
         height, width = image.shape[:2]
         classes = np.zeros((len(CLASSES), height, width), np.float32)
@@ -56,10 +56,10 @@ class Network:
         for scale, mirrored in self.views:
             logits = self._view(image, scale, mirrored)
             classes += _softmax(logits[: len(CLASSES)] - _LOG_WEIGHTS[:, None, None])
-            hidden += special.expit(logits[IN_FRONT])
-            outside += special.expit(logits[OUTSIDE])
+            hidden += special.expit(logits[OCCLUDER_OUTPUT])
+            outside += special.expit(logits[OUTSIDE_OUTPUT])
         views = len(self.views)
-        return Segmented(_by_pixel(classes / classes.sum(0)), hidden / views, outside / views)
+        return Segmentation(_by_pixel(classes / classes.sum(0)), hidden / views, outside / views)
 
     def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> np.ndarray:
         """Logits of an image as a view of it shows them, (classes + 2, H, W) float32: planes are gone through much sooner than
@@ -104,15 +104,15 @@ def load(path: str | Path) -> Network:
 
     Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
     """
-    return _load(Path(path).resolve(), stamp(Path(path)))
+    return _load(Path(path).resolve(), file_stamps(Path(path)))
 
 
 @functools.lru_cache(maxsize=2)
 def _load(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Network:
-    record = read_record(path)
+    record = read_model_record(path)
     if record.get("network_version") != NETWORK_VERSION:
         raise ModelError(f"{path}: made for another version of the network; train it anew with this version")
-    session = open_session(path, record, threads=_INTRA_OP_THREADS)
+    session = open_inference_session(path, record, threads=_INTRA_OP_THREADS)
     names = [node.name for node in (*session.get_inputs(), *session.get_outputs())]
     if names != ["image", "place", "logits"]:
         raise ModelError(f"{path}: has {names}, not this version's inputs and outputs; train it anew")

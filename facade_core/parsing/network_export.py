@@ -11,7 +11,7 @@ from facade_core.core.model_file import write_model
 from facade_core.parsing.network import NETWORK_VERSION, load
 
 
-def save(
+def save_network(
     weights: Mapping[str, Any],
     path: Path,
     *,
@@ -29,11 +29,11 @@ def save(
         "training_set": list(training_set),
         "figures": dict(figures or {}),
     }
-    write_model(to_onnx(weights), Path(path), record)
+    write_model(export_onnx(weights), Path(path), record)
     load(path)
 
 
-def weights_of(path: Path) -> dict[str, Any]:
+def read_weights(path: Path) -> dict[str, Any]:
     """The weights (name -> tensor) of a network's .onnx file, to go on from. What the export folded into a convolution stays
     there: its normalisation, which is the identity then, is to be left as it is. Raises ModelError as `load` does.
     """
@@ -64,7 +64,7 @@ def weights_of(path: Path) -> dict[str, Any]:
     return weights
 
 
-def to_onnx(weights: Mapping[str, Any]) -> bytes:
+def export_onnx(weights: Mapping[str, Any]) -> bytes:
     """The network with these weights as an ONNX file: inputs image (1, 3, H, W), place (1, 2, H / 8, W / 8), float32;
     output logits (1, 9, H / 2, W / 2). H and W are multiples of 32."""
     import torch

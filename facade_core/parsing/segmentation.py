@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 
-class Segmented(NamedTuple):
+class Segmentation(NamedTuple):
     """confidence (H, W, 7) float32, rows sum to 1; hidden and outside (H, W) float32, the probabilities that something stands
     in front of the facade, and that sky, street or neighbours are seen beside it."""
 

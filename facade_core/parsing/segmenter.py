@@ -11,15 +11,15 @@ from scipy import ndimage
 
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, FacadeClass
-from facade_core.core.model_file import stamp
+from facade_core.core.model_file import file_stamps
 from facade_core.core.types import Parsing
 from facade_core.parsing import network
 from facade_core.parsing.regularity import draw_windows, window_boxes
-from facade_core.parsing.segmentation import Segmented
+from facade_core.parsing.segmentation import Segmentation
 from facade_core.parsing.validation import check_image
 
 # The model that parses where none is named.
-SHIPPED = network.SHIPPED
+DEFAULT_MODEL = network.SHIPPED_NETWORK
 
 # Before anything else the image is scaled to an area that the segmenter is used to, if that takes no more than
 # _MOST_GROWTH and keeps both sides short; so time and memory do not grow with the image.
@@ -47,14 +47,14 @@ class Segmenter(Protocol):
     def working_area(self) -> tuple[int, int]:
         """Least and most pixels of an image that it is meant for."""
 
-    def segment(self, image: np.ndarray) -> Segmented:
+    def segment(self, image: np.ndarray) -> Segmentation:
         """Of an image (H, W, 3) uint8 RGB."""
 
 
 def load_segmenter(model: str | Path | None = None) -> Segmenter:
     """The segmenter of an .onnx file with its .json beside it; the shipped one without a model. Raises ModelError."""
-    path = SHIPPED if model is None else Path(model)
-    stamp(path)
+    path = DEFAULT_MODEL if model is None else Path(model)
+    file_stamps(path)
     return network.load(path)
 
 
@@ -74,10 +74,10 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
     """
     check_image(image)
-    return parse_with(image, load_segmenter(model))
+    return parse_with_segmenter(image, load_segmenter(model))
 
 
-def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True) -> Parsing:
+def parse_with_segmenter(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True) -> Parsing:
     """`parse` by a segmenter; not `regular`: windows as the segmenter sees them, to measure what regularity brings."""
     check_image(image)
     height, width = image.shape[:2]
@@ -93,10 +93,10 @@ def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True)
     labels, confidence = _to_full_size(confidence, height, width)
     if not coarse:  # at its own size: enlarged with the rest, windows would be round at their corners
         draw_windows(labels, confidence, np.rint(windows * np.tile(scale, 2)).astype(np.intp))
-    return Parsing(labels, confidence, occluded | _enlarge(_in_front(hidden), height, width))
+    return Parsing(labels, confidence, occluded | _enlarge(_occluder_regions(hidden), height, width))
 
 
-def _in_front(hidden: np.ndarray) -> np.ndarray:
+def _occluder_regions(hidden: np.ndarray) -> np.ndarray:
     """Where something is in front, (H, W) bool, by how likely that is at each pixel."""
     from skimage.filters import apply_hysteresis_threshold
     from skimage.measure import label
@@ -110,7 +110,7 @@ def _in_front(hidden: np.ndarray) -> np.ndarray:
     return sure | ndimage.binary_dilation(standing, square, reach, mask=standing | (hidden > _OF_WHAT_STANDS))
 
 
-def seen_outside(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
+def outside_mask(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
     """Where a picture of a facade, (H, W, 3) uint8 RGB, shows sky, street or neighbours beside it, (H, W) bool; what is hidden
     (H, W) bool, which is not all of it, is told by what is seen nearest to it. model, time and errors as of `parse`.
     """

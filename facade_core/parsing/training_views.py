@@ -14,7 +14,7 @@ from facade_core.core.labels import CLASSES, UNKNOWN
 from facade_core.parsing.network import PLACE_STRIDE, place_planes
 
 # Side of the square views, and the area in pixels that the whole photo is scaled to before one is cut out.
-VIEW = 320
+VIEW_SIDE = 320
 _AREA = (90_000, 420_000)
 _MOST_GROWTH = 2.0
 ANY_CLASS = (1 << len(CLASSES)) - 1
@@ -29,7 +29,7 @@ _PUT_IN_FRONT, _AT_FOOT = 0.6, 0.75
 _LARGE_SHARE, _MOST_COUNTED = 0.06, 4.0
 
 
-class Labelled(Protocol):
+class LabelledPhoto(Protocol):
     """A photo (H, W, 3) uint8 RGB; possible (H, W) uint8, bit i set where class i may be; occluder and outside (H, W) uint8:
     1 where something stands in front of the facade, and where sky, street or neighbours are seen beside it, 0 where not,
     UNKNOWN where that is not known."""
@@ -45,7 +45,7 @@ class Labelled(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class TrainingView:
     """image (VIEW, VIEW, 3), possible, occluder and outside (VIEW, VIEW), all uint8; place (2, VIEW / 8, VIEW / 8) float32:
     where in the photo, across and down, from -1 to 1."""
 
@@ -64,7 +64,7 @@ class Cutout:
     share: float
 
 
-def cutouts(photos: Sequence[Labelled]) -> tuple[list[Cutout], list[Cutout]]:
+def extract_cutouts(photos: Sequence[LabelledPhoto]) -> tuple[list[Cutout], list[Cutout]]:
     """Trees, cars and the like that the photos show, by photo and place: those that are upright, and the others."""
     found = []
     for photo in photos:
@@ -85,7 +85,7 @@ def _thinned(found: list[Cutout]) -> list[Cutout]:
     return found[:: max(1, len(found) // _MOST_CUTOUTS)]
 
 
-def counted_in_front(occluder: np.ndarray) -> np.ndarray:
+def occluder_weights(occluder: np.ndarray) -> np.ndarray:
     """What each pixel counts where it is asked whether something is in front, (H, W) float32: 0 where that is not told, 1 where
     nothing is, and the more the smaller the thing, by the root of its area."""
     parts, _ = ndimage.label(occluder == 1)
@@ -95,7 +95,7 @@ def counted_in_front(occluder: np.ndarray) -> np.ndarray:
     return np.where(occluder == UNKNOWN, 0, each[parts]).astype(np.float32)
 
 
-def view(photo: Labelled, pieces: Sequence[Sequence[Cutout]], rng: np.random.Generator) -> View:
+def sample_view(photo: LabelledPhoto, pieces: Sequence[Sequence[Cutout]], rng: np.random.Generator) -> TrainingView:
     """A random view: scale, crop, mirror, things in front, other light, blur, noise. Each group of pieces is drawn from
     as often as the others, however many it holds."""
     image, possible, occluder, outside, place = _cut(photo, rng)
@@ -106,10 +106,10 @@ def view(photo: Labelled, pieces: Sequence[Sequence[Cutout]], rng: np.random.Gen
             image, occluder = _put_in_front(image, occluder, place, group[int(rng.integers(len(group)))], rng)
     if rng.random() < 0.08:
         image = _paint(image, possible, rng)
-    return View(_spoil(_light(image, rng), rng), possible, occluder, outside, place)
+    return TrainingView(_spoil(_light(image, rng), rng), possible, occluder, outside, place)
 
 
-def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+def _cut(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A square of the scaled photo, and where in the photo it lies; beyond the photo's border nothing is known."""
     import cv2
 
@@ -118,10 +118,10 @@ def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     scale = min(math.sqrt(area / (height * width)), _MOST_GROWTH)
     stretch = math.exp(rng.normal(0, 0.08))
     across, down = scale * stretch, scale / stretch
-    wide, high = min(width, math.ceil(VIEW / across)), min(height, math.ceil(VIEW / down))
+    wide, high = min(width, math.ceil(VIEW_SIDE / across)), min(height, math.ceil(VIEW_SIDE / down))
     # A third of the views reach down to the photo's foot, where most things stand in front.
     x0, y0 = int(rng.integers(width - wide + 1)), min(int(rng.integers(3 * (height - high) // 2 + 1)), height - high)
-    size = (min(VIEW, max(1, round(wide * across))), min(VIEW, max(1, round(high * down))))
+    size = (min(VIEW_SIDE, max(1, round(wide * across))), min(VIEW_SIDE, max(1, round(high * down))))
     smooth = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     image, possible, occluder, outside = (
         cv2.resize(np.ascontiguousarray(layer[y0 : y0 + high, x0 : x0 + wide]), size, interpolation=mode)
@@ -136,9 +136,9 @@ def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     if rng.random() < 0.2:
         # Rectified textures often show a part of the facade only: the view stands for a whole photo.
         left, top, whole = 0.0, 0.0, size
-    corners = (left / whole[0], top / whole[1], (left + VIEW) / whole[0], (top + VIEW) / whole[1])
-    place = place_planes(VIEW, VIEW, 2 * np.array(corners) - 1)
-    pad = ((0, VIEW - size[1]), (0, VIEW - size[0]))
+    corners = (left / whole[0], top / whole[1], (left + VIEW_SIDE) / whole[0], (top + VIEW_SIDE) / whole[1])
+    place = place_planes(VIEW_SIDE, VIEW_SIDE, 2 * np.array(corners) - 1)
+    pad = ((0, VIEW_SIDE - size[1]), (0, VIEW_SIDE - size[0]))
     image = np.pad(image, (*pad, (0, 0)), mode="edge")
     possible = np.pad(possible, pad, constant_values=ANY_CLASS)
     occluder, outside = (np.pad(layer, pad, constant_values=UNKNOWN) for layer in (occluder, outside))
@@ -160,21 +160,21 @@ def _put_in_front(
     if rng.random() < _AT_FOOT:
         # From -1 to 1 the photo's height; the view's rows of PLACE_STRIDE pixels tell where that is.
         step = float(place[1, 1, 0] - place[1, 0, 0]) / PLACE_STRIDE
-        foot = VIEW - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
+        foot = VIEW_SIDE - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
         high = 2 / step * cutout.share * math.exp(rng.normal(0, 0.3))
         bottom = round(foot + high * rng.uniform(-0.1, 0.3))
     else:
-        high = VIEW * rng.uniform(0.2, 0.7) * piece.shape[0] / max(piece.shape[:2])
-        bottom = round(VIEW * rng.uniform(0.1, 1.2))
+        high = VIEW_SIDE * rng.uniform(0.2, 0.7) * piece.shape[0] / max(piece.shape[:2])
+        bottom = round(VIEW_SIDE * rng.uniform(0.1, 1.2))
     size = tuple(max(1, round(side * high / piece.shape[0])) for side in piece.shape[1::-1])
-    left = round(rng.uniform(-0.5, 1) * VIEW) if size[0] > VIEW / 2 else round(rng.uniform(-size[0] / 2, VIEW))
-    if bottom - size[1] >= VIEW or max(size) > 4 * VIEW:
+    left = round(rng.uniform(-0.5, 1) * VIEW_SIDE) if size[0] > VIEW_SIDE / 2 else round(rng.uniform(-size[0] / 2, VIEW_SIDE))
+    if bottom - size[1] >= VIEW_SIDE or max(size) > 4 * VIEW_SIDE:
         return image, occluder
     piece = _light(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), rng)
     if rng.random() < 0.5:
         piece = piece[:, ::-1]
-    y0, y1 = max(0, bottom - piece.shape[0]), min(VIEW, bottom)
-    x0, x1 = max(0, left), min(VIEW, left + piece.shape[1])
+    y0, y1 = max(0, bottom - piece.shape[0]), min(VIEW_SIDE, bottom)
+    x0, x1 = max(0, left), min(VIEW_SIDE, left + piece.shape[1])
     if y0 >= y1 or x0 >= x1:
         return image, occluder
     piece = piece[y0 - bottom + piece.shape[0] : y1 - bottom + piece.shape[0], x0 - left : x1 - left]

@@ -11,19 +11,21 @@ import shapely
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.texel_density import FAR_M
+from facade_core.geometry.texel_density import HALF_DENSITY_M
 from facade_core.plan.facades import Facades
 
 
 @dataclass(frozen=True)
-class Own:
+class CoreRegion:
     """The ids of a block's own buildings and streets; the others are context."""
 
     buildings: Collection[str]
     streets: Collection[str]
 
 
-def owned_charts(charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], own: Own) -> np.ndarray:
+def core_charts(
+    charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], own: CoreRegion
+) -> np.ndarray:
     """Which charts are a block's own, (n,) bool: those of its buildings, and the ground to which one of them, or one of its
     streets, is nearest, buildings before streets and those first by their ids."""
     mine = np.array([one.id in own.buildings for one in buildings], bool)
@@ -37,7 +39,7 @@ def owned_charts(charts: Charts, buildings: Sequence[Building], streets: Sequenc
     lines = sorted(range(len(streets)), key=lambda i: streets[i].id)
     shapes = [*(buildings[i].footprint for i in order), *(streets[i].line for i in lines)]
     owned = np.array([*(mine[i] for i in order), *(streets[i].id in own.streets for i in lines)], bool)
-    middles = shapely.points(charts.at_shares(ground, np.array([[0.5, 0.5]]))[:, 0, :2])
+    middles = shapely.points(charts.points_at_shares(ground, np.array([[0.5, 0.5]]))[:, 0, :2])
     which, nearest = shapely.STRtree(shapes).query_nearest(middles, all_matches=True)
     first = np.full(len(ground), len(shapes))
     np.minimum.at(first, which, nearest)
@@ -45,11 +47,11 @@ def owned_charts(charts: Charts, buildings: Sequence[Building], streets: Sequenc
     return found
 
 
-def watching(
+def core_viewpoints(
     cameras: Sequence[Viewpoint],
     streets: Sequence[Street],
     buildings: Sequence[Building],
-    own: Own,
+    own: CoreRegion,
     visibility_range: float,
 ) -> list[Viewpoint]:
     """The viewpoints of a block's own streets, and those from which one of its buildings is seen, or seen to be near; with
@@ -58,12 +60,12 @@ def watching(
     places = shapely.points(np.array([camera.position[:2] for camera in cameras]).reshape(-1, 2))
     near = np.zeros(len(cameras), bool)
     if len(cameras):
-        near[mine.query(places, predicate="dwithin", distance=max(visibility_range, FAR_M))[0]] = True
+        near[mine.query(places, predicate="dwithin", distance=max(visibility_range, HALF_DENSITY_M))[0]] = True
     kept = [one for one, seen in zip(cameras, near, strict=True) if seen or streets[one.street].id in own.streets]
     return [replace(camera, id=number) for number, camera in enumerate(kept)]
 
 
-def own_facades(facades: Facades, buildings: Sequence[Building], own: Own) -> Facades:
+def core_facades(facades: Facades, buildings: Sequence[Building], own: CoreRegion) -> Facades:
     """The facades of a block's own buildings."""
     mine = np.array([one.id in own.buildings for one in buildings], bool)
     rows = np.flatnonzero(mine[facades.building]) if len(facades) else np.zeros(0, np.int64)
@@ -75,8 +77,8 @@ def own_facades(facades: Facades, buildings: Sequence[Building], own: Own) -> Fa
     return Facades(id=tuple(facades.id[row] for row in rows.tolist()), **kept)
 
 
-def own_streets(
-    streets: Sequence[Street], cameras: Sequence[Viewpoint], facades: Facades, own: Own
+def core_streets(
+    streets: Sequence[Street], cameras: Sequence[Viewpoint], facades: Facades, own: CoreRegion
 ) -> tuple[tuple[Street, ...], list[int], list[Viewpoint], Facades]:
     """A block's own streets, with those that its facades are on; which viewpoints are of its own; both, and the facades, with
     the numbers that streets have then."""

@@ -5,36 +5,36 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.geometry.charts import Charts
-from facade_core.geometry.walls import BACK, LEVEL_M, MEETING_M, SIDE, STREET
+from facade_core.geometry.walls import BACK, CORNER_TOLERANCE_M, LEVEL_TOLERANCE_M, SIDE, STREET
 from facade_core.plan.facades import Facades
 
-# Where a wall begins and ends at its foot, as shares of its chart.
-_FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
-# A narrow wall turns a corner where both walls beside it are turned from it by 15 to 75 degrees (cosines).
-TURNED = (0.26, 0.966)
-# A back narrower than this has no door.
-DOOR_WALL_M = 1.6
-# Of a building's backs so many have one: the widest, and one more where there are at least so many.
-MANY_BACKS = 5
+# Left and right end of a wall's foot, as shares of its chart.
+_FOOT_SHARES = np.array([[0.0, 1.0], [1.0, 1.0]])
+# Cosines of the turns between a wall that cuts off a corner and both adjacent walls: 75 and 15 degrees.
+CORNER_COSINES = (0.26, 0.966)
+# Metres; narrower back walls have no door.
+MIN_DOOR_WALL_M = 1.6
+# Back walls of a building from which the two widest have a door, not one.
+MIN_BACKS_FOR_TWO_DOORS = 5
 
 
 def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
     """Whether a facade is a narrow wall, in sight, on the ground, that cuts off the corner between two of its building on
     streets."""
-    if facades.role[facade] != SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_M:
+    if facades.role[facade] != SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
         return False
-    own = facades.laid_out_with(facade)
-    others = facades.of_building(facade)
+    own = facades.run_members(facade)
+    others = facades.building_facades(facade)
     others = others[facades.role[others] == STREET]
-    foot, ends = (charts.at_shares(facades.chart[some], _FOOT)[..., :2] for some in (others, own))
-    normals = charts.normal()[facades.chart[others]]
+    foot, ends = (charts.points_at_shares(facades.chart[some], _FOOT_SHARES)[..., :2] for some in (others, own))
+    normals = charts.normals()[facades.chart[others]]
     along = (ends[-1, 1] - ends[0, 0]) / np.hypot(*(ends[-1, 1] - ends[0, 0]))
     found = []
-    # what is on its left ends where it begins, and faces away from its right: the corner is no nook
+    # the left wall must end where this one begins, and face away from the right one: else the corner is a nook
     for one, place, end, way in ((own[0], ends[0, 0], 1, -1), (own[-1], ends[-1, 1], 0, 1)):
-        turn = normals @ charts.normal()[facades.chart[one]]
-        turned = (turn > TURNED[0]) & (turn < TURNED[1]) & (way * (normals[:, :2] @ along) > 0)
-        found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < MEETING_M)).any()))
+        turn = normals @ charts.normals()[facades.chart[one]]
+        turned = (turn > CORNER_COSINES[0]) & (turn < CORNER_COSINES[1]) & (way * (normals[:, :2] @ along) > 0)
+        found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < CORNER_TOLERANCE_M)).any()))
     return all(found)
 
 
@@ -42,12 +42,12 @@ def has_back_door(facades: Facades, facade: int) -> bool:
     """Whether a building is entered by a back: by the widest that stands on the ground, or one more of many."""
     if facades.role[facade] != BACK:
         return False
-    own = facades.of_building(facade)
-    backs = own[(facades.role[own] == BACK) & (np.abs(facades.foot[own]) < LEVEL_M) & ~facades.raised[own]]
+    own = facades.building_facades(facade)
+    backs = own[(facades.role[own] == BACK) & (np.abs(facades.foot[own]) < LEVEL_TOLERANCE_M) & ~facades.raised[own]]
     runs = np.unique(facades.run[backs])
     wide = np.array(
-        [(facades.along[one] + facades.width[one]).max() for one in map(facades.laid_out_with, runs.tolist())]
+        [(facades.along[one] + facades.width[one]).max() for one in map(facades.run_members, runs.tolist())]
     )
     order = np.argsort(-wide, kind="stable")
-    chosen = runs[order][: 2 if len(runs) >= MANY_BACKS else 1]
-    return bool(facades.run[facade] in chosen[wide[order][: len(chosen)] >= DOOR_WALL_M])
+    chosen = runs[order][: 2 if len(runs) >= MIN_BACKS_FOR_TWO_DOORS else 1]
+    return bool(facades.run[facade] in chosen[wide[order][: len(chosen)] >= MIN_DOOR_WALL_M])

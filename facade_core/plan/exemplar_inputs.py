@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from facade_core.core.name_hash import number_of
+from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building
-from facade_core.plan.exemplar_style import Walls
-from facade_core.plan.facades import FACADE_WIDTH_M, floors_of
+from facade_core.plan.exemplar_style import StyleTargets
+from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_floors
 
 
-def outlines_as_walls(
+def walls_from_outlines(
     buildings: Sequence[Building], streets: Sequence[str], shops: Sequence[int], storey: float
-) -> Walls:
+) -> StyleTargets:
     """The outer edges of buildings as walls, those wide enough for a facade, or the widest; streets: the name of the one next
     to each building; shops: 1, 0, or -1 of each; storey, metres."""
     ends, owner = [], []
@@ -23,19 +23,19 @@ def outlines_as_walls(
         rings = [part.exterior for part in shapely.get_parts(building.footprint).tolist()]
         edges = np.concatenate([_edges(np.asarray(ring.coords)[:, :2]) for ring in rings])
         width = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
-        kept = (width >= FACADE_WIDTH_M) | (np.arange(len(width)) == width.argmax())
+        kept = (width >= MIN_FACADE_WIDTH_M) | (np.arange(len(width)) == width.argmax())
         ends.append(edges[kept])
         owner.append(np.full(int(kept.sum()), row))
     walls = np.concatenate([np.zeros((0, 2, 2)), *ends])
     of = np.concatenate([np.zeros(0, np.int64), *owner])
     heights = np.array([building.height for building in buildings], float)
-    floors = floors_of([building.levels for building in buildings], heights, storey)
-    return Walls(
+    floors = count_floors([building.levels for building in buildings], heights, storey)
+    return StyleTargets(
         np.linalg.norm(walls[:, 1] - walls[:, 0], axis=1),
         heights[of],
         floors[of],
-        np.array([number_of(building.house) for building in buildings], np.int64)[of],
-        np.array([number_of(name) for name in streets], np.int64)[of],
+        np.array([hash_name(building.whole_id) for building in buildings], np.int64)[of],
+        np.array([hash_name(name) for name in streets], np.int64)[of],
         walls,
         np.array(shops, np.int64)[of],
     )

@@ -11,36 +11,44 @@ import shapely
 
 from facade_core.core.labels import FacadeClass
 
-# How much chance may outweigh fit. Floors count by their log ratio, as does the height of a storey; width hardly, as bays are
-# repeated and dropped: it only decides between equals.
-VARIETY, FLOORS, STOREY, WIDTH = 0.8, 0.7, 0.7, 0.05
-# What was made anew of an exemplar beyond this share counts so many times: one of which half was is taken where no other fits.
-OFTEN_HIDDEN, GUESSED = 0.15, 4.0
-# And so does what lies in the shadow of something else: it would be on walls that stand in the sun.
-SHADED = 0.18
-# Buildings of which walls stand as near as this are neighbours, metres: they are seen together, and no two take one exemplar.
-NEIGHBOURS_M = 60.0
-# What it costs to take a neighbour's exemplar, beyond any misfit, and at most to look like one beside.
-TWIN, ALIKE = 100.0, 1.2
-# And to have the form of any neighbour, whatever the paint: nearly nothing where they differ by more than FORM.
-SAME_FORM, FORM = 3.0, 0.5
-# A street keeps to so many families of exemplars, and what one of another family costs.
-STREET_FAMILIES, STRANGER = 3, 1.0
-# What it costs to show shops where the map has none, or none where it has some.
-SHOPPING = 1.4
-# A family has about so many exemplars, and a library at most so many families.
-FAMILY_SIZE, MOST_FAMILIES = 5, 8
-# Who goes first is decided by chance among neighbours, in so many rounds; who is left then takes no notice of others that are.
-# What a building takes depends on nothing farther than so many times NEIGHBOURS_M.
-ROUNDS = 16
-# What tells exemplars apart, as the difference of each figure of a look that is plainly seen.
-_TELLING = np.array([12.0, 8.0, 10.0, 0.10, 0.35, 0.30, 0.06, 0.12, 3.0])
-# Of these, the first tell its colour.
-_COLOURS = 3
+# Greatest random cost, for variety among exemplars that fit.
+RANDOM_COST = 0.8
+# Costs per log ratio of floors, of floor height, and of width, which hardly matters as bays are repeated and dropped.
+FLOORS_COST = 0.7
+FLOOR_HEIGHT_COST = 0.7
+WIDTH_COST = 0.05
+# Shares of an exemplar that may be inpainted, and in shadow, without a cost.
+USUAL_HIDDEN_SHARE = 0.15
+USUAL_SHADED_SHARE = 0.18
+# Cost per share beyond these.
+HIDDEN_COST = 4.0
+# Buildings with walls within this distance are neighbours, which are seen together; metres.
+NEIGHBOURHOOD_M = 60.0
+# Cost of a neighbour's exemplar, above any misfit, and greatest cost of one that resembles a neighbour's.
+SAME_EXEMPLAR_COST = 100.0
+SIMILAR_COST = 1.2
+# Greatest cost of a neighbour's form in other colours, and the form distance at which it has fallen to 1 / e.
+SAME_FORM_COST = 3.0
+FORM_DISTANCE = 0.5
+# Families of exemplars per street, and the cost of another family.
+FAMILIES_PER_STREET = 3
+OTHER_FAMILY_COST = 1.0
+# Cost of shops where the map has none, and the other way round.
+SHOP_MISMATCH_COST = 1.4
+# Exemplars per family, and families per library.
+FAMILY_SIZE = 5
+MAX_FAMILIES = 8
+# Rounds in which neighbours choose one after the other, in random order; buildings left then ignore each other. So a choice
+# depends on nothing beyond MAX_ROUNDS * NEIGHBOURHOOD_M.
+MAX_ROUNDS = 16
+# Clearly visible difference of each component of a style descriptor.
+_DESCRIPTOR_SCALES = np.array([12.0, 8.0, 10.0, 0.10, 0.35, 0.30, 0.06, 0.12, 3.0])
+# Leading components that describe the colour.
+_COLOUR_COMPONENTS = 3
 
 
 @dataclass(frozen=True)
-class Walls:
+class StyleTargets:
     """Facades to choose for, as columns of n.
 
     width, height (n,) metres; floors (n,); building (n,) a number of each one's building that stays when others come and go;
@@ -58,9 +66,9 @@ class Walls:
 
 
 @dataclass(frozen=True)
-class Library:
+class ExemplarLibrary:
     """Exemplars to choose from, as columns of k: width, height in metres, floors; hidden, the share that was hidden and made
-    anew; shaded, the share of the wall in shadow; shops, the share of the width that shops take; looks (k, 9), `look_of`."""
+    anew; shaded, the share of the wall in shadow; shops, the share of the width that shops take; looks (k, 9), `style_descriptor`."""
 
     width: Sequence[float]
     height: Sequence[float]
@@ -68,7 +76,7 @@ class Library:
     hidden: Sequence[float]
     shaded: Sequence[float]
     shops: Sequence[float]
-    looks: Sequence[Sequence[float]]
+    descriptors: Sequence[Sequence[float]]
 
     @cached_property
     def distance(self) -> np.ndarray:
@@ -78,10 +86,10 @@ class Library:
     @cached_property
     def form(self) -> np.ndarray:
         """The same whatever its colours, (k, k)."""
-        return self._apart(_COLOURS)
+        return self._apart(_COLOUR_COMPONENTS)
 
-    def _apart(self, first: int) -> np.ndarray:
-        looks = (np.asarray(self.looks, float).reshape(len(self.floors), -1) / _TELLING)[:, first:]
+    def _descriptor_distances(self, first: int) -> np.ndarray:
+        looks = (np.asarray(self.descriptors, float).reshape(len(self.floors), -1) / _DESCRIPTOR_SCALES)[:, first:]
         return np.sqrt(((looks[:, None] - looks[None]) ** 2).sum(axis=-1))
 
     @cached_property
@@ -91,14 +99,14 @@ class Library:
         from scipy.spatial.distance import squareform
 
         count = len(self.floors)
-        most = int(np.clip(round(count / FAMILY_SIZE), 1, MOST_FAMILIES))
+        most = int(np.clip(round(count / FAMILY_SIZE), 1, MAX_FAMILIES))
         if count < 2 or most < 2:
             return np.zeros(count, np.int64)
         tree = linkage(squareform(self.distance, checks=False), "average")
         return fcluster(tree, most, "maxclust").astype(np.int64) - 1
 
 
-def look_of(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> list[float]:
+def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> list[float]:
     """What tells a facade's style, of its picture (h, w, 3) uint8 and labels (h, w): CIELAB of the wall; the share of it that
     windows are, how tall they are to their width (log), the logarithm of their pitch in metres; the shares of balconies and
     roof; ornament, the mean step of the wall's lightness within 10 cm."""
@@ -114,7 +122,7 @@ def look_of(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> l
         tall = float(np.log(height / width))
         wall_area = labels.size * metres_per_pixel**2
         pitch = float(0.5 * np.log(wall_area / (count - 1)))
-    # Steps over 10 cm tell ornament, and leave grain and joints out.
+    # at 10 cm a pixel, steps measure ornament without grain and joints
     small = max(8, round(image.shape[0] * metres_per_pixel * 10)), max(8, round(image.shape[1] * metres_per_pixel * 10))
     light = cv2.resize(lab[..., 0], small[::-1], interpolation=cv2.INTER_AREA)
     plain = cv2.resize(wall.astype(np.float32), small[::-1], interpolation=cv2.INTER_AREA)[1:, 1:] > 0.99
@@ -124,12 +132,12 @@ def look_of(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> l
     return [round(float(v), 4) for v in (*colour, share[0], tall, pitch, share[1], share[2], ornament)]
 
 
-def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray:
+def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int) -> np.ndarray:
     """Index of the exemplar for each facade, (n,) int64; the facades of one building share theirs.
 
     The fit is of the building's widest facade: floors, the height of a storey, the families of its street, and what of an
     exemplar was made anew or lies in shadow; chance, by (seed, building), chooses among those that fit. No two buildings within
-    NEIGHBOURS_M take the same one while there are others, after that the one whose nearest use is farthest; nor gladly two that
+    NEIGHBOURHOOD_M take the same one while there are others, after that the one whose nearest use is farthest; nor gladly two that
     look alike, or differ in paint alone. A choice depends on what is near, not on the order or number of the facades.
     """
     numbers, row = np.unique(walls.building, return_inverse=True)
@@ -137,21 +145,21 @@ def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray
         return np.zeros(0, np.int64)
     order = np.lexsort((-walls.width, row))
     main = order[np.searchsorted(row[order], np.arange(len(numbers)))]
-    misfit = _misfits(walls, main, library)
+    misfit = _misfit_costs(walls, main, library)
     first = np.empty(len(numbers))
     for place, number in enumerate(numbers.tolist()):
         draw = np.random.default_rng([seed, number])
-        first[place] = draw.random()  # as `order_of` has it
-        misfit[place] += VARIETY * draw.random(misfit.shape[1])
-    misfit += STRANGER * ~_at_home(walls.street[main], library.family, seed)
-    near, metres = _neighbours(walls.ends, row, len(numbers))
-    rank = _ranks(first, numbers)
+        first[place] = draw.random()  # the same draw as in `choice_order`
+        misfit[place] += RANDOM_COST * draw.random(misfit.shape[1])
+    misfit += OTHER_FAMILY_COST * ~_is_in_street_families(walls.street[main], library.family, seed)
+    near, metres = _neighbouring_buildings(walls.ends, row, len(numbers))
+    rank = _rank_draws(first, numbers)
 
     chosen = np.full(len(numbers), -1)
-    for turn in range(ROUNDS + 1):
+    for turn in range(MAX_ROUNDS + 1):
         left = np.flatnonzero(chosen < 0)
-        ready = [int(i) for i in left if turn == ROUNDS or all(rank[i] < rank[j] for j in near[i] if chosen[j] < 0)]
-        taken = {i: _taken(misfit[i], chosen[near[i]], metres[i], library) for i in ready}
+        ready = [int(i) for i in left if turn == MAX_ROUNDS or all(rank[i] < rank[j] for j in near[i] if chosen[j] < 0)]
+        taken = {i: _cheapest_exemplar(misfit[i], chosen[near[i]], metres[i], library) for i in ready}
         for i, exemplar in taken.items():
             chosen[i] = exemplar
         if len(ready) == len(left):
@@ -160,71 +168,73 @@ def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray
 
 
 @dataclass(frozen=True)
-class Order:
+class ChoiceOrder:
     """Who of a city's buildings chooses before whom: their numbers (b,), ascending, and of each the rows of those near that go
     before it."""
 
     numbers: np.ndarray
-    first: tuple[np.ndarray, ...]
+    predecessors: tuple[np.ndarray, ...]
 
-    def needed(self, chosen: np.ndarray) -> np.ndarray:
+    def dependencies(self, chosen: np.ndarray) -> np.ndarray:
         """The numbers (k,) of the buildings that are needed to choose for some, (c,) their numbers, with these: those that
         go before them, before those, and so on."""
         found = np.isin(self.numbers, chosen)
         waiting = np.flatnonzero(found).tolist()
         while waiting:
-            rows = self.first[waiting.pop()]
+            rows = self.predecessors[waiting.pop()]
             new = rows[~found[rows]]
             found[new] = True
             waiting += new.tolist()
         return self.numbers[found]
 
 
-def order_of(walls: Walls, *, seed: int) -> Order:
+def choice_order(walls: StyleTargets, *, seed: int) -> ChoiceOrder:
     """The order in which `choose_exemplars` goes through buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
-    near, _ = _neighbours(walls.ends, row, len(numbers))
-    rank = _ranks(np.array([np.random.default_rng([seed, number]).random() for number in numbers.tolist()]), numbers)
-    return Order(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
+    near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
+    rank = _rank_draws(
+        np.array([np.random.default_rng([seed, number]).random() for number in numbers.tolist()]), numbers
+    )
+    return ChoiceOrder(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
 
 
-def _ranks(first: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+def _rank_draws(first: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     """Who goes before whom, (b,) int64, by a draw (b,) of each."""
     rank = np.empty(len(numbers), np.int64)
     rank[np.lexsort((numbers, first))] = np.arange(len(numbers))
     return rank
 
 
-def _misfits(walls: Walls, main: np.ndarray, library: Library) -> np.ndarray:
+def _misfit_costs(walls: StyleTargets, main: np.ndarray, library: ExemplarLibrary) -> np.ndarray:
     """What each exemplar costs each building by its widest facade, (b, k)."""
 
     def ratio(own: np.ndarray, theirs: np.ndarray) -> np.ndarray:
         return np.abs(np.log(own[:, None] / theirs[None]))
 
     floors, given = walls.floors[main].astype(float), np.maximum(np.asarray(library.floors, float), 1)
-    misfit = FLOORS * ratio(floors, given)
-    misfit += STOREY * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
-    misfit += WIDTH * ratio(walls.width[main], np.asarray(library.width, float))
-    misfit += GUESSED * np.maximum(0, np.asarray(library.hidden, float) - OFTEN_HIDDEN)
+    misfit = FLOORS_COST * ratio(floors, given)
+    misfit += FLOOR_HEIGHT_COST * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
+    misfit += WIDTH_COST * ratio(walls.width[main], np.asarray(library.width, float))
+    misfit += HIDDEN_COST * np.maximum(0, np.asarray(library.hidden, float) - USUAL_HIDDEN_SHARE)
     told, has = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
-    misfit += SHOPPING * ((told >= 0) & (has != (told > 0)))
-    return misfit + GUESSED * np.maximum(0, np.asarray(library.shaded, float) - SHADED)
+    misfit += SHOP_MISMATCH_COST * ((told >= 0) & (has != (told > 0)))
+    return misfit + HIDDEN_COST * np.maximum(0, np.asarray(library.shaded, float) - USUAL_SHADED_SHARE)
 
 
-def _at_home(street: np.ndarray, family: np.ndarray, seed: int) -> np.ndarray:
+def _is_in_street_families(street: np.ndarray, family: np.ndarray, seed: int) -> np.ndarray:
     """Whether each exemplar is of the families of the street (b,) of each building, (b, k) bool."""
     home = np.ones((len(street), len(family)), bool)
     count = int(family.max(initial=0)) + 1
     for number in np.unique(street).tolist():
-        kept = np.random.default_rng([seed, number]).permutation(count)[:STREET_FAMILIES]
+        kept = np.random.default_rng([seed, number]).permutation(count)[:FAMILIES_PER_STREET]
         home[street == number] = np.isin(family, kept)
     return home
 
 
-def _neighbours(ends: np.ndarray, row: np.ndarray, count: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Of each of `count` buildings the others with a wall within NEIGHBOURS_M, ascending, and their distances in metres."""
+def _neighbouring_buildings(ends: np.ndarray, row: np.ndarray, count: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Of each of `count` buildings the others with a wall within NEIGHBOURHOOD_M, ascending, and their distances in metres."""
     lines = shapely.linestrings(ends)
-    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEIGHBOURS_M)
+    one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEIGHBOURHOOD_M)
     apart = row[one] != row[other]
     pairs = np.column_stack([row[one[apart]], row[other[apart]]])
     metres = shapely.distance(lines[one[apart]], lines[other[apart]])
@@ -237,15 +247,15 @@ def _neighbours(ends: np.ndarray, row: np.ndarray, count: int) -> tuple[list[np.
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
 
 
-def _taken(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, library: Library) -> int:
+def _cheapest_exemplar(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, library: ExemplarLibrary) -> int:
     """The exemplar of one building, by what its neighbours took, -1 nothing yet, and how far they are."""
     cost = misfit.copy()
     has = theirs >= 0
-    closeness = 1 - metres[has] / NEIGHBOURS_M
+    closeness = 1 - metres[has] / NEIGHBOURHOOD_M
     for exemplar, close in zip(theirs[has].tolist(), closeness.tolist(), strict=True):
-        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + TWIN * (1 + close))
+        cost[exemplar] = max(cost[exemplar], misfit[exemplar] + SAME_EXEMPLAR_COST * (1 + close))
     if has.any():
         alike = np.exp(-(library.distance[theirs[has]] ** 2)) * closeness[:, None]
-        cost += ALIKE * alike.max(axis=0)
-        cost += SAME_FORM * np.exp(-((library.form[theirs[has]] / FORM) ** 2)).max(axis=0)
+        cost += SIMILAR_COST * alike.max(axis=0)
+        cost += SAME_FORM_COST * np.exp(-((library.form[theirs[has]] / FORM_DISTANCE) ** 2)).max(axis=0)
     return int(np.argmin(cost))

@@ -9,17 +9,17 @@ from shapely.affinity import translate
 
 from facade_core.facade.texture.building_walls import Wall
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import BACK, STREET, free_part
+from facade_core.geometry.walls import BACK, STREET, free_wall_area
 from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.facades import Facades
 
 
-def wall_of(scene: Scene, facades: Facades, facade: int, entrances: Sequence[float] = ()) -> Wall:
+def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence[float] = ()) -> Wall:
     """The wall that a facade is, or is a part of: all that are laid out as one with it, from left to right. entrances: where a
     map has doors in it, metres from the left."""
-    own = facades.laid_out_with(facade)
+    own = facades.run_members(facade)
     parts = [
-        translate(free_part(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
+        translate(free_wall_area(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
         for one in own.tolist()
     ]
     return Wall(

@@ -11,29 +11,32 @@ import numpy as np
 import shapely
 
 from facade_core.core.grouping import RowIndex, group_rows
-from facade_core.core.name_hash import number_of
+from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import BACK, LEVEL_M, NARROW_M, SIDE, STOREY_M, STREET, bends
+from facade_core.geometry.walls import BACK, FLOOR_HEIGHT_M, LEVEL_TOLERANCE_M, MIN_WALL_M, SIDE, STREET, wall_runs
 
-# A wall is on a street when it is at least this large and this share of it is seen from there.
-FACADE_WIDTH_M = 3.0
-FACADE_HEIGHT_M = 2.5
-FACADE_SEEN = 0.25
-# Nor is one that has fewer texels a side: there is nothing to parse in it.
-FACADE_TEXELS = 16
-# The others are facades where they are no ledges, and as large a share of them stands free of neighbours.
-FREE = 0.25
-# Points of a wall that are looked at, per axis.
-SAMPLES = (5, 4)
-# What lies below a wall's foot is looked at from this far before it, at these shares of its width, from this far above: on a
-# roof, or without ground so little below where the wall begins high, there are neither doors nor shops.
-BEFORE_M, ALONG, ABOVE_M, BELOW_M = 0.5, (0.1, 0.3, 0.5, 0.7, 0.9), 1.0, 2.0
-# A storey is at least and at most this high: tagged levels can contradict the height. Else STOREY_M.
-TAGGED_STOREY_M = (2.2, 6.0)
+# Smallest street facade in metres, and share of it that the street sees.
+MIN_FACADE_WIDTH_M = 3.0
+MIN_FACADE_HEIGHT_M = 2.5
+MIN_SEEN_SHARE = 0.25
+# Texels per side; a smaller wall holds nothing to parse.
+MIN_FACADE_TEXELS = 16
+# Share of a wall off the streets without a neighbour against it.
+MIN_FREE_SHARE = 0.25
+# Sample points of a wall across and down.
+SAMPLES_PER_AXIS = (5, 4)
+# Probes of the surface below a wall's foot: metres before the wall, shares of its width, metres above the foot.
+FOOT_PROBE_DISTANCE_M = 0.5
+FOOT_PROBE_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
+FOOT_PROBE_HEIGHT_M = 1.0
+# Metres from the foot of a high wall down to the ground, for doors and shops.
+MAX_GROUND_DROP_M = 2.0
+# Floor height range in metres where levels are tagged, which can contradict the height; else FLOOR_HEIGHT_M.
+TAGGED_FLOOR_HEIGHT_M = (2.2, 6.0)
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Facades:
 
     id: a name that stays the same as long as the building's footprint does;
     chart, street, building (n,) int32 indices; the street is the nearest where none sees the wall;
-    role (n,) uint8, an index into `facade_core.geometry.walls.ROLES`;
+    role (n,) uint8, an index into `facade_core.geometry.walls.WALL_ROLES`;
     width, height (n,) metres;
     floors (n,) int32, by the map, the ground floor included;
     seen (n,) the share of the wall that its street sees;
@@ -74,12 +77,12 @@ class Facades:
     def __len__(self) -> int:
         return len(self.id)
 
-    def laid_out_with(self, facade: int) -> np.ndarray:
+    def run_members(self, facade: int) -> np.ndarray:
         """The facades (k,) that are laid out as one with a facade, it among them, from left to right."""
         own = self._by_run.rows_with(int(self.run[facade]))
         return own[np.argsort(self.along[own], kind="stable")]
 
-    def of_building(self, facade: int) -> np.ndarray:
+    def building_facades(self, facade: int) -> np.ndarray:
         """The facades (k,) of a facade's building, ascending."""
         return self._by_building.rows_with(int(self.building[facade]))
 
@@ -104,28 +107,28 @@ def find_facades(
     """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
     too, by the share (charts,) of each that stands against no neighbour."""
     charts = scene.charts
-    upright = ~_gables(scene, buildings)
-    large = _large_walls(scene) & upright
-    free = _tall_walls(charts) & (free_share >= FREE) & upright if streets else np.zeros(len(charts), bool)
-    runs = bends(charts, np.flatnonzero(large | free))
+    upright = ~_is_gable(scene, buildings)
+    large = _is_large_wall(scene) & upright
+    free = _is_tall_wall(charts) & (free_share >= MIN_FREE_SHARE) & upright if streets else np.zeros(len(charts), bool)
+    runs = wall_runs(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
         ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
         run[one], wide[one], along[one] = one[0], ends[-1], ends[:-1]
-    best, street = _best_seen(scene, large | free, cameras, seen)
-    shown = best >= FACADE_SEEN
-    for one in runs:  # what is round is on a street with all its facets, or with none
+    best, street = _best_visibility(scene, large | free, cameras, seen)
+    shown = best >= MIN_SEEN_SHARE
+    for one in runs:  # all facets of a round wall share one role
         shown[one] = shown[one].any() if streets else shown[one]
-    role = np.where(shown, np.where(wide >= FACADE_WIDTH_M, STREET, SIDE), BACK).astype(np.uint8)
+    role = np.where(shown, np.where(wide >= MIN_FACADE_WIDTH_M, STREET, SIDE), BACK).astype(np.uint8)
     chart = np.flatnonzero((large & (role == STREET)) | free)
     if streets:
-        street[chart] = _nearest(charts, chart, street[chart], best[chart], streets)
+        street[chart] = _nearest_streets(charts, chart, street[chart], best[chart], streets)
     building = charts.building[chart]
     wall = _wall_numbers(charts)[chart]
     width, height = charts.size[chart].T
-    foot, eaves = _levels(charts, chart)
+    foot, eaves = _foot_and_eaves(charts, chart)
     levels = [buildings[b].levels for b in building]
-    storeys = floors_of(levels, eaves, storey)
+    storeys = count_floors(levels, eaves, storey)
     _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
@@ -136,7 +139,7 @@ def find_facades(
         width=width,
         height=height,
         floors=np.where(
-            np.abs(height - eaves) < LEVEL_M, storeys, np.maximum(1, np.round(height * storeys / eaves))
+            np.abs(height - eaves) < LEVEL_TOLERANCE_M, storeys, np.maximum(1, np.round(height * storeys / eaves))
         ).astype(np.int32),
         seen=best[chart],
         run=first[of].astype(np.int32),
@@ -144,66 +147,70 @@ def find_facades(
         foot=foot,
         eaves=eaves,
         storeys=storeys,
-        raised=np.array([buildings[b].raised > 0 for b in building], bool) | _above_ground(scene, chart, foot),
-        house=np.array([number_of(buildings[b].house) for b in building], np.int64),
+        raised=np.array([buildings[b].raised > 0 for b in building], bool) | _begins_above_ground(scene, chart, foot),
+        house=np.array([hash_name(buildings[b].house) for b in building], np.int64),
     )
 
 
-def _large_walls(scene: Scene) -> np.ndarray:
+def _is_large_wall(scene: Scene) -> np.ndarray:
     """The walls that are large enough to be parsed, (charts,) bool."""
     charts = scene.charts
     large = (
-        (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+        (charts.kind == ChartKind.WALL)
+        & (charts.size[:, 0] >= MIN_FACADE_WIDTH_M)
+        & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
     )
-    return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
+    return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= MIN_FACADE_TEXELS)
 
 
-def _tall_walls(charts: Charts) -> np.ndarray:
+def _is_tall_wall(charts: Charts) -> np.ndarray:
     """The walls, narrow ones too, that are as high as a storey, (charts,) bool."""
-    return (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    return (
+        (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= MIN_WALL_M) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
+    )
 
 
-def _nearest(
+def _nearest_streets(
     charts: Charts, chart: np.ndarray, street: np.ndarray, seen: np.ndarray, streets: Sequence[Street]
 ) -> np.ndarray:
     """The streets (k,) of some charts: the nearest of those that no street sees."""
-    middle = shapely.points(charts.at_shares(chart, np.array([[0.5, 0.5]]))[:, 0, :2])
+    middle = shapely.points(charts.points_at_shares(chart, np.array([[0.5, 0.5]]))[:, 0, :2])
     nearest = shapely.STRtree([one.line for one in streets]).nearest(middle)
     return np.where(seen > 0, street, nearest).astype(np.int32)
 
 
-def _levels(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _foot_and_eaves(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of walls (k,), how high each stands over the foot of most of its building's, and how high from there these end, both (k,)
     metres; by the walls' width."""
-    foot = charts.at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
+    foot = charts.points_at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
     over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
     for own in group_rows(charts.building[chart]).values():
-        base, end = (_most(level[own], width[own]) for level in (foot, top))
-        if end - base >= FACADE_HEIGHT_M:
+        base, end = (_prevailing_level(level[own], width[own]) for level in (foot, top))
+        if end - base >= MIN_FACADE_HEIGHT_M:
             over[own], eaves[own] = foot[own] - base, end - base
-    return np.where(np.abs(over) < LEVEL_M, 0.0, over), eaves
+    return np.where(np.abs(over) < LEVEL_TOLERANCE_M, 0.0, over), eaves
 
 
-def _above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarray:
+def _begins_above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarray:
     """Which walls (k,) begin on a roof, their own building's or a neighbour's, or a storey over most of their building's, by
     their `foot` (k,), and with no ground below: (k,) bool."""
     charts = scene.charts
-    feet = charts.at_shares(chart, np.array([[share, 1.0] for share in ALONG]))
-    above = feet + BEFORE_M * charts.normal()[chart][:, None] + [0.0, 0.0, ABOVE_M]
+    feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in FOOT_PROBE_SHARES]))
+    above = feet + FOOT_PROBE_DISTANCE_M * charts.normals()[chart][:, None] + [0.0, 0.0, FOOT_PROBE_HEIGHT_M]
     distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
-    kind = np.where((met != MISS) & (distance < ABOVE_M + BELOW_M), charts.kind[met], MISS)
+    kind = np.where((met != MISS) & (distance < FOOT_PROBE_HEIGHT_M + MAX_GROUND_DROP_M), charts.kind[met], MISS)
     roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ChartKind.ROOF, ChartKind.GROUND))
-    return roofs | ((foot > FACADE_HEIGHT_M) & ~grounds)
+    return roofs | ((foot > MIN_FACADE_HEIGHT_M) & ~grounds)
 
 
-def _most(level: np.ndarray, width: np.ndarray) -> float:
+def _prevailing_level(level: np.ndarray, width: np.ndarray) -> float:
     """The level at which most of some walls' width is, of levels within LEVEL_M of it."""
-    near = np.abs(level[:, None] - level) < LEVEL_M
+    near = np.abs(level[:, None] - level) < LEVEL_TOLERANCE_M
     return float(level[np.argmax(near @ width)])
 
 
-def _gables(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
+def _is_gable(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
     """What stands on the walls of buildings without a model, under their roofs, (charts,) bool: those walls are rectangles."""
     charts, mesh = scene.charts, scene.mesh
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
@@ -212,13 +219,13 @@ def _gables(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
     return built & (area < 0.99 * charts.size.prod(axis=1))
 
 
-def _best_seen(
+def _best_visibility(
     scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """The largest share of every chart that is seen from one street, (charts,), and the first such street, (charts,) int32, 0
     where none sees it: by looking from every viewpoint at a grid of points on each candidate in its panorama."""
     charts = scene.charts
-    across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES)
+    across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES_PER_AXIS)
     grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
     best, best_street = np.zeros(len(charts)), np.zeros(len(charts), np.int32)
     in_order = sorted(zip(cameras, seen, strict=True), key=lambda one: one[0].street)
@@ -228,7 +235,7 @@ def _best_seen(
             walls = row[candidate[row]]
             if len(walls) == 0:
                 continue
-            ray = charts.at_shares(walls, grid) - camera.position
+            ray = charts.points_at_shares(walls, grid) - camera.position
             distance, chart = scene.caster.cast(camera.position, ray)
             reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
             reached &= np.linalg.norm(ray, axis=-1) <= scene.visibility_range
@@ -252,10 +259,10 @@ def _wall_numbers(charts: Charts) -> np.ndarray:
     return number
 
 
-def floors_of(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
+def count_floors(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
     """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
     tagged = np.array([count or 0 for count in levels], np.int64)
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)
-    low, high = (np.where(tagged > 0, *limits) for limits in zip(TAGGED_STOREY_M, STOREY_M, strict=True))
+    low, high = (np.where(tagged > 0, *limits) for limits in zip(TAGGED_FLOOR_HEIGHT_M, FLOOR_HEIGHT_M, strict=True))
     most = np.maximum(1, np.floor(height / low))
     return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

@@ -14,7 +14,7 @@ import shapely
 
 from facade_core.core.types import PLAIN, Finish, Ground
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
-from facade_core.geometry.ground.shapes import Squares
+from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
@@ -23,19 +23,20 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-class Each(Protocol):
+class ParallelMap(Protocol):
     """Calls a function with runs of items that together are all of them, wherever that is done: what it returns, joined."""
 
     def __call__(self, function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]: ...
 
 
-def here(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+def map_in_process(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
     """All items at once, in this process."""
     return function(items)
 
 
-# Of a view's pixels that show no chart within the range: the sky, and what lies beyond.
-SKY, BEYOND = 0, 1
+# Ids in view digests of pixels without a chart within the range.
+SKY = 0
+BEYOND = 1
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,9 @@ class SceneObjects:
     digest: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    of_chart: np.ndarray
+    chart_object: np.ndarray
 
-    def within(self, low: np.ndarray, high: np.ndarray) -> list[str]:
+    def digests_in_box(self, low: np.ndarray, high: np.ndarray) -> list[str]:
         """The things whose boxes meet the box from low to high (3,), as sorted hexadecimal digests."""
         near = self._with_surface[self._boxes.query(shapely.box(*low[:2], *high[:2]))]
         meet = (self.low[near] <= high).all(axis=1) & (self.high[near] >= low).all(axis=1)
@@ -99,7 +100,7 @@ def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes:
     return found
 
 
-def things_of(charts: Charts, mesh: Mesh, names: Sequence[str]) -> SceneObjects:
+def build_scene_objects(charts: Charts, mesh: Mesh, names: Sequence[str]) -> SceneObjects:
     """The things of a block; names are the ids of the buildings, by row."""
     ground = np.flatnonzero(charts.building < 0)
     of_chart = charts.building.astype(np.int64)
@@ -130,7 +131,7 @@ def compute_view_digests(
     cameras: Sequence[Viewpoint],
     ground: Ground,
     width: int,
-    each: Each = here,
+    each: ParallelMap = map_in_process,
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
     """What the panorama of each viewpoint, `width` pixels wide, shows: sorted charts, and the digest of all geometry that the
     panorama is made of.
@@ -139,19 +140,19 @@ def compute_view_digests(
     on them, and what the ground is drawn of. Whatever else changes in the block, what the viewpoint makes stays. `each` says
     where rays are cast.
     """
-    looks = each(partial(_looks, scene, ids, width), cameras)
+    looks = each(partial(_trace_viewpoints, scene, ids, width), cameras)
     seen = [charts for charts, _ in looks]
     lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
     light = np.zeros(len(scene.charts), np.uint64)
-    light[lit] = each(partial(_light, scene), lit.tolist())
-    squares = Squares(ground, scene.charts)
+    light[lit] = each(partial(_daylight_digests, scene), lit.tolist())
+    squares = GroundTiles(ground, scene.charts)
     digests = []
     for charts, pixels in looks:
         digest = blake2b(pixels, digest_size=16)
         ordered = charts[np.argsort(ids[charts])]
         surface = scene.charts.surface[ordered]
         _, first, of = np.unique(surface, return_index=True, return_inverse=True)
-        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered]):
+        for part in (ids[ordered], things.digest[things.chart_object[ordered]], first[of], light[ordered]):
             digest.update(np.ascontiguousarray(part).tobytes())
         for chart in ordered[scene.charts.kind[ordered] == ChartKind.GROUND].tolist():
             digest.update(squares.digest(chart))
@@ -159,11 +160,13 @@ def compute_view_digests(
     return seen, tuple(digests)
 
 
-def _looks(scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoint]) -> list[tuple[np.ndarray, bytes]]:
+def _trace_viewpoints(
+    scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoint]
+) -> list[tuple[np.ndarray, bytes]]:
     """The charts that each viewpoint shows, sorted, and a digest of its pixels."""
     found = []
     for camera in cameras:
-        _, depth, chart = scene.look(camera, width)
+        _, depth, chart = scene.cast_panorama(camera, width)
         shown = chart != MISS
         pixels = np.where(shown, ids[chart], np.where(np.isfinite(depth), BEYOND, SKY).astype(np.uint64))
         digest = blake2b(np.concatenate([camera.position, camera.forward]).tobytes(), digest_size=16)
@@ -175,13 +178,13 @@ def _looks(scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoin
     return found
 
 
-def _light(scene: Scene, charts: Sequence[int]) -> list[int]:
+def _daylight_digests(scene: Scene, charts: Sequence[int]) -> list[int]:
     """A digest of the daylight on each of some charts, 64 bits."""
     daylight = scene.daylight
-    daylight.reach(charts)
+    daylight.compute(charts)
     found = []
     for chart in charts:
-        start = int(daylight.place[chart])
+        start = int(daylight.start[chart])
         cells = daylight.light[start : start + int(daylight.rows[chart] * daylight.columns[chart])]
         found.append(int.from_bytes(blake2b(cells.tobytes(), digest_size=8).digest()))
     return found

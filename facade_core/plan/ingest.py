@@ -10,25 +10,24 @@ import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Elevation, Ground, Pose, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import Places, pack
-from facade_core.geometry.ground.carriageways import fitted
-from facade_core.geometry.ground.street_gaps import streets_between
-from facade_core.geometry.ground.terrain import Terrain, terrain_of
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import PreviousPlacement, pack_charts
+from facade_core.geometry.ground.carriageways import fit_ground
+from facade_core.geometry.ground.street_gaps import derive_streets
+from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
-from facade_core.geometry.texel_density import coarsest, texel_density
-from facade_core.geometry.walls import STREET, free_share
+from facade_core.geometry.streets import Viewpoint, assign_waves, place_viewpoints
+from facade_core.geometry.texel_density import min_texel_density, texel_density
+from facade_core.geometry.walls import STREET, free_wall_shares
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
-from facade_core.imagery.rectify.panorama import REACH_M, panoramas_near, sightings
-from facade_core.plan.core_region import Own, own_facades, own_streets, owned_charts, watching
+from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_sightings, nearby_panoramas
+from facade_core.plan.core_region import CoreRegion, core_charts, core_facades, core_streets, core_viewpoints
 from facade_core.plan.facades import Facades, find_facades
-from facade_core.plan.identity import Each, chart_ids, compute_view_digests, here, things_of
+from facade_core.plan.identity import ParallelMap, build_scene_objects, chart_ids, compute_view_digests, map_in_process
 from facade_core.plan.plan import Plan, Sightings
 
-# A facade off the streets is taken from panoramas as near as those of other walls, that show at least this share of it: less
-# would not be enough to texture it.
-OFF_STREET_SEEN = 0.3
+# Share of a facade off the streets that a panorama must show to texture it.
+MIN_OFF_STREET_SHARE = 0.3
 
 
 def ingest(
@@ -47,9 +46,9 @@ def ingest(
     storey: float,
     walls: str,
     page: int = 2048,
-    last: Places | None = None,
-    each: Each = here,
-    own: Own | None = None,
+    last: PreviousPlacement | None = None,
+    each: ParallelMap = map_in_process,
+    own: CoreRegion | None = None,
 ) -> Plan:
     """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
 
@@ -62,11 +61,11 @@ def ingest(
     Raises GeometryError for a block without geometry.
     """
     footprints = [building.footprint for building in buildings]
-    streets = tuple(streets) or streets_between(footprints)
-    ground = fitted(ground or Ground(), streets, footprints)
-    terrain = terrain_of(buildings, elevation)
+    streets = tuple(streets) or derive_streets(footprints)
+    ground = fit_ground(ground or Ground(), streets, footprints)
+    terrain = build_terrain(buildings, elevation)
     one_page = AtlasSpec(1, texels_per_metre, page=page)
-    charts, mesh, refused = block_surfaces(
+    charts, mesh, refused = build_block_surfaces(
         buildings,
         streets,
         terrain=terrain,
@@ -76,17 +75,17 @@ def ingest(
     )
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
-    cameras = _cameras(streets, footprints, terrain, spacing=spacing, height=height)
+    cameras = _place_cameras(streets, footprints, terrain, spacing=spacing, height=height)
     owned = np.ones(len(charts), bool)
     if own is not None:
-        owned = owned_charts(charts, buildings, streets, own)
-        cameras = watching(cameras, streets, buildings, own, visibility_range)
+        owned = core_charts(charts, buildings, streets, own)
+        cameras = core_viewpoints(cameras, streets, buildings, own, visibility_range)
     places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
-    free = free_share(charts, mesh)
+    free = free_wall_shares(charts, mesh)
     density = texel_density(charts, free, places, texels_per_metre)
-    density[~owned] = coarsest(texels_per_metre)
+    density[~owned] = min_texel_density(texels_per_metre)
     ids = chart_ids(charts, density / texels_per_metre, names, finishes)
-    placement = pack(
+    placement = pack_charts(
         charts.size,
         density,
         charts.building,
@@ -109,13 +108,13 @@ def ingest(
     )
 
     seen, looks = compute_view_digests(
-        scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each
+        scene, build_scene_objects(charts, mesh, names), ids, cameras, ground, panorama_width, each
     )
     around = streets if walls == "exemplar" else ()
     facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
     if own is not None:
-        facades = own_facades(facades, buildings, own)
-        streets, rows, cameras, facades = own_streets(streets, cameras, facades, own)
+        facades = core_facades(facades, buildings, own)
+        streets, rows, cameras, facades = core_streets(streets, cameras, facades, own)
         seen, looks = [seen[row] for row in rows], tuple(looks[row] for row in rows)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
@@ -133,55 +132,59 @@ def ingest(
         ground=ground,
         facades=facades,
         poses=(),
-        refused=refused,
-        sightings=_sightings(scene, facades, (), ()),
+        rejected_buildings=refused,
+        sightings=_find_sightings(scene, facades, (), ()),
         textured=textured,
         viewpoints=tuple(cameras),
         views=views,
         writable=writable,
-        wave=_waves(scene, cameras, seen, writable, len(streets)),
+        wave=_street_waves(scene, cameras, seen, writable, len(streets)),
         ids=ids,
-        looks=looks,
-        own=owned,
+        view_digests=looks,
+        in_core=owned,
     )
-    return with_panoramas(plan, on_ground(poses, terrain, height), panorama_sizes)
+    return replace_panoramas(plan, place_poses(poses, terrain, height), panorama_sizes)
 
 
-def _cameras(
+def _place_cameras(
     streets: Sequence[Street], footprints: Sequence[shapely.Polygon], terrain: Terrain, *, spacing: float, height: float
 ) -> list[Viewpoint]:
     """The viewpoints along all streets."""
     obstacles = shapely.STRtree(footprints)
     cameras: list[Viewpoint] = []
     for index, street in enumerate(streets):
-        positions, forward = viewpoints(
-            street.line, spacing=spacing, height=height, obstacles=obstacles, ground=terrain.height
+        positions, forward = place_viewpoints(
+            street.line, spacing=spacing, height=height, obstacles=obstacles, ground=terrain.interpolate
         )
         for position, ahead in zip(positions, forward, strict=True):
             cameras.append(Viewpoint(len(cameras), index, position, ahead))
     return cameras
 
 
-def on_ground(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
+def place_poses(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
     """Poses, those without a height of their own `height` metres above the terrain."""
     return tuple(
-        replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
+        replace(pose, z=float(terrain.interpolate(np.array([[pose.x, pose.y]]))[0]) + height)
+        if pose.z is None
+        else pose
         for pose in poses
     )
 
 
-def with_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Plan:
+def replace_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Plan:
     """The plan of the same geometry with panoramas of these poses, on the ground, and sizes (rows, columns)."""
-    return replace(plan, poses=tuple(poses), sightings=_sightings(plan.scene, plan.facades, poses, sizes))
+    return replace(plan, poses=tuple(poses), sightings=_find_sightings(plan.scene, plan.facades, poses, sizes))
 
 
-def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:
+def _find_sightings(
+    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
+) -> Sightings:
     found = []
-    for index, near in enumerate(panoramas_near(scene, facades.chart, poses)):
+    for index, near in enumerate(nearby_panoramas(scene, facades.chart, poses)):
         chart, of = int(facades.chart[index]), near.tolist()
         on_street = facades.role[index] == STREET
-        reach, least = (REACH_M, 0.0) if on_street else (WALL_REACH_M, OFF_STREET_SEEN)
-        for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], reach=reach):
+        reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, MIN_OFF_STREET_SHARE)
+        for sighting in find_sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], reach=reach):
             if sighting.seen >= least:
                 found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]
@@ -193,7 +196,7 @@ def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Seq
     )
 
 
-def _waves(
+def _street_waves(
     scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], writable: np.ndarray, streets: int
 ) -> np.ndarray:
     """The conflict graph of streets by shared chunks, coloured into waves."""
@@ -208,4 +211,4 @@ def _waves(
             reads[camera.street] |= chunks[chart]
             if writable[chart]:
                 writes[camera.street] |= chunks[chart]
-    return colour_waves(reads, writes)
+    return assign_waves(reads, writes)

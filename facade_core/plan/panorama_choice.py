@@ -11,30 +11,32 @@ from scipy import sparse
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import STREET
-from facade_core.imagery.rectify.panorama import panoramas_near, points_shown
+from facade_core.imagery.rectify.panorama import nearby_panoramas, point_visibility
 from facade_core.plan.facades import Facades
 
-# A panorama covers a point of a facade that it shows at least this well, over how well the best one does (points_shown).
-GOOD_ENOUGH = 0.5
-# A facade is covered with this share of the points that panoramas show: slivers ask for no picture of their own.
-COVERED = 0.95
+# Quality (points_shown), relative to the best panorama, from which a panorama covers a point of a facade.
+MIN_RELATIVE_QUALITY = 0.5
+# Share of its visible points with which a facade is covered; slivers need no panorama of their own.
+MIN_COVERED_SHARE = 0.95
 
 
 @dataclass(frozen=True)
-class Choice:
+class PanoramaChoice:
     """Which panoramas were chosen, indices in the order of choosing, and how many cover a point of a facade; facades: how
     many there are at streets, and how many of them some panorama shows; shown, reached: square metres of facades that all
     panoramas show, and that the chosen do."""
 
     chosen: tuple[int, ...]
-    covering: int
+    covering_panoramas: int
     facades: int
     facades_shown: int
     shown: float
     reached: float
 
 
-def fewest(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Choice:
+def choose_panoramas(
+    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
+) -> PanoramaChoice:
     """Choose among panoramas of poses and sizes (rows, columns) so that every facade at a street is covered.
 
     The greedy rule of set cover (Chvatal 1979): again and again the panorama that covers the most square metres of facades not
@@ -42,8 +44,8 @@ def fewest(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequenc
     At most ln(points) times as many as the fewest there could be.
     """
     rows = np.flatnonzero(facades.role == STREET)
-    points = _points(scene, facades.chart[rows], poses, sizes)
-    needs = points.covered(points.weight) * COVERED
+    points = _facade_points(scene, facades.chart[rows], poses, sizes)
+    needs = points.covered(points.weight) * MIN_COVERED_SHARE
     has = np.zeros(len(rows))
     left = points.weight.copy()
     chosen: list[int] = []
@@ -56,22 +58,22 @@ def fewest(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequenc
         chosen.append(best)
         has += points.covered(points.of(best) * left)
         left[points.of(best)] = 0.0
-    kept = _without_needless(points, needs, chosen)
+    kept = _drop_redundant(points, needs, chosen)
     reached = float(points.weight[points.times(kept) > 0].sum())
     covering = int((np.diff(points.covers.indptr) > 0).sum())
-    return Choice(tuple(kept), covering, len(rows), int((needs > 0).sum()), float(points.weight.sum()), reached)
+    return PanoramaChoice(tuple(kept), covering, len(rows), int((needs > 0).sum()), float(points.weight.sum()), reached)
 
 
-def shown_by(
+def covered_area(
     scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], some: Sequence[int]
 ) -> float:
     """The square metres of facades at streets that some of the panoramas cover, as `fewest` counts what the chosen do."""
-    points = _points(scene, facades.chart[facades.role == STREET], poses, sizes)
+    points = _facade_points(scene, facades.chart[facades.role == STREET], poses, sizes)
     return float(points.weight[points.times(some) > 0].sum())
 
 
 @dataclass(frozen=True)
-class _Points:
+class _FacadePoints:
     """The points of facades that panoramas show: covers (panoramas, points) sparse, 1 where one covers another; weight, the
     square metres that each stands for, and facade, the place of its facade among `facades`, (points,)."""
 
@@ -93,14 +95,16 @@ class _Points:
         return np.bincount(self.facade, weight, self.facades)
 
 
-def _points(scene: Scene, charts: np.ndarray, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> _Points:
-    near = panoramas_near(scene, charts, poses)
+def _facade_points(
+    scene: Scene, charts: np.ndarray, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
+) -> _FacadePoints:
+    near = nearby_panoramas(scene, charts, poses)
     panorama, point, weight, facade = [], [], [], []
     total = 0
     for place, (chart, some) in enumerate(zip(charts.tolist(), near, strict=True)):
-        shown = points_shown(scene, chart, [poses[i] for i in some.tolist()], [sizes[i] for i in some.tolist()])
+        shown = point_visibility(scene, chart, [poses[i] for i in some.tolist()], [sizes[i] for i in some.tolist()])
         best = shown.max(axis=0, initial=0.0)
-        row, column = np.nonzero((shown > 0) & (shown >= GOOD_ENOUGH * best))
+        row, column = np.nonzero((shown > 0) & (shown >= MIN_RELATIVE_QUALITY * best))
         known = np.flatnonzero(best > 0)
         panorama.append(some[row])
         point.append(total + np.searchsorted(known, column))
@@ -109,12 +113,12 @@ def _points(scene: Scene, charts: np.ndarray, poses: Sequence[Pose], sizes: Sequ
         total += len(known)
     rows, columns = (np.concatenate([*some, np.zeros(0, np.int64)]) for some in (panorama, point))
     covers = sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(poses), total))
-    return _Points(
+    return _FacadePoints(
         covers, np.concatenate([*weight, np.zeros(0)]), np.concatenate([*facade, np.zeros(0, np.int64)]), len(charts)
     )
 
 
-def _without_needless(points: _Points, needs: np.ndarray, chosen: Sequence[int]) -> list[int]:
+def _drop_redundant(points: _FacadePoints, needs: np.ndarray, chosen: Sequence[int]) -> list[int]:
     """The chosen panoramas without those whose points the others cover well enough."""
     kept, times = list(chosen), points.times(chosen)
     for one in reversed(chosen):

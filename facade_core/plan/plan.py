@@ -11,19 +11,19 @@ import shapely
 
 from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Ground, Pose, Street
-from facade_core.geometry.charts import CORNERS, ChartKind
-from facade_core.geometry.ground.shapes import Squares
+from facade_core.geometry.charts import CORNER_SHARES, ChartKind
+from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import taken_whole
+from facade_core.geometry.walls import is_main_surface
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, WALL_REACH_M
 from facade_core.plan.facades import Facades
-from facade_core.plan.identity import SceneObjects, things_of
+from facade_core.plan.identity import SceneObjects, build_scene_objects
 
 __all__ = ["Facades", "Plan", "Sightings"]
 
-# A pose is moved by less than this when it is refined, metres.
-MOVED_M = 3.0
+# Metres; refinement moves a pose by less.
+MAX_POSE_SHIFT_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Sightings:
     seen: np.ndarray
     pixels_per_metre: np.ndarray
 
-    def of(self, facade: int) -> np.ndarray:
+    def panoramas_showing(self, facade: int) -> np.ndarray:
         """The panoramas that show a facade, best first."""
         return self.panorama[self._of_facade.rows_with(facade)]
 
@@ -63,7 +63,7 @@ class Plan:
     ground: Ground
     facades: Facades
     poses: tuple[Pose, ...]
-    refused: tuple[tuple[str, str], ...]
+    rejected_buildings: tuple[tuple[str, str], ...]
     sightings: Sightings
     textured: np.ndarray
     viewpoints: tuple[Viewpoint, ...]
@@ -71,25 +71,25 @@ class Plan:
     writable: np.ndarray
     wave: np.ndarray
     ids: np.ndarray
-    looks: tuple[str, ...]
-    own: np.ndarray
+    view_digests: tuple[str, ...]
+    in_core: np.ndarray
 
     @cached_property
-    def things(self) -> SceneObjects:
+    def scene_objects(self) -> SceneObjects:
         """What stands in the block."""
-        return things_of(self.scene.charts, self.scene.mesh, self.scene.names)
+        return build_scene_objects(self.scene.charts, self.scene.mesh, self.scene.names)
 
-    def ground_under(self, charts: Sequence[int]) -> list[str]:
+    def ground_digests(self, charts: Sequence[int]) -> list[str]:
         """Of each ground chart among some the digest of what its ground is drawn of."""
         return [
             self._squares.digest(chart).hex() for chart in charts if self.scene.charts.kind[chart] == ChartKind.GROUND
         ]
 
     @cached_property
-    def _squares(self) -> Squares:
-        return Squares(self.ground, self.scene.charts)
+    def _squares(self) -> GroundTiles:
+        return GroundTiles(self.ground, self.scene.charts)
 
-    def textured_buildings(self) -> tuple[int, ...]:
+    def buildings_with_textures(self) -> tuple[int, ...]:
         """The buildings that have textures of their own besides those on facades."""
         return self._textured_buildings
 
@@ -105,14 +105,14 @@ class Plan:
     def _facade_of_chart(self) -> RowIndex:
         return RowIndex(self.facades.chart)
 
-    def own_charts(self, building: int) -> list[int]:
+    def textured_charts(self, building: int) -> list[int]:
         """The charts of a building, its facades aside, that have textures of their own."""
         return self._own_charts[self._own_by_building.rows_with(building)].tolist()
 
     @cached_property
     def _own_charts(self) -> np.ndarray:
         """The charts (k,) with textures of their own that are no facades."""
-        others = self.textured & self.own
+        others = self.textured & self.in_core
         others[self.facades.chart] = False
         return np.flatnonzero(others)
 
@@ -126,13 +126,13 @@ class Plan:
 
     @cached_property
     def _ground_near_cameras(self) -> np.ndarray:
-        ground = np.flatnonzero((self.scene.charts.kind == ChartKind.GROUND) & self.own)
+        ground = np.flatnonzero((self.scene.charts.kind == ChartKind.GROUND) & self.in_core)
         if not self.poses or not len(ground):
             return np.zeros(0, np.int64)
-        corners = self.scene.charts.at_shares(ground, CORNERS)[..., :2]
+        corners = self.scene.charts.points_at_shares(ground, CORNER_SHARES)[..., :2]
         boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
         places = shapely.MultiPoint([(pose.x, pose.y) for pose in self.poses])
-        return ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MOVED_M]
+        return ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MAX_POSE_SHIFT_M]
 
     def walls_near_cameras(self) -> dict[int, list[int]]:
         """By building, ascending, the block's own walls and roofs that are no facades, have no texture of their own, and that a
@@ -142,16 +142,16 @@ class Plan:
     @cached_property
     def _walls_near_cameras(self) -> dict[int, list[int]]:
         charts = self.scene.charts
-        plain = taken_whole(charts) & self.own & ~self.textured
+        plain = is_main_surface(charts) & self.in_core & ~self.textured
         plain[self.facades.chart] = False
         plain_charts = np.flatnonzero(plain)
         if not self.poses or not len(plain_charts):
             return {}
         places = np.array([(pose.x, pose.y, pose.z) for pose in self.poses])
         tree = shapely.STRtree(shapely.points(places[:, :2]))
-        row, of = tree.query(charts.boxes[plain_charts], predicate="dwithin", distance=WALL_REACH_M + MOVED_M)
+        row, of = tree.query(charts.boxes[plain_charts], predicate="dwithin", distance=WALL_REACH_M + MAX_POSE_SHIFT_M)
         chart = plain_charts[row]
-        before = np.einsum("ij,ij->i", places[of] - charts.origin[chart], charts.normal()[chart]) > -MOVED_M
+        before = np.einsum("ij,ij->i", places[of] - charts.origin[chart], charts.normals()[chart]) > -MAX_POSE_SHIFT_M
         found: dict[int, list[int]] = {}
         for one in np.unique(chart[before]).tolist():
             found.setdefault(int(charts.building[one]), []).append(one)
@@ -162,7 +162,7 @@ class Plan:
         """The street of every viewpoint, (viewpoints,) int64."""
         return np.array([viewpoint.street for viewpoint in self.viewpoints], np.int64)
 
-    def of_street(self, street: int) -> list[Viewpoint]:
+    def street_viewpoints(self, street: int) -> list[Viewpoint]:
         """A street's viewpoints in their order."""
         return [self.viewpoints[row] for row in self._by_street.rows_with(street).tolist()]
 
@@ -207,11 +207,11 @@ class Plan:
     def _views_by_chart(self) -> RowIndex:
         return RowIndex(self.views[:, 1])
 
-    def texels(self) -> np.ndarray:
+    def texel_counts(self) -> np.ndarray:
         """Texels of every chart, (charts,) int64."""
         return self.scene.placement.width.astype(np.int64) * self.scene.placement.height
 
-    def own_pictures(self) -> dict[int, list[int]]:
+    def building_pictures(self) -> dict[int, list[int]]:
         """The pictures that the textures of each building use, ascending, by building."""
         mesh = self.scene.mesh
         used = mesh.texture >= 0
@@ -224,7 +224,7 @@ class Plan:
     def street_texels(self) -> np.ndarray:
         """Per street the texels of the charts that its viewpoints see, and of those that it writes, (streets, 2) int64."""
         seen = self.street_charts
-        texels = self.texels()
+        texels = self.texel_counts()
         total = np.zeros((len(self.wave), 2), np.int64)
         np.add.at(total, seen[:, 0], np.column_stack([texels, texels * self.writable])[seen[:, 1]])
         return total

@@ -28,42 +28,42 @@ T = TypeVar("T", Charts, Facades, Placement, Sightings)
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
     """Write the plan's tables. Every group opens in xarray with named dimensions, units and the CRS."""
-    for name, values in _values(plan, buildings).items():
+    for name, values in _plan_values(plan, buildings).items():
         table = TABLES[name]
         attributes = {key: values.pop(key) for key in table.attributes}
-        write_table(session, name, table.dataset(values, attributes, crs))
+        write_table(session, name, table.to_dataset(values, attributes, crs))
 
 
 def read_plan(session: icechunk.Session) -> Plan:
     """The plan as `write_plan` wrote it, with the density of the atlas."""
     density = float(open_root(session)["atlas"].attrs["texels_per_metre"])
-    return _plan({name: read_table(session, name) for name in TABLES}, density)
+    return _plan_from_tables({name: read_table(session, name) for name in TABLES}, density)
 
 
 def read_facades(session: icechunk.Session) -> Facades:
-    return _facades(read_table(session, "facades"))
+    return _facades_from_table(read_table(session, "facades"))
 
 
 def read_table(session: icechunk.Session, name: str) -> Values:
     """The columns (rows, ...) and attributes of one of TABLES by name; strings as str."""
-    return TABLES[name].read(open_table(session, name).load())
+    return TABLES[name].read_columns(open_table(session, name).load())
 
 
-def placement_of(charts: Values, texels_per_metre: float) -> Placement:
+def placement_from_table(charts: Values, texels_per_metre: float) -> Placement:
     """Where charts lie, by their table; those of an older store are all of the atlas' density."""
     density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
-    return _of(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
+    return _from_columns(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
 
 
-def _facades(values: Values) -> Facades:
+def _facades_from_table(values: Values) -> Facades:
     """Facades; those of an older store are of whole buildings on the ground."""
-    return _of(
+    return _from_columns(
         Facades,
         {"raised": np.zeros(len(values["id"]), bool), "house": values["building"].astype(np.int64)} | dict(values),
     )
 
 
-def _of(kind: type[T], values: Values, **others: Any) -> T:
+def _from_columns(kind: type[T], values: Values, **others: Any) -> T:
     """A value whose fields are columns of their names; others are those that are not."""
     return kind(**{field.name: values[field.name] for field in fields(kind) if field.name not in others}, **others)
 
@@ -72,9 +72,9 @@ def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
+def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
     """The plan as tables."""
-    scene, streets, refused = plan.scene, plan.streets, dict(plan.refused)
+    scene, streets, refused = plan.scene, plan.streets, dict(plan.rejected_buildings)
     ways, areas = plan.ground.ways, plan.ground.areas
     placement = _columns(scene.placement)
     del placement["pages"]
@@ -84,7 +84,7 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             **placement,
             "writable": plan.writable,
             "textured": plan.textured,
-            "own": plan.own,
+            "own": plan.in_core,
             "id": plan.ids,
             "page_size": scene.spec.page,
             "chunk": scene.spec.chunk,
@@ -95,7 +95,7 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "triangles": scene.mesh.triangles,
             "triangle_chart": scene.mesh.chart,
             "vertex_chart": scene.mesh.vertex_chart,
-            **_own_textures(scene.mesh),
+            **_model_textures(scene.mesh),
         },
         "sightings": _columns(plan.sightings),
         "poses": {
@@ -108,7 +108,7 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "street": [v.street for v in plan.viewpoints],
             "position": np.array([v.position for v in plan.viewpoints]).reshape(-1, 3),
             "forward": np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2),
-            "look": plan.looks,
+            "look": plan.view_digests,
             "view_viewpoint": plan.views[:, 0],
             "view_chart": plan.views[:, 1],
             "spacing": scene.spacing,
@@ -118,8 +118,8 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "id": [s.id for s in streets],
             "name": [s.name or "" for s in streets],
             "wave": plan.wave,
-            "point": np.concatenate([_points(s) for s in streets] or [np.empty((0, 2))]),
-            "point_street": np.repeat(np.arange(len(streets)), [len(_points(s)) for s in streets]),
+            "point": np.concatenate([_street_points(s) for s in streets] or [np.empty((0, 2))]),
+            "point_street": np.repeat(np.arange(len(streets)), [len(_street_points(s)) for s in streets]),
         },
         "ways": {
             "id": [w.id for w in ways],
@@ -151,8 +151,8 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
             "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
             "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
-            "wall_colour": [_hexadecimal(b.finish.wall_colour) for b in buildings],
-            "roof_colour": [_hexadecimal(b.finish.roof_colour) for b in buildings],
+            "wall_colour": [_format_colour(b.finish.wall_colour) for b in buildings],
+            "roof_colour": [_format_colour(b.finish.roof_colour) for b in buildings],
             "wall_material": [b.finish.wall_material or "" for b in buildings],
             "roof_material": [b.finish.roof_material or "" for b in buildings],
             "refused": [refused.get(b.id, "") for b in buildings],
@@ -160,21 +160,21 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
     }
 
 
-def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
+def _plan_from_tables(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
     """The plan of some tables."""
     charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
     streets, buildings = tables["streets"], tables["buildings"]
-    placement = placement_of(charts, texels_per_metre)
+    placement = placement_from_table(charts, texels_per_metre)
     spec = AtlasSpec(placement.pages, texels_per_metre, charts["page_size"], charts["chunk"], charts["gutter"])
     scene = Scene(
-        _mesh(mesh),
-        _of(Charts, charts),
+        _mesh_from_table(mesh),
+        _from_columns(Charts, charts),
         placement,
         spec,
         spacing=cameras["spacing"],
         visibility_range=cameras["visibility_range"],
         names=buildings["id"],
-        finishes=_finishes(buildings),
+        finishes=_finishes_from_table(buildings),
     )
     lines = [streets["point"][streets["point_street"] == i] for i in range(len(streets["id"]))]
     return Plan(
@@ -183,16 +183,18 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
             Street(id_, name or None, shapely.LineString(line))
             for id_, name, line in zip(streets["id"], streets["name"], lines, strict=True)
         ),
-        ground=_ground(tables["ways"], tables["areas"]),
-        facades=_facades(tables["facades"]),
+        ground=_ground_from_tables(tables["ways"], tables["areas"]),
+        facades=_facades_from_table(tables["facades"]),
         poses=tuple(
             Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
             for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
                 *(poses[n].tolist() for n in ("position", "angles", "view")), strict=True
             )
         ),
-        refused=tuple((id_, why) for id_, why in zip(buildings["id"], buildings["refused"], strict=True) if why),
-        sightings=_of(Sightings, tables["sightings"]),
+        rejected_buildings=tuple(
+            (id_, why) for id_, why in zip(buildings["id"], buildings["refused"], strict=True) if why
+        ),
+        sightings=_from_columns(Sightings, tables["sightings"]),
         textured=charts["textured"],
         viewpoints=tuple(
             Viewpoint(i, int(street), position, forward)
@@ -204,31 +206,31 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
         writable=charts["writable"],
         wave=streets["wave"],
         ids=charts["id"],
-        looks=cameras["look"],
-        own=charts.get("own", np.ones(len(charts["id"]), bool)),
+        view_digests=cameras["look"],
+        in_core=charts.get("own", np.ones(len(charts["id"]), bool)),
     )
 
 
-def _finishes(buildings: Values) -> tuple[Finish, ...]:
+def _finishes_from_table(buildings: Values) -> tuple[Finish, ...]:
     """What buildings are stated to be of; of an older store nothing."""
     if "wall_colour" not in buildings:
         return ()
     columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
     return tuple(
-        Finish(_colour(wall), _colour(roof), of or None, over or None)
+        Finish(_parse_colour(wall), _parse_colour(roof), of or None, over or None)
         for wall, roof, of, over in zip(*columns, strict=True)
     )
 
 
-def _hexadecimal(colour: tuple[int, int, int] | None) -> str:
+def _format_colour(colour: tuple[int, int, int] | None) -> str:
     return "" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _colour(text: str) -> tuple[int, int, int] | None:
+def _parse_colour(text: str) -> tuple[int, int, int] | None:
     return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)) if text else None
 
 
-def _ground(ways: Values, areas: Values) -> Ground:
+def _ground_from_tables(ways: Values, areas: Values) -> Ground:
     names = ("id", "kind", "width", "surface", "assumed", "lanes", "oneway", "rank")
     columns = [ways[name] if isinstance(ways[name], tuple) else ways[name].tolist() for name in names]
     lines = [shapely.from_wkb(line) for line in ways["line"]]
@@ -246,12 +248,12 @@ def _ground(ways: Values, areas: Values) -> Ground:
     )
 
 
-def _own_textures(mesh: Mesh) -> dict[str, Any]:
+def _model_textures(mesh: Mesh) -> dict[str, Any]:
     """The columns of a mesh with textures of the source's own; a mesh without needs no room for them."""
     return {"texture": mesh.texture, "uv": mesh.uv} if (mesh.texture >= 0).any() else {}
 
 
-def _mesh(values: Values) -> Mesh:
+def _mesh_from_table(values: Values) -> Mesh:
     return Mesh(
         vertices=values["vertices"],
         triangles=values["triangles"],
@@ -261,5 +263,5 @@ def _mesh(values: Values) -> Mesh:
     )
 
 
-def _points(street: Street) -> np.ndarray:
+def _street_points(street: Street) -> np.ndarray:
     return shapely.get_coordinates(street.line)

@@ -1,1 +1,1 @@
-"""The street stage (street paper)."""
+"""Street stage (street paper)."""

@@ -13,12 +13,12 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import LayoutError
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Building, Pose, Roof, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, position
+from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 from facade_core.synth.exemplars import exemplars
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.occluders import paint_occluders
@@ -86,12 +86,12 @@ def synthetic_street(
             along += width
         ends.append(along)
     line = shapely.LineString([CORNER, CORNER + max(ends) * axis])
-    charts, mesh, _ = block_surfaces(
-        houses, [Street("street", None, line)], terrain=terrain_of(houses, None), ground_margin=40.0, largest=80.0
+    charts, mesh, _ = build_block_surfaces(
+        houses, [Street("street", None, line)], terrain=build_terrain(houses, None), ground_margin=40.0, largest=80.0
     )
-    placement = pack(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
-    walls, normal = charts.kind == ChartKind.WALL, charts.normal()
+    walls, normal = charts.kind == ChartKind.WALL, charts.normals()
     fronts = []
     for index in range(buildings):
         side = 1.0 if index < buildings // 2 else -1.0
@@ -130,7 +130,7 @@ def panorama(
         camera[..., 1] = -np.sin(latitude)[:, None]
         camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
         rays = camera @ rotation.astype(np.float32)
-        image[top : top + rows] = _shade(street, position(pose), rays, sheet, left, ground, sides)
+        image[top : top + rows] = _shade(street, camera_position(pose), rays, sheet, left, ground, sides)
     image = gain * image + np.random.default_rng(seed).normal(0, 2.55, image.shape).astype(np.float32)
     return np.round(np.clip(image, 0, 255)).astype(np.uint8)
 
@@ -147,9 +147,9 @@ def hidden(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, in
 
 def hidden_points(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, supposed: Pose) -> np.ndarray:
     """The same of world points (..., 3): (...,) bool."""
-    rays = (points - position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
+    rays = (points - camera_position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
     nearest, colour = np.ones(points.shape[:-1], np.float32), np.zeros(points.shape, np.float32)
-    return _cover(street, position(pose), rays, nearest, colour) > 0.02
+    return _cover(street, camera_position(pose), rays, nearest, colour) > 0.02
 
 
 def _cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -217,10 +217,10 @@ def _shade(
 def _cover(
     street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, nearest: np.ndarray, colour: np.ndarray
 ) -> np.ndarray:
-    """Paint the cut-outs that rays (..., 3) meet before `nearest` (in ray lengths) over colour (..., 3), in place; returns how
+    """Paint the cut-outs that rays (..., 3) meet before `nearest_buildings` (in ray lengths) over colour (..., 3), in place; returns how
     much of each ray they stop (...,)."""
     charts, fronts = street.scene.charts, list(street.charts)
-    normal = charts.normal()[fronts]
+    normal = charts.normals()[fronts]
     corner = charts.origin[fronts] + KERB * normal - origin
     middle = corner + charts.size[fronts, :1] / 2 * charts.axis_u[fronts]
     order = np.argsort(-np.linalg.norm(middle[:, :2], axis=1), kind="stable")  # what stands nearer is painted later

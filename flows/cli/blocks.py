@@ -108,12 +108,12 @@ def fetch(name: str | None, out: Path) -> None:
       streetloom fetch
       streetloom fetch delfshaven --out blocks
     """
-    from catalogs.examples.sources import SOURCES
+    from catalogs.examples.sources import EXAMPLE_SOURCES
     from flows.cli.console import progress
     from tasks.examples.fetch import fetch_block
 
     if name is None:
-        for known, source in SOURCES.items():
+        for known, source in EXAMPLE_SOURCES.items():
             say(f"{known:<14} {len(source.files):>2} files  {source.licence}")
         return
     with progress(quiet=not sys.stderr.isatty()):

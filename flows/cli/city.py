@@ -127,12 +127,12 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
 
 def _say_how_it_is_cut(city_file: Path) -> None:
     """A block file is a city file too."""
-    from catalogs.city.keys import SIDE_M, is_cut_as_usual
+    from catalogs.city.keys import DEFAULT_BLOCK_SIZE_M, uses_default_partition
 
     with suppress(ValueError):  # said when it is read
-        if is_cut_as_usual(city_file):
+        if uses_default_partition(city_file):
             remedy = f"as one block: streetloom run {city_file}"
-            note(f"{city_file} states no `cut`: blocks of {SIDE_M:g} m are cut along its streets; {remedy}")
+            note(f"{city_file} states no `cut`: blocks of {DEFAULT_BLOCK_SIZE_M:g} m are cut along its streets; {remedy}")
 
 
 def _code(summary: dict[str, Any]) -> int:

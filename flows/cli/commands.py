@@ -52,9 +52,9 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     """The version with a digest of the code and libraries that make results: the same digest, the same results."""
     if wanted and not ctx.resilient_parsing:
         from tasks.engine.stage_code import code_version
-        from tasks.stages.order import CODED
+        from tasks.stages.order import CODE_STAGES
 
-        say(f"streetloom {code_version(CODED)}")
+        say(f"streetloom {code_version(CODE_STAGES)}")
         ctx.exit()
 
 

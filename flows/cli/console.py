@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from catalogs.visible import escape_invisible
+from catalogs.printable_text import escape_invisible
 from tasks.engine.progress import StageProgress, listen
 
 console = Console(stderr=True)

@@ -9,7 +9,7 @@ def say(line: object, *, err: bool = False) -> None:
     """Print one line."""
     text = str(line)
     if not text.isprintable():
-        from catalogs.visible import escape_invisible  # takes half a second
+        from catalogs.printable_text import escape_invisible  # takes half a second
 
         text = escape_invisible(text)
     click.echo(text, err=err)

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from catalogs.readers.pictures.opening import read_picture
+from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import InputError
 from flows.viewer.editing import Editor, read, written
 from tasks.corrections import block_of

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.city.keys import name_of
+from catalogs.city.keys import read_city_name
 from catalogs.published.folders import Folder, at, each, local_side, move, put
 from catalogs.published.runs import CITY
 from catalogs.published.s3 import S3Folder
@@ -137,7 +137,7 @@ def known(city_file: Path, out: Folder) -> tuple[Account, dict[str, Path]]:
     """
     try:
         source = source_digest(city_file)
-        name = name_of(city_file)
+        name = read_city_name(city_file)
     except ValueError as error:
         raise BlockFileError(f"{city_file}: {error}") from error
     account = read_account(out)

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from catalogs.block.block_file import BlockFile
-from catalogs.block.building_corrections import as_corrected, owners_of
+from catalogs.block.building_corrections import apply_corrections, correction_owners
 from catalogs.block.corrections import Corrections, adopt_corrections, read_corrections
 from catalogs.block.extract import write_extract
 from catalogs.block.keys import LONGEST_NAME
@@ -21,11 +21,11 @@ from catalogs.block.part import Chosen, Whole
 from catalogs.block.reader import block_of, extract_of, read_block, with_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import check_city
-from catalogs.city.partition import Cut, cut_city, reach_of
+from catalogs.city.partition import CityCell, partition_city, halo_radius
 from facade_core.core.errors import BlockFileError, InputError
-from facade_core.core.name_hash import number_of
-from facade_core.plan.exemplar_inputs import outlines_as_walls
-from facade_core.plan.exemplar_style import order_of
+from facade_core.core.name_hash import hash_name
+from facade_core.plan.exemplar_inputs import walls_from_outlines
+from facade_core.plan.exemplar_style import choice_order
 from tasks.city.counting import NOTHING, Counts, counts_of
 from tasks.city.sources import source_of_block
 
@@ -72,7 +72,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
     adopt_corrections(path, folder)
-    corrections = file.read("corrections", read_corrections, path)
+    corrections = file.call_reader("corrections", read_corrections, path)
     whole = Whole(block_of(keys, file))
     cuts = cut_whole(whole, asked.metres)
     rest, city = _moved(asked.values, path.parent, folder), os.path.relpath(path, folder)
@@ -83,7 +83,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
         part = whole.part(chosen)
         write_extract(folder / extract, extract_of(part, whole.block))
         _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
-        block = with_digest(as_corrected(replace(part, name=named["name"]), corrections), file)
+        block = with_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
         blocks.append(CityBlock(cut.name, block_file, block.digest, counts_of(block)))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
     return City(keys.name, tuple(blocks), faults + tuple(_lost(whole, corrections)))
@@ -92,7 +92,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
 def _lost(whole: Whole, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
     """Corrections of what is in no block of a city: they are kept, and wait."""
     block = whole.block
-    for id, owner in owners_of(corrections, block.buildings, block.crs).items():
+    for id, owner in correction_owners(corrections, block.buildings, block.crs).items():
         if not owner:
             yield "correction", id, "corrected, and not in the city as it is: kept and not used"
 
@@ -102,28 +102,28 @@ def _named(city: str, block: str) -> str:
     return f"{city[: LONGEST_NAME - 1 - len(block)]}-{block}"
 
 
-def cut_whole(whole: Whole, metres: float) -> tuple[Cut, ...]:
+def cut_whole(whole: Whole, metres: float) -> tuple[CityCell, ...]:
     """A city cut into blocks of so many metres a side."""
     texture = whole.block.texture
-    reach = reach_of(
+    reach = halo_radius(
         sun=texture.sun is not None, panoramas=bool(whole.block.panoramas), visibility_range=texture.visibility_range
     )
-    return cut_city(whole.block.buildings, whole.segments, metres=metres, reach=reach)
+    return partition_city(whole.block.buildings, whole.segments, block_size=metres, halo=reach)
 
 
-def chosen_of(whole: Whole, cuts: Sequence[Cut]) -> Iterator[Chosen]:
+def chosen_of(whole: Whole, cuts: Sequence[CityCell]) -> Iterator[Chosen]:
     """What is of each block of a city: with the buildings beyond, on which the choice of exemplars stands."""
     block = whole.block
-    walls = outlines_as_walls(block.buildings, whole.fronts, [-1] * len(block.buildings), block.storey)
-    order = order_of(walls, seed=block.seed)
-    numbers = {building.id: number_of(building.house) for building in block.buildings}
+    walls = walls_from_outlines(block.buildings, whole.fronts, [-1] * len(block.buildings), block.storey)
+    order = choice_order(walls, seed=block.seed)
+    numbers = {building.id: hash_name(building.whole_id) for building in block.buildings}
     numbered = defaultdict(list)
     for building, number in numbers.items():
         numbered[number].append(building)
     for cut in cuts:
-        needed = order.needed(np.array([numbers[one] for one in cut.buildings], np.int64)).tolist()
+        needed = order.dependencies(np.array([numbers[one] for one in cut.buildings], np.int64)).tolist()
         beyond = {building for number in needed for building in numbered[number]} - set(cut.buildings)
-        yield Chosen(cut.buildings, cut.streets, cut.context, cut.passing, tuple(sorted(beyond)))
+        yield Chosen(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
 
 
 def _asked(path: Path) -> tuple[Mapping[str, Any], Any]:

@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block
-from facade_core.geometry.texel_density import FAR_M, NEAR_M, PARTY, coarsest
-from facade_core.geometry.walls import JOINT_M, NARROW_M
-from facade_core.plan.facades import FREE
+from facade_core.geometry.texel_density import HALF_DENSITY_M, FULL_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
+from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
+from facade_core.plan.facades import MIN_FREE_SHARE
 from tasks.stages.ingest.planning import plan_of
 
 # Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
@@ -69,7 +69,7 @@ def planned_of(block: Block) -> dict[str, float]:
     """The same as far as the plan of its run knows it, which is made here: seconds where the map takes a hundredth of one."""
     plan = plan_of(block)
     placement = plan.scene.placement
-    texels = (placement.width.astype(float) * placement.height)[plan.own].sum()
+    texels = (placement.width.astype(float) * placement.height)[plan.in_core].sum()
     return {"facades": len(plan.facades), "megatexels": float(texels) / 1e6}
 
 
@@ -79,14 +79,14 @@ class _Density:
 
     def __init__(self, block: Block) -> None:
         self._full = block.texture.texels_per_metre
-        self.coarsest = coarsest(self._full)
+        self.coarsest = min_texel_density(self._full)
         self._streets = shapely.STRtree([street.line for street in block.streets])
 
     def texels(self, shape: shapely.Geometry) -> float:
         """Of a square metre of what is over some place on the map."""
         halved = 2
-        if len(near := self._streets.query(shape, "dwithin", distance=FAR_M)):
-            halved = int(shapely.distance(self._streets.geometries[near], shape).min() > NEAR_M)
+        if len(near := self._streets.query(shape, "dwithin", distance=HALF_DENSITY_M)):
+            halved = int(shapely.distance(self._streets.geometries[near], shape).min() > FULL_DENSITY_M)
         return max(self._full / 2**halved, self.coarsest) ** 2
 
 
@@ -98,14 +98,14 @@ def _walls(block: Block, mine: list, density: _Density) -> tuple[int, float]:
         rings = [part.exterior for part in shapely.get_parts(building.footprint)]
         edges = np.concatenate([_edges(ring) for ring in rings])
         near = [
-            i for i in tree.query(building.footprint, "dwithin", distance=JOINT_M) if block.buildings[i] is not building
+            i for i in tree.query(building.footprint, "dwithin", distance=MAX_JOINT_M) if block.buildings[i] is not building
         ]
-        against = shapely.union_all([outlines[i] for i in near]).buffer(JOINT_M)
+        against = shapely.union_all([outlines[i] for i in near]).buffer(MAX_JOINT_M)
         lengths = shapely.length(edges)
         left = shapely.length(shapely.difference(edges, against)) / np.maximum(lengths, 1e-9)
-        count += int(((left >= FREE) & (lengths >= NARROW_M)).sum())
+        count += int(((left >= MIN_FREE_SHARE) & (lengths >= MIN_WALL_M)).sum())
         for edge, metres, free in zip(edges, lengths.tolist(), left.tolist(), strict=True):
-            texels += metres * building.height * (density.texels(edge) if free > PARTY else density.coarsest**2)
+            texels += metres * building.height * (density.texels(edge) if free > MAX_PARTY_WALL_SHARE else density.coarsest**2)
     return count, texels
 
 

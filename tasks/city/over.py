@@ -18,7 +18,7 @@ from catalogs.published.runs import Run
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.errors import InputError
-from facade_core.export.models.glb_merge import join_glbs, part_of_file
+from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
 from tasks.city.account import BLOCKS, tileset_of
 
 TILESET, OVERVIEW = "tileset.json", "overview.glb"
@@ -107,11 +107,11 @@ def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return
     with tempfile.TemporaryDirectory(dir=local_side(out), prefix=f".{OVERVIEW}.") as name:
-        parts = [part_of_file(file) for file in each(lambda file: _at_hand(file, Path(name)), files, out)]
+        parts = [read_glb_file(file) for file in each(lambda file: _at_hand(file, Path(name)), files, out)]
         extras = [part.document["scenes"][0]["extras"] for part in parts]
         if parts:
             model = out / OVERVIEW if isinstance(out, Path) else Path(name) / OVERVIEW
-            join_glbs(model, parts, extras[0]["origin"], extras={"crs": extras[0]["crs"]})
+            merge_glbs(model, parts, extras[0]["origin"], extras={"crs": extras[0]["crs"]})
             if not isinstance(out, Path):
                 object_store.put((out / OVERVIEW).path, model)
 

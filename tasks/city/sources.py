@@ -13,7 +13,7 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import check_city
 from catalogs.file_digest import file_digest
 from tasks.engine.stage_code import code_version
-from tasks.stages.order import CODED
+from tasks.stages.order import CODE_STAGES
 
 
 def source_digest(path: Path) -> str:
@@ -24,7 +24,7 @@ def source_digest(path: Path) -> str:
     """
     values = read_yaml(path)
     asked = check_city(values, path)
-    return "" if isinstance(asked, str) else _digest(values, asked.keys, asked.indexes, path)
+    return "" if isinstance(asked, str) else _digest(values, asked.block_keys, asked.tile_indexes, path)
 
 
 def source_of_block(path: Path) -> str:
@@ -62,4 +62,4 @@ def _plain(stem: str) -> str:
 
 def version() -> str:
     """The version of the code by which blocks are run."""
-    return code_version(CODED)
+    return code_version(CODE_STAGES)

@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from catalogs.block.corrections import (
-    OF_BUILDINGS,
-    OF_FACADES,
+    BUILDING_CORRECTION_KINDS,
+    FACADE_CORRECTION_KINDS,
     Correction,
     add_corrections,
     corrections_file,
-    home_of,
+    city_or_block_file,
     read_corrections,
 )
 from catalogs.published.folders import Folder
 from catalogs.published.runs import CITY, runs_in
 from catalogs.published.snapshot import current
-from catalogs.readers.annotations import Annotation, facades_by_picture_name, read_annotations, parse_corrections
+from catalogs.readers.annotations import Annotation, facades_by_picture_name, parse_corrections, read_annotations
 from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
 from tasks.corrections.walls import unreached
@@ -85,7 +85,9 @@ class Taker:
         with self._lock, current(self.out).being_read() as snapshot:
             if self._found is None or self._found.snapshot.id != snapshot.id:
                 self._found = opened(snapshot)
-            return _kept(self.out, [_told(self.out, self._found, parse_corrections(corrections, named), named, _by(who, why))])
+            return _kept(
+                self.out, [_told(self.out, self._found, parse_corrections(corrections, named), named, _by(who, why))]
+            )
 
 
 def block_of(out: Folder) -> Path:
@@ -125,15 +127,15 @@ def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
             by_file.setdefault(corrections_file(block), (block, []))[1].extend(new)
     for block, new in by_file.values():
         add_corrections(block, new)
-    every = [one for of in of_blocks for one in of.said if one.id not in of.unchanged or one.what in OF_FACADES]
-    facades, buildings = (len({one.id for one in every if one.what in kind}) for kind in (OF_FACADES, OF_BUILDINGS))
+    every = [one for of in of_blocks for one in of.said if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS]
+    facades, buildings = (len({one.id for one in every if one.kind in kind}) for kind in (FACADE_CORRECTION_KINDS, BUILDING_CORRECTION_KINDS))
     notes = tuple(note for of in of_blocks for note in of.notes)
     return Imported(tuple(by_file), _command(out, of_blocks[0].block), facades, buildings, notes)
 
 
 def _command(out: Folder, block: Path) -> str:
     """What does again what is due of a block whose run, or that of its city, is in a folder."""
-    home = home_of(block)
+    home = city_or_block_file(block)
     if (out / CITY).is_file():
         return f"streetloom city {home if home != block else 'CITY.yaml'} --out {out}"
     if home != block:

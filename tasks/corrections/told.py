@@ -11,13 +11,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from catalogs.block.building_corrections import LEAST_M
-from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked, is_number
-from catalogs.frames import LONLAT, coordinate_transform
-from catalogs.readers.annotations import MeasuredHeight, Annotation
+from catalogs.block.building_corrections import MIN_WALL_HEIGHT_M
+from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, FACADE_CORRECTION_KINDS, Correction, Corrections, validate_correction, is_number
+from catalogs.crs import LONLAT, coordinate_transform
+from catalogs.readers.annotations import Annotation, MeasuredHeight
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
-from facade_core.facade.correction import unlike
+from facade_core.facade.correction import unmatched_elements
 from tasks.corrections.words import words
 from tasks.published.opened import Published
 
@@ -33,7 +33,7 @@ class Told:
     def __init__(self, found: Published, before: Corrections) -> None:
         self.found = found
         self._names = cast(dict[str, str], found.group.attrs.get("known_by_place", {}))
-        self._as_kept, self.before = before, before.under(self._names)
+        self._as_kept, self.before = before, before.rename_targets(self._names)
         self.facades = {id: index for index, id in enumerate(found.plan.facades.id)}
         self.buildings = {id: index for index, id in found.names.items()}
         self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
@@ -51,8 +51,8 @@ class Told:
 
     def _roofs(self, named: str, new: Sequence[Correction]) -> None:
         """Raises InputError for a height of a roof that has none, or may have none once its shape is withdrawn."""
-        shapes = {one.id: one.value for one in new if one.what == "roof_shape"}
-        heights = {one.id: one.value for one in new if one.what == "roof_height"}
+        shapes = {one.id: one.value for one in new if one.kind == "roof_shape"}
+        heights = {one.id: one.value for one in new if one.kind == "roof_height"}
         for id, height in heights.items():
             if height is None:
                 continue
@@ -64,7 +64,7 @@ class Told:
             if (shapes.get(id) or self._stands(id, "roof_shape")) in (None, "flat"):
                 raise InputError(f"{named}: {id}: its roof is flat and has no height; give a roof_shape too")
         for id, shape in shapes.items():
-            if shape is None and id not in heights and (height := self.before.value(id, "roof_height")) is not None:
+            if shape is None and id not in heights and (height := self.before.corrected_value(id, "roof_height")) is not None:
                 self.notes.append(
                     f"{id}: the roof_height {height:g} that was given with its shape stays, where the roof is not flat; "
                     "take it back too"
@@ -77,7 +77,9 @@ class Told:
             if isinstance(one, MeasuredHeight) and (eaves := self._eaves(named, id, one)) is not None:
                 meant[id] = eaves
         others = [
-            one for one in said if not isinstance(one[2], MeasuredHeight) and not (one[1] == "height" and one[0] in meant)
+            one
+            for one in said
+            if not isinstance(one[2], MeasuredHeight) and not (one[1] == "height" and one[0] in meant)
         ]
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
@@ -105,9 +107,9 @@ class Told:
 
     def _correction(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
         """What was said, as a correction; None where nothing is another than it stands."""
-        known = self.facades if what in OF_FACADES else self.buildings
+        known = self.facades if what in FACADE_CORRECTION_KINDS else self.buildings
         if (
-            what in OF_BUILDINGS
+            what in BUILDING_CORRECTION_KINDS
             and id in known
             and value is not None
             and self._same(id, what, value, self._stands(id, what))
@@ -118,49 +120,49 @@ class Told:
                 self.notes.append(f"{id}: a roof height of 0 is not taken; say by its shape that it is flat")
             return None
         try:
-            one = checked(replace(by, id=id, what=what, value=value))
+            one = validate_correction(replace(by, id=id, what=what, value=value))
         except InputError as error:
             raise InputError(f"{named}: {error}") from error
         if id not in known:
-            kind = "facade" if what in OF_FACADES else "building"
+            kind = "facade" if what in FACADE_CORRECTION_KINDS else "building"
             near = get_close_matches(id, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
             raise InputError(f"{named}: the block {self.found.block} has no {kind} {id}; {hint}")
         if one.value is None:
-            if self.before.value(id, what) is None:
+            if self.before.corrected_value(id, what) is None:
                 return None
         elif self._same(id, what, one.value, self._stands(id, what)):
             return None
         elif reason := self._impossible(one):
             raise InputError(f"{named}: {id}: {reason}")
         self._conflict(one)
-        return self._placed(one) if what in OF_FACADES else self._standing(one)
+        return self._placed(one) if what in FACADE_CORRECTION_KINDS else self._standing(one)
 
     def _withdrawn(self, one: Correction) -> list[Correction]:
         """Something taken back under every id that it is said of."""
         ids = [one.id, *(before for before, now in self._names.items() if now == one.id)]
-        return [replace(one, id=id) for id in ids if self._as_kept.value(id, one.what) is not None]
+        return [replace(one, id=id) for id in ids if self._as_kept.corrected_value(id, one.kind) is not None]
 
     def _impossible(self, one: Correction) -> str | None:
         """Why something cannot be corrected to a value; None where it can."""
-        if one.what == "exemplar" and one.value not in self.exemplars:
+        if one.kind == "exemplar" and one.value not in self.exemplars:
             return f"there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
-        if one.value not in (known := words().get(one.what, [one.value])):
+        if one.value not in (known := words().get(one.kind, [one.value])):
             near = get_close_matches(one.value, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
-            return f"nothing is drawn of {one.what} {one.value}; {hint}"
-        if one.what == "levels" and not one.value.is_integer():
+            return f"nothing is drawn of {one.kind} {one.value}; {hint}"
+        if one.kind == "levels" and not one.value.is_integer():
             return f"storeys are whole, not {one.value:g}; give {math.floor(one.value)} or {math.ceil(one.value)}"
-        if one.what in OF_SHAPE and self._column("height_source", one.id) == "model":
-            return f"it is a model, whose {one.what} is as given; correct the model"
-        begins = float(self._column("raised", one.id) or 0.0) if one.what == "height" else 0.0
-        if one.what == "height" and one.value < begins + LEAST_M:
+        if one.kind in OF_SHAPE and self._column("height_source", one.id) == "model":
+            return f"it is a model, whose {one.kind} is as given; correct the model"
+        begins = float(self._column("raised", one.id) or 0.0) if one.kind == "height" else 0.0
+        if one.kind == "height" and one.value < begins + MIN_WALL_HEIGHT_M:
             return f"it begins {begins:g} m over the ground and cannot end at {one.value:g} m"
         return None
 
     def _stands(self, id: str, what: str) -> Any:
         """What is said of something, or else what was published of it."""
-        corrected = self.before.value(id, what)
+        corrected = self.before.corrected_value(id, what)
         if corrected is not None:
             return corrected
         match what:
@@ -196,7 +198,7 @@ class Told:
         if what == "elements":
             said, there = (self._drawn(id, layout) for layout in (value, stands))
             return len(said) == len(there) and not (
-                unlike(said, there, moved=MOVED) or unlike(there, said, moved=MOVED)
+                unmatched_elements(said, there, max_shift=MOVED) or unmatched_elements(there, said, max_shift=MOVED)
             )
         if what in ("height", "roof_height"):
             return _near(value, stands)
@@ -218,10 +220,10 @@ class Told:
         return int(placement.height[chart]), int(placement.width[chart])
 
     def _conflict(self, one: Correction) -> None:
-        stands = self.before.of.get(one.id, {}).get(one.what)
+        stands = self.before.by_target.get(one.id, {}).get(one.kind)
         if stands is not None and stands.who != one.who:
             self.notes.append(
-                f"{one.what} of {one.id}: {stands.who or 'somebody'} corrected it on {stands.when[:10]}, {one.who} does now, "
+                f"{one.kind} of {one.id}: {stands.who or 'somebody'} corrected it on {stands.when[:10]}, {one.who} does now, "
                 "which counts; both are kept"
             )
 
@@ -247,9 +249,9 @@ class Told:
 
     @cached_property
     def _outlines(self) -> Mapping[int, Any]:
-        from facade_core.export.bodies.footprints import footprints
+        from facade_core.export.bodies.footprints import building_footprints
 
-        return footprints(self.found.textured)
+        return building_footprints(self.found.textured)
 
 
 def _near(metres: Any, others: Any) -> bool:

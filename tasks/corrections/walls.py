@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
-from catalogs.block.corrections import OF_BUILDINGS, Correction
+from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, Correction
 from facade_core.geometry.charts import ChartKind
 from tasks.published.opened import Published
 
@@ -27,16 +27,16 @@ def unreached(found: Published, new: Sequence[Correction]) -> Unreached:
     """What `new` corrections of a block do not change of what was published of it."""
     plan = found.plan
     houses = {name: index for index, name in found.names.items()}
-    none = {one.id for one in new if one.what == "facade" and one.value is False}
-    stated = sorted({one.id for one in new if one.what in _OF_WALLS and one.value is not None and one.id in houses})
+    none = {one.id for one in new if one.kind == "facade" and one.value is False}
+    stated = sorted({one.id for one in new if one.kind in _OF_WALLS and one.value is not None and one.id in houses})
     kept = {id: walls for id in stated if (walls := _textured(found, houses[id], none))}
     if not kept:
         return Unreached((), frozenset())
-    others = {one.id for one in new if one.what in OF_BUILDINGS and one.what not in _OF_WALLS}
+    others = {one.id for one in new if one.kind in BUILDING_CORRECTION_KINDS and one.kind not in _OF_WALLS}
     whole = {
         id
         for id in kept
-        if not any(plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.own_charts(houses[id]))
+        if not any(plan.scene.charts.kind[chart] == ChartKind.WALL for chart in plan.textured_charts(houses[id]))
         and id not in others
     }
     names = ", ".join([*kept][:3]) + (", ..." if len(kept) > 3 else "")

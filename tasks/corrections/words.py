@@ -16,5 +16,7 @@ def words() -> dict[str, list[str]]:
     return {
         "roof_shape": list(ROOF_SHAPES),
         "wall_material": sorted({PLASTER, *WALL_MATERIAL_COLOURS}),
-        "roof_material": sorted({*ROOF_MATERIAL_COLOURS, *(name for names in ROOF_MATERIAL_TAGS.values() for name in names)}),
+        "roof_material": sorted(
+            {*ROOF_MATERIAL_COLOURS, *(name for names in ROOF_MATERIAL_TAGS.values() for name in names)}
+        ),
     }

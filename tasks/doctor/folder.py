@@ -19,20 +19,20 @@ from catalogs.published.file_list import amiss
 from catalogs.published.folders import Folder
 from catalogs.published.runs import publishes
 from catalogs.published.snapshot import current_if_any
-from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, has_all_files, find_unreadable_chunks
+from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, find_unreadable_chunks, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import FacadeError, FormatError, StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
-from tasks.engine.forecast import what_is_due
+from tasks.engine.forecast import forecast_work
 from tasks.engine.run_key import run_of
+from tasks.engine.stage import read_journals
 from tasks.engine.store.digests import differing
-from tasks.engine.store.integrity import find_wounds, is_suspect, suspect
+from tasks.engine.store.integrity import find_lost_units, is_suspect, suspect
 from tasks.engine.store.status import recorded_source, unpublished
 from tasks.stages.ingest.task import ingest_block
-from tasks.stages.order import read_journals
 
 # Charts and panoramas whose digests are computed again.
 SAMPLE = 64
@@ -85,7 +85,7 @@ def _store(out: Folder, repository: Any, session: icechunk.Session, group: Store
     """Records against arrays: what sizes and listings show, then every chunk, then digests of some."""
     store = out / "store"
     mended = f"{again} makes it again"
-    wounds = find_wounds(session)
+    wounds = find_lost_units(session)
     streets = wounds.pop("streets", ())  # their own data are whole: they are begun anew, or lost a viewpoint
     if streets:
         told = f"streets done over viewpoints that are not: {len(streets)}"
@@ -154,7 +154,7 @@ def _stale(out: Folder, source: Path | None, session: icechunk.Session, group: S
         with _copy(out) as copy:
             tried = replace(run, out=str(copy))
             outline = ingest_block.fn(tried, block)
-            said = what_is_due(replace(tried, ingested=outline.ingested), block, outline).said
+            said = forecast_work(replace(tried, ingested=outline.ingested), block, outline).said
     except (FacadeError, OSError) as error:
         return Finding("stale", False, f"{source}: {' '.join(str(error).split())}")
     if group.attrs.get("key") == run.key and (said is None or "nothing is due" in said):

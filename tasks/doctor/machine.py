@@ -85,10 +85,10 @@ def _pinned() -> Iterator[tuple[str, str]]:
 
 
 def _rays() -> Finding:
-    from facade_core.geometry.raycast import ray_library
+    from facade_core.geometry.raycast import load_open3d
 
     try:
-        return Finding("rays", True, f"open3d {ray_library().__version__} loads, and the libusb that it needs")
+        return Finding("rays", True, f"open3d {load_open3d().__version__} loads, and the libusb that it needs")
     except (ImportError, OSError, RuntimeError) as error:
         said = " ".join(str(error).split())
         return Finding("rays", False, f"open3d cannot be loaded ({said}); `make setup` installs it with its libusb")
@@ -101,7 +101,7 @@ def _shipped() -> dict[Path, Callable[[Path], object]]:
     from facade_core.street.translator import neural_translator
 
     return {
-        network.SHIPPED: network.load,
+        network.SHIPPED_NETWORK: network.load,
         layouts.SHIPPED_LAYOUT_MODEL: layouts.load_layout_model,
         neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_translator,
     }
@@ -122,14 +122,14 @@ def second_opinion() -> Finding:
     """Whether faces and number plates are looked for by models of other packages, beside the parser."""
     from facade_core.imagery.detect import models as detect
 
-    if lacking := detect.missing():
+    if lacking := detect.missing_packages():
         said = (
             f"faces and number plates are not looked for beside the parser, nor shops' names: {', '.join(lacking)} not "
         )
-        return Finding("privacy", None, f"{said}installed; {detect.REMEDY}")
+        return Finding("privacy", None, f"{said}installed; {detect.INSTALL_REMEDY}")
     try:
-        for model in detect.FILES:
-            detect.session(model)
+        for model in detect.MODEL_FILES:
+            detect.model_session(model)
     except ModelError as error:
         return Finding("privacy", False, str(error))
     return Finding("privacy", True, "faces, number plates and shops' names are looked for in pictures")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import icechunk
 from zarr.errors import BaseZarrError
 
-from catalogs.visible import escape_invisible
+from catalogs.printable_text import escape_invisible
 from facade_core.atlas.journal import Record
 from facade_core.core.errors import FacadeError, MachineError, ModelError, StoreError
 
@@ -106,7 +106,10 @@ def failure(unit: str, key: str, error: Exception) -> Record:
 def log_units(stage: str, records: Iterable[Record]) -> None:
     """Log units by their journal records: each that failed as a warning with its traceback, the others for who looks closer."""
     for record in records:
-        unit, reason = escape_invisible(record["unit"]), escape_invisible(record.get("reason") or "")  # a log may end in a terminal
+        unit, reason = (
+            escape_invisible(record["unit"]),
+            escape_invisible(record.get("reason") or ""),
+        )  # a log may end in a terminal
         about = {name: record.get(name) for name in ("unit", "worker", "seconds", "traceback")} | {"stage": stage}
         if record["status"] == "failed":
             log.warning("%s %s failed: %s", stage, unit, reason, extra=about)

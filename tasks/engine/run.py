@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder, local_side
 from catalogs.published.s3 import folder_at
-from facade_core.core.types import SHIPPED_MODELS, Models, Privacy
+from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Privacy
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Material, TextureSettings
@@ -41,7 +41,7 @@ class Run:
     aerial: Aerial | None = None
     roof_material: Material | None = None
     materials: tuple[MaterialPicture, ...] = ()
-    models: Models = SHIPPED_MODELS
+    models: ModelFiles = SHIPPED_MODELS
     failed_limit: float = 0.2
     ingested: float = 0.0
 

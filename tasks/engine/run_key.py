@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError, ModelError
-from facade_core.core.types import Models
+from facade_core.core.types import ModelFiles
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 
@@ -35,15 +35,15 @@ def run_of(block: Block, out: Folder) -> Run:
     )
 
 
-def _usable(models: Models) -> Models:
+def _usable(models: ModelFiles) -> ModelFiles:
     """A block's own models. Raises InputError, with the block's key, for one that cannot be used: no facade could be made."""
     from facade_core.facade.layout import model as layouts
-    from facade_core.parsing.confidence import certainty
+    from facade_core.parsing.confidence import load_calibration
     from facade_core.parsing.segmenter import load_segmenter
 
     named = (
         ("parser", models.parser, load_segmenter),
-        ("parser", models.parser, certainty),
+        ("parser", models.parser, load_calibration),
         ("layout", models.layout, layouts.load_layout_model),
     )
     for name, path, opens in named:

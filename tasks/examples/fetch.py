@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from catalogs.examples.sources import BLOCKS, SOURCES, Source, download
+from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleSource, download_source
 from facade_core.core.errors import InputError
 from tasks.engine.progress import advance, begin_stage
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
@@ -17,9 +17,9 @@ LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"
 def fetch_block(
     name: str,
     folder: Path,
-    sources: Mapping[str, Source] = SOURCES,
+    sources: Mapping[str, ExampleSource] = EXAMPLE_SOURCES,
     paint: Callable[[Path], None] = paint_exemplars,
-) -> tuple[Path, Source]:
+) -> tuple[Path, ExampleSource]:
     """Make `folder`/NAME.yaml with everything that it names; what is there already stays. Returns it and its source.
 
     Args:
@@ -32,11 +32,11 @@ def fetch_block(
     if source is None:
         raise InputError(f"{name}: no block of this name has public data; there is {', '.join(sources)}")
     begin_stage("fetch", len(source.files))
-    download(source, folder, lambda: advance("fetch", 1))
+    download_source(source, folder, lambda: advance("fetch", 1))
     exemplars = folder / "exemplars"
     if not (exemplars.is_dir() and len(list(exemplars.iterdir())) == EXEMPLARS):
         paint(exemplars)
-    text = (BLOCKS / f"{name}.yaml").read_text(encoding="utf-8")
+    text = (EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
     block = folder / f"{name}.yaml"
     block.write_text(text.replace(LIBRARY, "exemplars").replace("${STREETLOOM_DATA}/", ""), encoding="utf-8")
     return block, source

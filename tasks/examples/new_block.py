@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from catalogs.block.geometry import SWAPPED
+from catalogs.block.geometry import SWAPPED_AXES_NOTE
 from catalogs.block.reader import Block, read_block
-from catalogs.buildings.densest import densest_square, square_bounds
+from catalogs.buildings.densest_square import densest_square, square_bounds
 from catalogs.buildings.extents import Bounds
 from catalogs.features import file_stem
-from catalogs.readers.files import read_buildings
+from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
@@ -248,7 +248,7 @@ def _written(
         try:
             block = _drafted(draft, keys, options)
         except InputError as error:
-            if isinstance(area, Around) and SWAPPED in str(error):
+            if isinstance(area, Around) and SWAPPED_AXES_NOTE in str(error):
                 raise InputError(area.swapped("no buildings are there")) from error
             raise
         plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.printable_text import escape_invisible_json
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
-from catalogs.visible import escape_invisible_json
 from facade_core.core.types import Element
 from tasks.engine.progress import advance, begin_stage
 from tasks.export.models import with_ground
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.bodies.building_models import Modelled
+    from facade_core.export.bodies.building_models import BuildingModel
 
 TEXTURES = "textures"
 # What a building is of, as it was stated or corrected, by the names of attributes.
@@ -43,16 +43,16 @@ def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
 
 def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """BLOCK.city.jsonl: a header, then a feature per line, with textures beside it."""
-    from facade_core.export.city_models.cityjson import Pool, document
+    from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
     url, notes = _reference_system(found)
     origin = origin_of(found)
     images, objects = _objects(found, buildings, folder, openings=False)
     name = f"{found.block}.city.jsonl"
     with (folder / name).open("w", encoding="utf-8") as file:
-        file.write(_line(document(found.block, origin, url, found.attribution)))
+        file.write(_line(empty_document(found.block, origin, url, found.attribution)))
         for id, make in objects:
-            pool = Pool(origin)
+            pool = VertexPool(origin)
             made = make(pool)
             feature = {"type": "CityJSONFeature", "id": id, "CityObjects": made} | pool.tables(images)
             file.write(_line(feature))
@@ -62,12 +62,12 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
 def _write_document(
     found: Published, buildings: np.ndarray, folder: Path, name: str, *, openings: bool
 ) -> tuple[list[str], list[str]]:
-    from facade_core.export.city_models.cityjson import Pool, document
+    from facade_core.export.city_models.cityjson import VertexPool, empty_document
 
     url, notes = _reference_system(found)
-    pool = Pool(origin_of(found))
+    pool = VertexPool(origin_of(found))
     images, objects = _objects(found, buildings, folder, openings=openings)
-    city = document(found.block, pool.origin, url, found.attribution)
+    city = empty_document(found.block, pool.origin, url, found.attribution)
     city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
     city |= pool.tables(images)
     city["metadata"]["geographicalExtent"] = pool.extent()
@@ -85,18 +85,18 @@ def _objects(
     """The files of the texture pages, which are written, and every feature as (id, what makes its city objects in a pool)."""
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.building_models import ground_faces
-    from facade_core.export.city_models.cityjson import geometry_of
-    from facade_core.export.models.textured_mesh import GROUND_NODE, layout_of, page_jpeg
+    from facade_core.export.city_models.cityjson import build_geometry
+    from facade_core.export.models.textured_mesh import GROUND_NODE, encode_page, pack_charts
 
     source = found.textured
     shown = with_ground(found, buildings)
-    drawn = layout_of(source, source.chosen(shown))
+    drawn = pack_charts(source, source.select_charts(shown))
     pages = len(drawn.layout.pages)
     begin_stage("export", pages + len(shown))
     images = [f"{TEXTURES}/{page:04}.jpg" for page in range(pages)]
     (folder / TEXTURES).mkdir()
     for page, image in enumerate(images):
-        (folder / image).write_bytes(page_jpeg(drawn, page))
+        (folder / image).write_bytes(encode_page(drawn, page))
         advance("export", 1)
     layouts = facade_layouts(found, buildings) if openings else {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
@@ -108,7 +108,7 @@ def _objects(
         return made
 
     def terrain(id: str, faces: Any, pool: Any) -> dict[str, Any]:
-        return {id: {"type": "TINRelief", "geometry": [geometry_of(faces, (), pool, "2", "CompositeSurface")]}}
+        return {id: {"type": "TINRelief", "geometry": [build_geometry(faces, (), pool, "2", "CompositeSurface")]}}
 
     def features() -> Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]:
         for index in buildings.tolist():
@@ -132,14 +132,14 @@ def building_objects(
     taken: set[str],
 ) -> dict[str, Any]:
     """A building and its installations by id: a Solid where its surfaces close, and what stands out of it."""
-    from facade_core.export.city_models.cityjson import geometry_of
+    from facade_core.export.city_models.cityjson import build_geometry
 
     made = model_of(found, drawn, triangles, index, layouts, pool.origin)
     opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
     name, lod = found.names[index], "3" if opened else "2"
 
     def geometry(part: Any) -> list[dict[str, Any]]:
-        return [geometry_of(part.faces, part.surfaces, pool, lod, "Solid" if part.solid else "MultiSurface")]
+        return [build_geometry(part.faces, part.surfaces, pool, lod, "Solid" if part.is_solid else "MultiSurface")]
 
     attributes = attributes_of(found, index, made.body)
     attributes[EXPORTED_HEIGHT_ATTRIBUTE] = attributes["measuredHeight"]
@@ -147,7 +147,7 @@ def building_objects(
         if "facade" in surface:
             surface["isFacade"] = is_facade(found, surface["facade"])
     body = {"type": "Building", "attributes": attributes, "geometry": geometry(made.body)}
-    wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.beside]
+    wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.attachments]
     if layouts:
         wanted += [("balcony", {"class": "balcony", "facade": facade}, part) for facade, part in made.balconies]
         wanted += [("ledge", {"class": "ledge", "facade": facade}, part) for facade, part in made.ledges]
@@ -175,13 +175,13 @@ def model_of(
     index: int,
     layouts: Mapping[int, list[Element]],
     origin: np.ndarray,
-) -> Modelled:
+) -> BuildingModel:
     """A building as faces on the grid around `origin` (3,), with the openings and balconies of `layouts`."""
-    from facade_core.export.bodies.building_models import modelled
+    from facade_core.export.bodies.building_models import build_building_model
 
     assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
     facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
-    return modelled(drawn, triangles, facades, layouts, origin, assumed=assumed)
+    return build_building_model(drawn, triangles, facades, layouts, origin, assumed=assumed)
 
 
 def _free(id: str, taken: set[str]) -> str:
@@ -213,10 +213,10 @@ def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
 def measured_heights(found: Published) -> dict[str, float]:
     """The height of each building by its id, as exports state it."""
     from facade_core.core.grouping import group_rows
-    from facade_core.export.models.textured_mesh import layout_of
+    from facade_core.export.models.textured_mesh import pack_charts
 
     source, buildings = found.textured, found.choose(())
-    drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
+    drawn = pack_charts(source, source.select_charts(with_ground(found, buildings)))
     triangles = group_rows(source.charts.building[source.mesh.chart])
     bodies = {b: model_of(found, drawn, triangles[b], b, {}, origin_of(found)).body for b in buildings.tolist()}
     return {found.names[b]: round(_rise(body), 3) for b, body in bodies.items()}
@@ -239,8 +239,8 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
     """The elements of the finished facades of some buildings by their charts, in metres, with the ledges that pictures show."""
-    from facade_core.export.bodies.ledges import ledges_of
-    from facade_core.export.pictures.stage_pictures import chart_raster
+    from facade_core.export.bodies.ledges import detect_ledges
+    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     placement = found.plan.scene.placement
     layouts = {}
@@ -252,9 +252,9 @@ def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[El
             for e in found.elements(index)
         ]
         seed, labels = (
-            chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+            read_chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
         )
-        layouts[chart] = [*elements, *ledges_of(seed, labels, elements, density)]
+        layouts[chart] = [*elements, *detect_ledges(seed, labels, elements, density)]
     return layouts
 
 

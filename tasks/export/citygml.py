@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.features import file_stem
-from catalogs.visible import escape_invisible
+from catalogs.printable_text import escape_invisible
 from tasks.engine.progress import advance, begin_stage
 from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
 from tasks.export.models import with_ground
@@ -25,25 +25,25 @@ OWN = ("name", "roofType", "measuredHeight", "storeysAboveGround")
 def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """BLOCK.gml: LoD3 where a building has openings, else LoD2, with textures beside it."""
     from facade_core.core.grouping import group_rows
-    from facade_core.export.city_models.citygml import city_model, ncname
-    from facade_core.export.models.textured_mesh import layout_of, page_jpeg
+    from facade_core.export.city_models.citygml import open_city_model, xml_id
+    from facade_core.export.models.textured_mesh import encode_page, pack_charts
 
     source, shown = found.textured, with_ground(found, buildings)
-    drawn = layout_of(source, source.chosen(shown))
+    drawn = pack_charts(source, source.select_charts(shown))
     images = [f"{TEXTURES}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
     begin_stage("export", len(images) + len(shown))
     (folder / TEXTURES).mkdir()
     for page, image in enumerate(images):
-        (folder / image).write_bytes(page_jpeg(drawn, page))
+        (folder / image).write_bytes(encode_page(drawn, page))
         advance("export", 1)
     triangles = group_rows(source.charts.building[source.mesh.chart])
     layouts = facade_layouts(found, buildings)
-    ids = {index: ncname(found.names[index]) for index in buildings.tolist()}
+    ids = {index: xml_id(found.names[index]) for index in buildings.tolist()}
     mine = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
     corners = source.mesh.vertices[source.mesh.triangles[mine].ravel()]
     extent = np.array([corners.min(axis=0), corners.max(axis=0)])
     name = f"{file_stem(found.block)}.gml"
-    with city_model(folder / name, found.block, found.crs, extent, found.attribution) as file:
+    with open_city_model(folder / name, found.block, found.crs, extent, found.attribution) as file:
         for index in buildings.tolist():
             file.write(_building(found, drawn, triangles[index], index, ids[index], layouts, images))
             advance("export", 1)
@@ -63,43 +63,53 @@ def _building(
     layouts: Mapping[int, Any],
     images: list[str],
 ) -> Element:
-    from facade_core.export.city_models.citygml import Textured, add, attribute, solid, surfaces_of
-    from facade_core.export.city_models.cityjson import Pool
+    from facade_core.export.city_models.citygml import (
+        PolygonWriter,
+        add_attribute,
+        add_element,
+        boundary_surfaces,
+        solid_element,
+    )
+    from facade_core.export.city_models.cityjson import VertexPool
 
     origin = origin_of(found)
     made = model_of(found, drawn, triangles, index, layouts, origin)
     lod = "3" if any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces) else "2"
-    textured = Textured(id, Pool(origin))
-    bounds, ids = surfaces_of(textured, made.body.faces, made.body.surfaces, lod)
+    textured = PolygonWriter(id, VertexPool(origin))
+    bounds, ids = boundary_surfaces(textured, made.body.faces, made.body.surfaces, lod)
     installations = []
-    wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in made.beside]
+    wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in made.attachments]
     wanted += [("balcony", {"facade": facade}, part) for facade, part in made.balconies]
     wanted += [("ledge", {"facade": facade}, part) for facade, part in made.ledges]
     for number, (kind, said, part) in enumerate(wanted):
         textured.prefix = f"{id}-{kind}-{number}"
-        installations.append((textured.prefix, kind, said, surfaces_of(textured, part.faces, part.surfaces, lod)[0]))
+        installations.append(
+            (textured.prefix, kind, said, boundary_surfaces(textured, part.faces, part.surfaces, lod)[0])
+        )
     said = attributes_of(found, index, made.body)
     member = _member()
-    building = add(member, "bldg:Building", gml_id=id)
+    building = add_element(member, "bldg:Building", gml_id=id)
     if "name" in said:
-        add(building, "gml:name", escape_invisible(said["name"]))
+        add_element(building, "gml:name", escape_invisible(said["name"]))
     for key, value in {"id": found.names[index], **said}.items():
         if key not in OWN:
-            attribute(building, key, escape_invisible(value) if isinstance(value, str) else value)
-    textured.appearance(building, images)
+            add_attribute(building, key, escape_invisible(value) if isinstance(value, str) else value)
+    textured.add_appearance(building, images)
     if "roofType" in said:
-        add(building, "bldg:roofType", said["roofType"])
-    add(building, "bldg:measuredHeight", said["measuredHeight"], uom="m")
+        add_element(building, "bldg:roofType", said["roofType"])
+    add_element(building, "bldg:measuredHeight", said["measuredHeight"], uom="m")
     if "storeysAboveGround" in said:
-        add(building, "bldg:storeysAboveGround", said["storeysAboveGround"])
-    shell = [solid(lod, ids)] if made.body.solid else []
+        add_element(building, "bldg:storeysAboveGround", said["storeysAboveGround"])
+    shell = [solid_element(lod, ids)] if made.body.is_solid else []
     if lod == "2":
         building.extend(shell)
     for prefix, kind, own, within in installations:
-        thing = add(add(building, "bldg:outerBuildingInstallation"), "bldg:BuildingInstallation", gml_id=prefix)
+        thing = add_element(
+            add_element(building, "bldg:outerBuildingInstallation"), "bldg:BuildingInstallation", gml_id=prefix
+        )
         for key, value in own.items():
-            attribute(thing, key, value)
-        add(thing, "bldg:function", kind)
+            add_attribute(thing, key, value)
+        add_element(thing, "bldg:function", kind)
         thing.extend(within)
     building.extend(bounds)
     if lod == "3":
@@ -110,8 +120,8 @@ def _building(
 def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]) -> list[Element]:
     """The ground's pieces, each a relief of one triangulated surface."""
     from facade_core.export.bodies.building_models import ground_faces
-    from facade_core.export.city_models.citygml import Textured, add
-    from facade_core.export.city_models.cityjson import Pool
+    from facade_core.export.city_models.citygml import PolygonWriter, add_element
+    from facade_core.export.city_models.cityjson import VertexPool
     from facade_core.export.models.textured_mesh import GROUND_NODE
 
     origin, members = origin_of(found), []
@@ -119,14 +129,14 @@ def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str
         id = f"{GROUND_NODE}-{number}"
         while id in taken:
             id += "-"
-        textured = Textured(id, Pool(origin))
+        textured = PolygonWriter(id, VertexPool(origin))
         member = _member()
-        relief = add(member, "dem:ReliefFeature", gml_id=id)
-        add(relief, "dem:lod", 2)
-        tin = add(add(relief, "dem:reliefComponent"), "dem:TINRelief", gml_id=f"{id}-relief")
-        add(tin, "dem:lod", 2)
-        textured.triangles(add(tin, "dem:tin"), faces)
-        textured.appearance(tin, images)
+        relief = add_element(member, "dem:ReliefFeature", gml_id=id)
+        add_element(relief, "dem:lod", 2)
+        tin = add_element(add_element(relief, "dem:reliefComponent"), "dem:TINRelief", gml_id=f"{id}-relief")
+        add_element(tin, "dem:lod", 2)
+        textured.add_triangles(add_element(tin, "dem:tin"), faces)
+        textured.add_appearance(tin, images)
         tin.insert(0, tin[-1])
         members.append(member)
     return members
@@ -135,6 +145,6 @@ def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str
 def _member() -> Element:
     from lxml import etree
 
-    from facade_core.export.city_models.citygml import NAMESPACES, tag
+    from facade_core.export.city_models.citygml import NAMESPACES, qualified_name
 
-    return etree.Element(tag("cityObjectMember"), nsmap=NAMESPACES)
+    return etree.Element(qualified_name("cityObjectMember"), nsmap=NAMESPACES)

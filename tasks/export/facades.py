@@ -14,38 +14,40 @@ from tasks.engine.progress import advance, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.pictures.annotations import Annotated
+    from facade_core.export.pictures.annotations import AnnotatedFacade
 
 
 def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """annotations.json and images/ID.png: facades rectified and without what stood before them, with their elements."""
-    from facade_core.export.pictures.annotations import coco
+    from facade_core.export.pictures.annotations import coco_document
 
     (folder / "images").mkdir()
     facades = list(_annotated(found, buildings, folder, "images/"))
-    value = coco(facades, f"Facades of {found.block}, elements of the completed facades", found.attribution)
+    value = coco_document(facades, f"Facades of {found.block}, elements of the completed facades", found.attribution)
     (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     return ["annotations.json"], _left_out(found, buildings, len(facades))
 
 
 def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """ID.png and ID.json for every facade; the ones to open first are the ID.json."""
-    from facade_core.export.pictures.annotations import labelme
+    from facade_core.export.pictures.annotations import labelme_document
 
     facades = list(_annotated(found, buildings, folder, ""))
     names = [f"{file_stem(facade.facade)}.json" for facade in facades]
     for name, facade in zip(names, facades, strict=True):
-        (folder / name).write_text(json.dumps(labelme(facade, found.attribution), indent=2, allow_nan=False) + "\n")
+        (folder / name).write_text(
+            json.dumps(labelme_document(facade, found.attribution), indent=2, allow_nan=False) + "\n"
+        )
     return names, _left_out(found, buildings, len(facades))
 
 
-def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[Annotated]:
+def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[AnnotatedFacade]:
     """Every finished facade, its picture written into the folder."""
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    from facade_core.export.pictures.annotations import Annotated
-    from facade_core.export.pictures.stage_pictures import chart_raster
+    from facade_core.export.pictures.annotations import AnnotatedFacade
+    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     facades = found.rectified(buildings)
     said = PngInfo()
@@ -54,11 +56,11 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
     for index in facades:
         name = found.plan.facades.id[index]
         chart = int(found.plan.facades.chart[index])
-        texture = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
+        texture = read_chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
         file = f"{within}{file_stem(name)}.png"
         Image.fromarray(texture).save(folder / file, pnginfo=said)
         metres = 1 / float(found.plan.scene.placement.texels_per_metre[chart])
-        yield Annotated(name, file, texture.shape[1], texture.shape[0], metres, found.elements(index))
+        yield AnnotatedFacade(name, file, texture.shape[1], texture.shape[0], metres, found.elements(index))
         advance("export", 1)
 
 
@@ -79,7 +81,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
 
     from catalogs.published.geopackage import write_layers
     from facade_core.core.grouping import group_rows
-    from facade_core.export.bodies.footprints import footprints
+    from facade_core.export.bodies.footprints import building_footprints
     from facade_core.geometry.charts import ChartKind
     from tasks.export.city import is_facade
 
@@ -90,7 +92,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     down = charts.axis_v[chart] * charts.size[chart, 1:]
     top = charts.origin[chart]
     walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
-    outlines = footprints(found.textured)
+    outlines = building_footprints(found.textured)
     of_building = group_rows(charts.building[found.textured.mesh.chart])
     table = found.buildings
     chosen = {found.names[b] for b in buildings.tolist()}
@@ -130,9 +132,9 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
 
 def _levels(found: Published, triangles: np.ndarray) -> dict[str, float]:
     """How high a building's lowest and highest corners lie, chimneys and parapets among them, in the block's heights."""
-    from facade_core.export.bodies.map_surfaces import heights
+    from facade_core.export.bodies.map_surfaces import height_range
 
-    low, high = heights(found.textured, triangles)
+    low, high = height_range(found.textured, triangles)
     return {"base_z": round(low, 3), "top_z": round(high, 3)}
 
 
@@ -141,9 +143,9 @@ def _surfaces(found: Published, kind: int, buildings: np.ndarray) -> list[dict[s
     from facade_core.export.bodies.map_surfaces import surface_polygons
 
     source = found.textured
-    charts = source.chosen(buildings)
+    charts = source.select_charts(buildings)
     charts = charts[source.charts.kind[charts] == kind]
-    normal = source.charts.normal()
+    normal = source.charts.normals()
     rows = []
     for chart, polygon in surface_polygons(source, charts).items():
         z = [corner[2] for part in polygon.geoms for corner in part.exterior.coords]

@@ -16,8 +16,8 @@ from tasks.export.laying import laid
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.factored.texture_packing import Shown
-    from facade_core.export.factored.wall_geometry import Pieces
+    from facade_core.export.factored.texture_packing import PackedTextures
+    from facade_core.export.factored.wall_geometry import WallPieces
 
 FIGURES = "figures.json"
 # Coarse tiles above factored ones have this share of the texels of those above unique texels.
@@ -30,39 +30,39 @@ def write_factored(
     """block.glb with a node a building, whose facades are factored; figures.json, what it comes to. shown: the
     buildings, and -1 for the ground."""
     from facade_core.core.grouping import RowIndex
-    from facade_core.export.factored.glb import factored_glb
-    from facade_core.export.factored.parts import joined, parts_of, rest
-    from facade_core.export.factored.texture_packing import held, pictures_of
-    from facade_core.export.factored.wall_geometry import NEAR
+    from facade_core.export.factored.glb import encode_factored_glb
+    from facade_core.export.factored.parts import build_parts, merge_pieces, pack_unfactored_charts
+    from facade_core.export.factored.texture_packing import pack_textures, texture_memory_bytes
+    from facade_core.export.factored.wall_geometry import NEAR_DETAIL
     from facade_core.export.models.encoders import texture_encoder
     from facade_core.export.models.textured_mesh import local_frame
 
     start = time.monotonic()
     source = found.textured
-    made = laid(found, buildings, [NEAR], 1)
+    made = laid(found, buildings, [NEAR_DETAIL], 1)
     pieces_of = made.details[0]
-    whole = joined(pieces_of.values())
-    pictures = pictures_of(whole, made.libraries)
+    whole = merge_pieces(pieces_of.values())
+    pictures = pack_textures(whole, made.libraries)
     frame = local_frame(found.plan.scene.mesh)
-    others = np.setdiff1d(source.chosen(shown), made.charts)
-    pages, parts = rest(source, RowIndex(source.mesh.chart), others, len(pictures.pictures), frame)
+    others = np.setdiff1d(source.select_charts(shown), made.charts)
+    pages, parts = pack_unfactored_charts(source, RowIndex(source.mesh.chart), others, len(pictures.pictures), frame)
     for building, pieces in sorted(pieces_of.items()):
-        parts[building] = parts_of(pieces, pictures, frame) | parts.get(building, {})
+        parts[building] = build_parts(pieces, pictures, frame) | parts.get(building, {})
     used = texture_encoder("jpeg")
     encoded = [used.encode(picture) for picture in (*pictures.pictures, *pages)]
     names = {-1: "ground", **found.names}
     order = sorted(parts, key=lambda building: (building < 0, building))
-    data = factored_glb(
+    data = encode_factored_glb(
         {names[building]: parts[building] for building in order},
         encoded,
-        [*pictures.repeated, *[False] * len(pages)],
+        [*pictures.is_repeated, *[False] * len(pages)],
         used,
         features_of(found),
         extras={"origin": frame.origin.tolist(), "crs": found.crs},
         copyright=found.attribution.line,
     )
     (folder / "block.glb").write_bytes(data)
-    told = _figures(pictures, whole, held(pages)) | {
+    told = _figures(pictures, whole, texture_memory_bytes(pages)) | {
         "bytes": len(data),
         "picture_bytes": sum(map(len, encoded)),
         "triangles": sum(len(part.triangles) for own in parts.values() for part in own.values()),
@@ -83,26 +83,26 @@ def write_factored_tiles(
     variations; beside them their pictures, which they share. shown: the buildings, and -1 for the ground."""
     from dataclasses import replace
 
-    from facade_core.export.factored.parts import joined
-    from facade_core.export.factored.texture_packing import held, pictures_of
-    from facade_core.export.factored.tiles import Leaves
-    from facade_core.export.factored.wall_geometry import FAR, NEAR
+    from facade_core.export.factored.parts import merge_pieces
+    from facade_core.export.factored.texture_packing import pack_textures, texture_memory_bytes
+    from facade_core.export.factored.tiles import FactoredLeaves
+    from facade_core.export.factored.wall_geometry import FAR_DETAIL, NEAR_DETAIL
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-    from facade_core.export.models.textured_mesh import local_frame, part_of
-    from facade_core.export.tiles.cells import COARSE, quadtree
-    from facade_core.export.tiles.far_shells import simplified_shells
+    from facade_core.export.models.textured_mesh import filter_triangles, local_frame
+    from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
+    from facade_core.export.tiles.far_shells import build_shells
     from facade_core.export.tiles.tileset import count_tiles, write_tileset
 
     start = time.monotonic()
     whole = found.textured
-    source = replace(whole, mesh=part_of(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
+    source = replace(whole, mesh=filter_triangles(whole.mesh, np.isin(whole.charts.building[whole.mesh.chart], shown)))
     frame, extras, notes = on_earth(found, local_frame(source.mesh).origin)
-    cells = quadtree(source)
-    made = laid(found, buildings, [FAR, NEAR], len(buildings) + count_tiles(cells, 2))
+    cells = build_quadtree(source)
+    made = laid(found, buildings, [FAR_DETAIL, NEAR_DETAIL], len(buildings) + count_tiles(cells, 2))
     far, near = made.details
-    every = joined([*far.values(), *near.values()])
-    pictures, used, features = pictures_of(every, made.libraries), texture_encoder("jpeg"), features_of(found)
-    shells = simplified_shells(source, found.plan.scene.spec.texels_per_metre * COARSE, lambda: advance("export", 1))
+    every = merge_pieces([*far.values(), *near.values()])
+    pictures, used, features = pack_textures(every, made.libraries), texture_encoder("jpeg"), features_of(found)
+    shells = build_shells(source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: advance("export", 1))
     for name in ("tiles", "tilesets", "pictures"):
         (folder / name).mkdir()
     picture_bytes = 0
@@ -119,8 +119,8 @@ def write_factored_tiles(
     names = [f"pictures/{k}.jpg" for k in range(len(pictures.pictures))]
     for name, picture in zip(names, pictures.pictures, strict=True):
         write_picture(name, used.encode(picture))
-    others = np.setdiff1d(source.chosen(shown), made.charts)
-    leaves = Leaves(
+    others = np.setdiff1d(source.select_charts(shown), made.charts)
+    leaves = FactoredLeaves(
         {"far": far, "near": near},
         pictures,
         names,
@@ -143,20 +143,20 @@ def write_factored_tiles(
         scale=COARSE_SHARE,
         extras=extras,
         attribution=found.attribution,
-        levels=leaves.of,
+        levels=leaves.detail_levels,
     )
-    advance("export", sum(map(leaves.bare, cells.leaves())))
+    advance("export", sum(map(leaves.is_unfactored, cells.leaves())))
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    coarse = tiled.texels * used.bytes_per_texel * MIPMAP_FACTOR
-    told = _figures(pictures, joined(near.values()), leaves.texture_bytes) | {
+    coarse = tiled.page_texels * used.bytes_per_texel * MIPMAP_FACTOR
+    told = _figures(pictures, merge_pieces(near.values()), leaves.texture_bytes) | {
         "texture_mb_of_coarse_tiles": round(coarse / 1e6, 1),
-        "texture_mb": round((held(pictures.pictures) + leaves.texture_bytes + coarse) / 1e6, 1),
+        "texture_mb": round((texture_memory_bytes(pictures.pictures) + leaves.texture_bytes + coarse) / 1e6, 1),
         "bytes": tiled.bytes + picture_bytes,
         "picture_bytes": picture_bytes,
-        "types_from_far": len({key for key, _ in joined(far.values()).elements}),
+        "types_from_far": len({key for key, _ in merge_pieces(far.values()).elements}),
         "triangles": leaves.triangles,
-        "draw_calls": tiled.draws,
+        "draw_calls": tiled.draw_calls,
         "buildings": len(buildings),
         "facades": len(made.charts),
         "seconds": round(time.monotonic() - start, 1),
@@ -165,16 +165,18 @@ def write_factored_tiles(
     return ["tileset.json"], [*notes, *made.notes]
 
 
-def _figures(pictures: Shown, whole: Pieces, rest_bytes: float) -> dict[str, Any]:
+def _figures(pictures: PackedTextures, whole: WallPieces, rest_bytes: float) -> dict[str, Any]:
     """What pictures come to on a graphics card, and what elements keep of theirs."""
-    from facade_core.export.factored.texture_packing import held
+    from facade_core.export.factored.texture_packing import texture_memory_bytes
 
-    grains = held([one for one, again in zip(pictures.pictures, pictures.repeated, strict=True) if again])
+    grains = texture_memory_bytes(
+        [one for one, again in zip(pictures.pictures, pictures.is_repeated, strict=True) if again]
+    )
     density = np.array([density * pictures.scale[key] for key, density in whole.elements] or [0.0])
     return {
-        "texture_mb": round((held(pictures.pictures) + rest_bytes) / 1e6, 1),
+        "texture_mb": round((texture_memory_bytes(pictures.pictures) + rest_bytes) / 1e6, 1),
         "texture_mb_of_grains": round(grains / 1e6, 1),
-        "texture_mb_of_elements": round((held(pictures.pictures) - grains) / 1e6, 1),
+        "texture_mb_of_elements": round((texture_memory_bytes(pictures.pictures) - grains) / 1e6, 1),
         "texture_mb_of_the_rest": round(rest_bytes / 1e6, 1),
         "elements": len(whole.elements),
         "types": len({key for key, _ in whole.elements}),

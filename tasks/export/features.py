@@ -10,8 +10,8 @@ import numpy as np
 
 from catalogs.published.items import COLUMNS, Column
 from facade_core.core.errors import InputError
-from facade_core.export.models.features import Features, Property
-from facade_core.geometry.charts import KINDS
+from facade_core.export.models.features import FeatureTable, MetadataProperty
+from facade_core.geometry.charts import CHART_KINDS
 from tasks.published.opened import Published
 
 # The foot line is in the model already.
@@ -30,7 +30,7 @@ OF_BUILDING = (
 SUMS = ("windows", "doors", "balconies", "shops", "windows_seen", "doors_seen", "balconies_seen", "shops_seen")
 
 
-def features_of(found: Published) -> Features:
+def features_of(found: Published) -> FeatureTable:
     """A row for every facade, every other surface of a building, every piece of ground and every building."""
     charts, plan = found.plan.scene.charts, found.plan
     rows: list[dict[str, Any]] = []
@@ -52,7 +52,7 @@ def features_of(found: Published) -> Features:
         zip(charts.kind.tolist(), charts.building.tolist(), charts.surface.tolist(), strict=True)
     ):
         if building < 0:
-            piece = {"id": f"ground-{chart}", "kind": KINDS[kind], "block": found.block}
+            piece = {"id": f"ground-{chart}", "kind": CHART_KINDS[kind], "block": found.block}
             of_chart[chart] = of_owner[chart] = add(piece)
             continue
         if building not in building_rows:
@@ -65,10 +65,10 @@ def features_of(found: Published) -> Features:
         else:
             whole = rows[building_rows[building]]
             number = counts[building, kind] = counts.get((building, kind), -1) + 1
-            part = {"id": f"{found.names[building]}-{KINDS[kind]}-{number}", "kind": KINDS[kind]}
+            part = {"id": f"{found.names[building]}-{CHART_KINDS[kind]}-{number}", "kind": CHART_KINDS[kind]}
             of_chart[chart] = add({name: whole.get(name) for name in OF_BUILDING} | part)
             shared[building, surface] = int(of_chart[chart])
-    return Features(
+    return FeatureTable(
         tuple(map(_property, (column for column in COLUMNS if column.name not in LEFT_OUT))), rows, of_chart, of_owner
     )
 
@@ -99,10 +99,10 @@ def building_rows(found: Published) -> dict[int, dict[str, Any]]:
     return {building: _building(found, building, of.get(name, [])) for building, name in found.names.items()}
 
 
-def _property(column: Column) -> Property:
+def _property(column: Column) -> MetadataProperty:
     # the only times are text as ISO 8601 has them; integers of 64 bits are exact as doubles, which scripts can add up
     types = {"int64": "double", "timestamp[us, UTC]": "string"}
-    return Property(column.name, types.get(column.type, column.type), column.unit, column.meaning)
+    return MetadataProperty(column.name, types.get(column.type, column.type), column.unit, column.meaning)
 
 
 def _building(found: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:

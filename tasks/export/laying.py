@@ -17,9 +17,9 @@ from tasks.published.opened import Published
 from tasks.stages.shared.images import read_exemplar_picture
 
 if TYPE_CHECKING:
-    from facade_core.export.factored.library import Library
-    from facade_core.export.factored.wall_decomposition import Facade
-    from facade_core.export.factored.wall_geometry import Detail, Pieces
+    from facade_core.export.factored.library import FacadeLibrary
+    from facade_core.export.factored.wall_decomposition import FactoredFacade
+    from facade_core.export.factored.wall_geometry import WallDetail, WallPieces
 
 # A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
 SAME = 4.0
@@ -30,29 +30,31 @@ class Laid:
     """charts of the facades that are laid; libraries; by detail what was laid of each building; notes for the reader."""
 
     charts: np.ndarray
-    libraries: list[Library]
-    details: list[dict[int, Pieces]]
+    libraries: list[FacadeLibrary]
+    details: list[dict[int, WallPieces]]
     notes: list[str]
 
 
-def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], more: int) -> Laid:
+def laid(found: Published, buildings: np.ndarray, details: Sequence[WallDetail], more: int) -> Laid:
     """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
     from facade_core.core.grouping import group_rows
-    from facade_core.export.factored.wall_decomposition import Seen
-    from facade_core.export.factored.wall_geometry import Pieces, lay
+    from facade_core.export.factored.wall_decomposition import WallDecomposition
+    from facade_core.export.factored.wall_geometry import WallPieces, build_wall
 
     source = found.textured
     planes = _planes(found, buildings)
     libraries, of, notes = _libraries(found, list(planes))
     begin_stage("export", len(planes) + more)
     of_building = group_rows(source.charts.building[source.mesh.chart])
-    by_detail: list[dict[int, Pieces]] = [{} for _ in details]
+    by_detail: list[dict[int, WallPieces]] = [{} for _ in details]
     for index, own in planes.items():
         building = int(found.plan.facades.building[index])
         behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
-        seen = Seen(_facade(found, index), libraries[of[index]])
+        seen = WallDecomposition(_facade(found, index), libraries[of[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
-            lay(seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, Pieces()))
+            build_wall(
+                seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, WallPieces())
+            )
         advance("export", 1)
     charts = np.array(sorted(int(found.plan.facades.chart[index]) for index in planes), np.int64)
     return Laid(charts, libraries, by_detail, notes)
@@ -61,8 +63,8 @@ def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], mor
 def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
     """The facades with a finished layout whose walls are plane: their polygons."""
     from facade_core.core.grouping import group_rows
-    from facade_core.export.bodies.openings import outlines
-    from facade_core.export.factored.wall_geometry import Plane, flat
+    from facade_core.export.bodies.openings import chart_outlines
+    from facade_core.export.factored.wall_geometry import WallPolygon, is_planar
 
     source = found.textured
     of_chart = group_rows(source.mesh.chart)
@@ -71,22 +73,24 @@ def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
         chart = int(found.plan.facades.chart[index])
         triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
         corners = source.mesh.vertices[triangles]
-        own = [Plane(outline, corners.reshape(-1, 3)) for outline in outlines(source.coordinates[triangles])]
-        if own and all(map(flat, own)):
+        own = [
+            WallPolygon(outline, corners.reshape(-1, 3)) for outline in chart_outlines(source.coordinates[triangles])
+        ]
+        if own and all(map(is_planar, own)):
             planes[index] = own
     return planes
 
 
-def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library], dict[int, int], list[str]]:
+def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[FacadeLibrary], dict[int, int], list[str]]:
     """A library for each exemplar that the facades are made from, and for each facade with a picture of its own; whose is
     whose."""
-    from facade_core.export.factored.library import library_of
-    from facade_core.export.pictures.stage_pictures import chart_raster
+    from facade_core.export.factored.library import build_library
+    from facade_core.export.pictures.stage_pictures import read_chart_raster
     from facade_core.parsing.elements import elements
 
     exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
     given = _given(found)
-    libraries: list[Library] = []
+    libraries: list[FacadeLibrary] = []
     number: dict[str, int] = {}
     of: dict[int, int] = {}
     coarse = 0
@@ -101,14 +105,15 @@ def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library],
                 fine = _fine(given.get(source), image)
                 coarse += fine is None
                 density = 1 / float(found.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
-                made = library_of(image, labels, elements(labels), density, fine, seed=k)
+                made = build_library(image, labels, elements(labels), density, fine, seed=k)
             else:
                 chart = int(found.plan.facades.chart[index])
                 image, labels = (
-                    chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+                    read_chart_raster(found.group, placement, chart, name)
+                    for name in ("atlas/seed", "facade_maps/labels")
                 )
                 density = float(placement.texels_per_metre[chart])
-                made = library_of(image, labels, found.elements(index), density, seed=chart)
+                made = build_library(image, labels, found.elements(index), density, seed=chart)
             number[source] = len(libraries)
             libraries.append(made)
             advance("libraries", 1)
@@ -142,7 +147,7 @@ def _given(found: Published) -> dict[str, Path]:
 def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
     """A given exemplar with all its pixels; None where it is not what was stored, or has no more. What hid a facade, or is
     private, was made anew before it was stored: such an exemplar is not taken."""
-    from facade_core.core.resizing import resized
+    from facade_core.core.resizing import resize_image
 
     if path is None:
         return None
@@ -152,15 +157,17 @@ def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
         return None
     if fine.shape[0] <= image.shape[0]:
         return None
-    off = np.abs(resized(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
+    off = np.abs(resize_image(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
     return fine if float(np.percentile(off, 99.5)) <= SAME else None
 
 
-def _facade(found: Published, index: int) -> Facade:
-    from facade_core.export.factored.wall_decomposition import Facade
-    from facade_core.export.pictures.stage_pictures import chart_raster
+def _facade(found: Published, index: int) -> FactoredFacade:
+    from facade_core.export.factored.wall_decomposition import FactoredFacade
+    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     placement, chart = found.plan.scene.placement, int(found.plan.facades.chart[index])
-    seed, labels = (chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels"))
+    seed, labels = (
+        read_chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+    )
     density = float(placement.texels_per_metre[chart])
-    return Facade(chart, seed, found.textured.raster(chart), labels, found.elements(index), density)
+    return FactoredFacade(chart, seed, found.textured.raster(chart), labels, found.elements(index), density)

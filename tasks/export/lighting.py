@@ -9,33 +9,35 @@ from typing import cast
 import numpy as np
 
 from facade_core.core.types import Sun
-from facade_core.export.lighting.relighting import HELD, Lighting, Texels
+from facade_core.export.lighting.relighting import MAX_CACHED_CHARTS, ChartTexels, RelightingInputs
 from tasks.published.opened import Published
 from tasks.stages.shared.materials import field_of, materials
 
 
-def lighting(found: Published) -> Lighting:
+def lighting(found: Published) -> RelightingInputs:
     """Of a block; stores that were written before they noted their sun have none, and keep its light in their colours."""
     plan, group = found.plan, found.group
     placement = plan.scene.placement
     # a network's colours are not those of materials, but what it was shown is made of the same
     field = field_of(group, plan) or materials(plan, cast(int, group.attrs["seed"]), None)
 
-    @lru_cache(maxsize=HELD)
-    def texels(chart: int) -> Texels:
+    @lru_cache(maxsize=MAX_CACHED_CHARTS)
+    def texels(chart: int) -> ChartTexels:
         y, x = int(placement.y[chart]), int(placement.x[chart])
         height, width = int(placement.height[chart]), int(placement.width[chart])
         part = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
         provenance = np.asarray(group["atlas/provenance"][part])
         if not plan.is_facade(chart):
-            return Texels(provenance, None, None)
-        return Texels(provenance, np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part]))
+            return ChartTexels(provenance, None, None)
+        return ChartTexels(
+            provenance, np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
+        )
 
     stated = cast(Sequence[float] | None, group.attrs.get("sun"))
-    return Lighting(
+    return RelightingInputs(
         plan.scene,
         plan.ground,
-        field.field.charts.made,
+        field.arrays.charts.material,
         plan.textured,
         plan.ids.tolist(),
         Sun(*map(float, stated)) if stated else None,
@@ -46,6 +48,6 @@ def lighting(found: Published) -> Lighting:
 def mostly_photographed(found: Published) -> bool:
     """Whether most of what a block shows of its buildings is texture of the source's own."""
     plan = found.plan
-    own = plan.own & (plan.scene.charts.building >= 0)
-    texels = plan.texels()
+    own = plan.in_core & (plan.scene.charts.building >= 0)
+    texels = plan.texel_counts()
     return bool(2 * texels[own & plan.textured].sum() > texels[own].sum())

@@ -15,8 +15,8 @@ from tasks.export.earth import on_earth
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
-    from facade_core.export.models.gltf_materials import Time
-    from facade_core.export.models.textured_mesh import Textured
+    from facade_core.export.models.gltf_materials import TimeOfDay
+    from facade_core.export.models.textured_mesh import TexturedMesh
 
 # How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
 TEXTURES = "jpeg"
@@ -26,10 +26,10 @@ FACTORED = "factored"
 FIGURES = "figures.json"
 
 
-def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[Textured, list[str]]:
+def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[TexturedMesh, list[str]]:
     """What models of a block show, lit or as it is, and what there is to say of that. Raises InputError where a night is asked
     for of what is not lit."""
-    from facade_core.export.lighting.relighting import relit
+    from facade_core.export.lighting.relighting import relight
     from tasks.export.lighting import lighting, mostly_photographed
 
     asked = lit
@@ -40,7 +40,7 @@ def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bo
             raise InputError("--night: is of what is lit; leave --no-lit out")
         whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
         return found.textured, [whose] if asked is None and lit_by_default else []
-    return relit(found.textured, lighting(found)), []
+    return relight(found.textured, lighting(found)), []
 
 
 def with_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
@@ -64,9 +64,9 @@ def write_models(
 
         return write_factored(found, buildings, with_ground(found, buildings), folder)
     from facade_core.export.models.encoders import ENCODERS
-    from facade_core.export.models.glb import glb_bytes
-    from facade_core.export.models.gltf_materials import look_of
-    from facade_core.export.models.textured_mesh import layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.models.glb import encode_glb
+    from facade_core.export.models.gltf_materials import encode_textures
+    from facade_core.export.models.textured_mesh import build_nodes, draw_page_images, local_frame, pack_charts
 
     source, notes = shown(found, lit, night, lit_by_default=True)
     frame = local_frame(found.plan.scene.mesh)
@@ -75,13 +75,13 @@ def write_models(
     begin_stage("export", len(buildings) + 1)
 
     def write(path: Path, those: np.ndarray) -> None:
-        drawn = layout_of(source, source.chosen(those))
-        nodes, _ = nodes_of([drawn], found.names, frame)
+        drawn = pack_charts(source, source.select_charts(those))
+        nodes, _ = build_nodes([drawn], found.names, frame)
         pages = range(len(drawn.layout.pages))
-        looks = [look_of(page_pictures(drawn, page), ENCODERS["jpeg"]) for page in pages]
-        time: Time = "night or day" if night else "day or night"
+        looks = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in pages]
+        time: TimeOfDay = "night or day" if night else "day or night"
         named = found.attribution.line
-        path.write_bytes(glb_bytes(nodes, looks, extras=extras, copyright=named, time=time))
+        path.write_bytes(encode_glb(nodes, looks, extras=extras, copyright=named, time=time))
         advance("export", 1)
 
     for building in buildings.tolist():
@@ -108,26 +108,26 @@ def write_3dtiles(
     from dataclasses import replace
 
     from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-    from facade_core.export.models.gltf_materials import texels_held
-    from facade_core.export.models.textured_mesh import local_frame, part_of
-    from facade_core.export.tiles.cells import COARSE, quadtree
-    from facade_core.export.tiles.far_shells import simplified_shells
-    from facade_core.export.tiles.tileset import count_tiles, scale_of_view, write_tileset
+    from facade_core.export.models.gltf_materials import relative_texel_count
+    from facade_core.export.models.textured_mesh import filter_triangles, local_frame
+    from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
+    from facade_core.export.tiles.far_shells import build_shells
+    from facade_core.export.tiles.tileset import count_tiles, view_scale, write_tileset
     from tasks.export.features import features_of
 
     encoded = texture_encoder(textures)
     source, notes = shown(found, lit, night, lit_by_default=False)
     chosen = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
-    source = replace(source, mesh=part_of(source.mesh, chosen))
+    source = replace(source, mesh=filter_triangles(source.mesh, chosen))
     density = found.plan.scene.spec.texels_per_metre
     frame, extras, said = on_earth(found, local_frame(source.mesh).origin)
     notes += said
-    cells = quadtree(source)
-    time: Time = "night" if night else "day"
+    cells = build_quadtree(source)
+    time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
-    shells = simplified_shells(source, density * COARSE, lambda: advance("export", 1))
+    shells = build_shells(source, density * COARSE_SCALE, lambda: advance("export", 1))
     most = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
-    scale = scale_of_view(source, shells, cells, encoded, most * 1e6, time)
+    scale = view_scale(source, shells, cells, encoded, most * 1e6, time)
     if scale < 1:
         notes.append(
             f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {most:g} MB of a graphics card "
@@ -155,12 +155,12 @@ def write_3dtiles(
     )
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    held = texels_held(source.maps is not None, time)
+    held = relative_texel_count(source.maps is not None, time)
     told = {
-        "draw_calls": tiled.draws,
+        "draw_calls": tiled.draw_calls,
         "bytes": tiled.bytes,
-        "texture_mb": round(tiled.texels * held * encoded.bytes_per_texel * MIPMAP_FACTOR / 1e6, 1),
-        "texels_used": round(tiled.used / max(tiled.texels, 1), 4),
+        "texture_mb": round(tiled.page_texels * held * encoded.bytes_per_texel * MIPMAP_FACTOR / 1e6, 1),
+        "texels_used": round(tiled.used_texels / max(tiled.page_texels, 1), 4),
         "scale": round(scale, 4),
     }
     (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.features import file_stem
-from catalogs.visible import escape_invisible, escape_invisible_json
+from catalogs.printable_text import escape_invisible, escape_invisible_json
 from facade_core.core.errors import InputError
 from tasks.engine.progress import advance, begin_stage
 from tasks.published.opened import Published
@@ -27,10 +27,10 @@ BLOCK = 256
 def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """ID.tif for every facade that has surfaces, textured or not, and ID.json, a STAC Item, beside it."""
     from facade_core.export.bodies.wall_plane import wall_plane
-    from facade_core.export.pictures.stage_pictures import chart_raster
+    from facade_core.export.pictures.stage_pictures import read_chart_raster
 
     facades, source = found.plan.facades, found.textured
-    drawn = set(source.chosen(buildings).tolist())
+    drawn = set(source.select_charts(buildings).tolist())
     chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
     rows = _rows(found)
     begin_stage("export", len(chosen))
@@ -38,7 +38,7 @@ def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
     for index in chosen:
         name, chart = facades.id[index], int(facades.chart[index])
         plane = wall_plane(source, chart)
-        texels = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/colour")
+        texels = read_chart_raster(found.group, found.plan.scene.placement, chart, "atlas/colour")
         names.append(f"{file_stem(name)}.tif")
         row = rows[name]
         _write_cog(found, folder / names[-1], texels, plane, chart, name)
@@ -130,7 +130,7 @@ def _item(
             "proj:transform": list(plane.transform),
             "proj:shape": list(shape),
             "streetloom:world": {"crs": found.crs, **plane.pose()},
-            "streetloom:attribution": found.attribution.value(),
+            "streetloom:attribution": found.attribution.to_json(),
         },
         stac_extensions=[PROJECTION],
     )

@@ -24,35 +24,41 @@ def write_usd(
 ) -> tuple[list[str], list[str]]:
     """BLOCK.usda, which references buildings/ID.usdc with textures/ beside them; BLOCK.usdz has them all in one file."""
     from facade_core.export.models.encoders import ENCODERS
-    from facade_core.export.models.gltf_materials import DAY, NIGHT, look_of
-    from facade_core.export.models.textured_mesh import GROUND_NODE, layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.models.gltf_materials import DAY, NIGHT, encode_textures
+    from facade_core.export.models.textured_mesh import (
+        GROUND_NODE,
+        build_nodes,
+        draw_page_images,
+        local_frame,
+        pack_charts,
+    )
     from facade_core.export.models.usd import (
-        PageFiles,
+        TextureFiles,
         ZUpFrame,
-        usd_module,
-        write_block,
-        write_building,
-        write_package,
+        import_usd,
+        write_usd_block,
+        write_usd_building,
+        write_usd_package,
     )
 
-    usd_module()
+    import_usd()
     source, notes = shown(found, lit, night, lit_by_default=True)
-    drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
+    drawn = pack_charts(source, source.select_charts(with_ground(found, buildings)))
     frame = ZUpFrame(local_frame(found.plan.scene.mesh).origin)
-    nodes, _ = nodes_of([drawn], found.names, frame)
+    nodes, _ = build_nodes([drawn], found.names, frame)
     begin_stage("export", len(drawn.layout.pages) + len(nodes) + 1)
     for name in ("textures", "buildings"):
         (folder / name).mkdir()
     packed: list[str] = []
-    pages: list[PageFiles] = []
+    pages: list[TextureFiles] = []
     for page in range(len(drawn.layout.pages)):
-        look = look_of(page_pictures(drawn, page), ENCODERS["jpeg"])
+        look = encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"])
         pictures = {name: picture for name, picture in vars(look).items() if picture is not None}
         files = {name: f"textures/{page:04}-{name}.jpg" for name in pictures}
         for name, picture in pictures.items():
             (folder / files[name]).write_bytes(picture)
         packed += files.values()
-        pages.append(PageFiles(**{name: f"../{file}" for name, file in files.items()}))
+        pages.append(TextureFiles(**{name: f"../{file}" for name, file in files.items()}))
         advance("export", 1)
     time = None if source.maps is None else NIGHT if night else DAY
     rows = {found.names[index]: row for index, row in building_rows(found).items()}
@@ -60,7 +66,7 @@ def write_usd(
     for node in nodes:
         parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
         about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": found.attribution.line}
-        write_building(folder / parts[node.name], node, pages, about, time)
+        write_usd_building(folder / parts[node.name], node, pages, about, time)
         advance("export", 1)
     stem = file_stem(found.block)
     said_of_all: dict[str, Any] = {
@@ -70,10 +76,10 @@ def write_usd(
         "snapshot": found.snapshot.id,
         **found.attribution.tags(),
     }
-    write_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line, time)
+    write_usd_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line, time)
     packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *packed]
     for name in packed:  # a package states when its files were changed: the same snapshot gives the same bytes
         os.utime(folder / name, (CHANGED_S, CHANGED_S))
-    write_package(folder, packed, folder / f"{stem}.usdz")
+    write_usd_package(folder, packed, folder / f"{stem}.usdz")
     advance("export", 1)
     return [f"{stem}.usda", f"{stem}.usdz"], notes

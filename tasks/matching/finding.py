@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.block.reader import Block, read_block
-from catalogs.broken import is_system_error
 from catalogs.features import Fault
+from catalogs.reader_errors import is_system_error
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import project_pose, read_exif_pose
 from catalogs.readers.pictures.poses import SourcePose, read_poses
 from facade_core.core.errors import FacadeError, InputError
-from facade_core.core.name_hash import number_of
-from facade_core.geometry.ground.terrain import Terrain, terrain_of
-from facade_core.imagery.poses.photo_matching import Likely, likely_walls, taken_by
+from facade_core.core.name_hash import hash_name
+from facade_core.geometry.ground.terrain import Terrain, build_terrain
+from facade_core.imagery.poses.photo_matching import WallLikelihoods, estimate_orientation, match_walls
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import reason_of
 from tasks.engine.progress import advance, begin_stage
@@ -53,7 +53,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
         raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACES}")
     block = read_block(block_file)
     plan = plan_of(replace(block, panoramas=()))
-    terrain = terrain_of(block.buildings, block.terrain)
+    terrain = build_terrain(block.buildings, block.terrain)
     begin_stage("match", len(paths))
     found, faults = [], list(unreadable)
     for photo in paths:
@@ -82,34 +82,36 @@ def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePo
         raise InputError(place)
     pose = project_pose(place, _FULL, block.crs, {})
     photo, size = rectified_photo(path)
-    taken = taken_by(photo.image, photo.seen, photo.homography, photo.focal, size)
-    (level,) = terrain.height(np.array([[pose.x, pose.y]]))
+    taken = estimate_orientation(photo.image, photo.seen, photo.homography, photo.focal, size)
+    (level,) = terrain.interpolate(np.array([[pose.x, pose.y]]))
     walls = plan.facades.chart
-    found = likely_walls(
+    found = match_walls(
         plan.scene,
         walls,
         taken,
         np.array([pose.x, pose.y, level]),
         None if place.heading is None else pose.heading,
-        seed=number_of(path.name),
+        seed=hash_name(path.name),
     )
-    best = np.argsort(-found.likely, kind="stable")[:CANDIDATES]
+    best = np.argsort(-found.probability, kind="stable")[:CANDIDATES]
     candidates = [
         Candidate(
-            plan.facades.id[i], round(float(found.likely[i]), 3), _why(found, i, plan.scene.charts.size[walls[i], 1])
+            plan.facades.id[i],
+            round(float(found.probability[i]), 3),
+            _why(found, i, plan.scene.charts.size[walls[i], 1]),
         )
         for i in best.tolist()
-        if found.likely[i] >= LEAST
+        if found.probability[i] >= LEAST
     ]
     facade = candidates[0].facade if candidates and candidates[0].probability >= SURE else None
     return found_row(path.name, facade, candidates, pose, heading=place.heading is not None)
 
 
-def _why(found: Likely, wall: int, height: float) -> str:
+def _why(found: WallLikelihoods, wall: int, height: float) -> str:
     """What speaks for a wall, in a line; its height by the model, metres."""
-    said = [f"before the camera from {100 * found.met[wall]:.0f} % of the places near the stated one"]
-    if np.isfinite(found.turned[wall]):
-        said.append(f"{abs(found.turned[wall]):.0f} degrees off the stated heading")
-    if np.isfinite(found.roof[wall]):
-        said.append(f"its roof at {found.roof[wall]:.1f} m, {height:.1f} m by the model")
+    said = [f"before the camera from {100 * found.hit_share[wall]:.0f} % of the places near the stated one"]
+    if np.isfinite(found.heading_offset_deg[wall]):
+        said.append(f"{abs(found.heading_offset_deg[wall]):.0f} degrees off the stated heading")
+    if np.isfinite(found.roof_height_m[wall]):
+        said.append(f"its roof at {found.roof_height_m[wall]:.1f} m, {height:.1f} m by the model")
     return ", ".join(said)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from catalogs.block.reader import read_block
-from catalogs.block.yaml_edits import add_imagery, imagery_line
+from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
 from tasks.matching.table import Table
@@ -102,7 +102,7 @@ def take(done: Taking) -> str | None:
     values = {"path": FOLDER, "rectified": False}
     if done.named or not done.copied or add_imagery(done.block, "photos", values):
         return None
-    return f"imagery: {{{imagery_line('photos', values)}}}"
+    return f"imagery: {{{format_imagery_entry('photos', values)}}}"
 
 
 def _named(folder: Path, facade: str, photo: Path) -> Path:

@@ -11,7 +11,7 @@ from catalogs.published.folders import Folder
 from catalogs.stac.facts import SourceFact
 from catalogs.stac.snapshot import item_stem
 from facade_core.core.errors import InputError
-from facade_core.export.city_models.attribution import Attribution, Source
+from facade_core.export.city_models.attribution import Attribution, DataSource
 
 
 def attribution_of(
@@ -19,7 +19,7 @@ def attribution_of(
 ) -> Attribution:
     """Of a block's sources; captured: the days of its facades' pictures, in any order."""
     return Attribution(
-        tuple(Source(source.key, source.name, source.licence) for source in sources),
+        tuple(DataSource(source.key, source.name, source.licence) for source in sources),
         made.date().isoformat() if made else None,
         (min(captured), max(captured)) if captured else None,
     )

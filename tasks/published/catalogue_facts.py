@@ -16,10 +16,10 @@ import shapely
 
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
 from facade_core.core.grouping import RowIndex
-from facade_core.export.bodies.footprints import footprints
-from facade_core.export.models.textured_mesh import textured_scene
+from facade_core.export.bodies.footprints import building_footprints
+from facade_core.export.models.textured_mesh import build_textured_mesh
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL as LAYOUTS
-from facade_core.parsing.network import SHIPPED as NETWORK
+from facade_core.parsing.network import SHIPPED_NETWORK as NETWORK
 from facade_core.plan.plan import Plan
 from facade_core.street.translator.neural_translator import SHIPPED_TRANSLATOR as TRANSLATOR
 from tasks.engine.run import Run
@@ -82,7 +82,9 @@ def block_facts(
 ) -> BlockFacts:
     """sources: what the block was read from; none where they are not known."""
     plan, group = block.plan, block.group
-    outlines = list(footprints(textured_scene(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))).values())
+    outlines = list(
+        building_footprints(build_textured_mesh(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))).values()
+    )
     return BlockFacts(
         name=run.block,
         crs=run.crs,

@@ -12,10 +12,10 @@ from catalogs.published.reuse import Made
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import picture_path, read_stored_file
-from facade_core.core.resizing import resized
-from facade_core.export.pictures.occlusion_overlay import LONGEST_PREVIEW
-from facade_core.export.pictures.rendering import file_of
-from facade_core.export.pictures.views import pictured, spread
+from facade_core.core.resizing import resize_image
+from facade_core.export.pictures.occlusion_overlay import MAX_PREVIEW_PX
+from facade_core.export.pictures.rendering import encode_image
+from facade_core.export.pictures.views import sample_evenly, select_pictured_facades
 from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
@@ -45,7 +45,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside
     """Write the folder of images; what cannot be read is set aside."""
     folder = (snapshot.report / "images").relative_to(snapshot.folder).as_posix()
     journal = block.journals["pictures"]
-    first = len(journal) - len(pictured(block.plan))  # views come before facades
+    first = len(journal) - len(select_pictured_facades(block.plan))  # views come before facades
     # what a worker could not read of the store is there to be found
     aside.suspect |= any(record is not None and record.get("unread", False) for record in journal)
     views = []
@@ -92,7 +92,9 @@ def _before(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterat
         if "before_file" in record:
             file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
             with aside.trying(f"picture of facade {record['unit']} before"):
-                made.put(f"{folder}/{file}", digest, partial(read_stored_file, block.group, record["before_file"], digest))
+                made.put(
+                    f"{folder}/{file}", digest, partial(read_stored_file, block.group, record["before_file"], digest)
+                )
                 yield record["unit"], file
 
 
@@ -123,16 +125,16 @@ def _exemplars(folder: str, block: StoredBlock, made: Made, aside: Aside) -> dic
 
 def _exemplar(block: StoredBlock, path: str) -> bytes:
     image = block.group[path][:]
-    scale = min(1.0, LONGEST_PREVIEW / max(image.shape[:2]))
+    scale = min(1.0, MAX_PREVIEW_PX / max(image.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
-    return file_of(resized(image, (height, width)), "WEBP", quality=82, method=2)
+    return encode_image(resize_image(image, (height, width)), "WEBP", quality=82, method=2)
 
 
 def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:
     """One JPEG for some of the viewpoints, titled by their streets and places on these."""
     streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
     done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
-    for number, record in spread(done, PANORAMAS):
+    for number, record in sample_evenly(done, PANORAMAS):
         own = [i for i, street in enumerate(streets) if street == streets[number]]
         street = block.plan.streets[streets[number]]
         title = f"{street.name or street.id}, viewpoint {own.index(number) + 1} of {len(own)}"
@@ -144,4 +146,4 @@ def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Ite
 
 
 def _panorama(block: StoredBlock, viewpoint: int) -> bytes:
-    return file_of(block.group["panoramas/rgb"][viewpoint], "JPEG", quality=88)
+    return encode_image(block.group["panoramas/rgb"][viewpoint], "JPEG", quality=88)

@@ -6,7 +6,8 @@ from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage
-from tasks.stages.order import KINDS
+from tasks.stages.order import STAGES_IN_ORDER
+from tasks.stages.pictures.stage import PICTURES
 from tasks.stages.streets.stage import STREETS
 
 
@@ -17,9 +18,9 @@ def over_limit(run: Run, group: StoreGroup) -> str | None:
     what others made count each by itself: there are so many surfaces that failed facades would not be seen among them.
     Pictures do not count: without some of them the report lacks an illustration, and nothing else is the worse.
     """
-    last = KINDS.index(STREETS) + 1
-    made = tuple(kind for kind in KINDS[:last] if kind.part_of is None)
-    for kinds in (made, *((kind,) for kind in KINDS[last:] if kind.stage != "pictures")):
+    last = STAGES_IN_ORDER.index(STREETS) + 1
+    made = tuple(kind for kind in STAGES_IN_ORDER[:last] if kind.part_of is None)
+    for kinds in (made, *((kind,) for kind in STAGES_IN_ORDER[last:] if kind is not PICTURES)):
         failed, total = _failed(group, kinds)
         if failed > run.failed_limit * total:
             units = "units" if len(kinds) > 1 else kinds[0].stage

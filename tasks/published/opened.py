@@ -22,7 +22,7 @@ from tasks.published.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
     from facade_core.export.city_models.attribution import Attribution
-    from facade_core.export.models.textured_mesh import Textured
+    from facade_core.export.models.textured_mesh import TexturedMesh
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class Published(StoredBlock):
         return str(self.group.attrs["crs"])
 
     @cached_property
-    def textured(self) -> Textured:
+    def textured(self) -> TexturedMesh:
         """The block with the pages that were published; of a part of a city what is its own."""
-        from facade_core.export.models.textured_mesh import part_of, textured_scene
+        from facade_core.export.models.textured_mesh import build_textured_mesh, filter_triangles
 
-        found = textured_scene(self.plan.scene, self.page)
-        return replace(found, mesh=part_of(found.mesh, self.plan.own[found.mesh.chart]))
+        found = build_textured_mesh(self.plan.scene, self.page)
+        return replace(found, mesh=filter_triangles(found.mesh, self.plan.in_core[found.mesh.chart]))
 
     @cached_property
     def attribution(self) -> Attribution:
@@ -65,7 +65,7 @@ class Published(StoredBlock):
 
     def choose(self, ids: Sequence[str]) -> np.ndarray:
         """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
-        built = np.unique(self.plan.scene.charts.building[self.plan.own])
+        built = np.unique(self.plan.scene.charts.building[self.plan.in_core])
         built = built[built >= 0]
         if not ids:
             return built

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.published.report import write_report
-from facade_core.geometry.walls import ROLES, STREET
-from facade_core.plan.exemplar_style import SHADED
+from facade_core.geometry.walls import WALL_ROLES, STREET
+from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
 from tasks.engine.run import Run
 from tasks.published.images import Images
 from tasks.published.review import CHANGED, look_first
@@ -37,7 +37,7 @@ def write_block_report(
     shown = [
         {**row, "look_first": look_first(facades, index, record or {}, row["quality"])}
         for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
-        if row["role"] == ROLES[STREET] or row["status"] == "failed"
+        if row["role"] == WALL_ROLES[STREET] or row["status"] == "failed"
     ]
     write_report(
         folder,
@@ -62,7 +62,7 @@ def write_block_report(
                 **record,
                 "pictures": images.exemplars.get(record["unit"], ()),
                 "used": used[record["unit"]],
-                "shaded": record["shaded"] if record["shaded"] > SHADED else 0,
+                "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
             }
             for record in journals["exemplars"]
             if record["status"] == "done"

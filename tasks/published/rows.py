@@ -16,11 +16,12 @@ from catalogs.published.items import ASSUMED, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
-from facade_core.geometry.walls import ROLES, STREET
+from facade_core.geometry.walls import WALL_ROLES, STREET
 from facade_core.plan.facades import Facades
 from tasks.engine.run import Run
 from tasks.published.stored import StoredBlock
-from tasks.stages.order import KINDS
+from tasks.stages.facades.stage import FACADES
+from tasks.stages.order import STAGES_IN_ORDER
 
 # A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
 HIDDEN, SURE = 0.5, 0.5
@@ -97,7 +98,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
         chart = int(facades.chart[index])
         start = charts.origin[chart, :2]
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
-        normal = charts.normal()[chart]
+        normal = charts.normals()[chart]
         building = int(facades.building[index])
         record = block.records[index] or {"status": "failed", "reason": "not processed"}
         street = plan.streets[int(facades.street[index])]
@@ -170,7 +171,7 @@ def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source
     None where the record has none."""
     lattice, levels = record.get("lattice", {}), int(facades.floors[index])
     return {
-        "role": ROLES[int(facades.role[index])],
+        "role": WALL_ROLES[int(facades.role[index])],
         "height_m": round(float(facades.height[index]), 3),
         "width_m": round(float(facades.width[index]), 3),
         # of a wall without windows nothing tells but the map
@@ -233,8 +234,8 @@ def _set_aside_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
     """Kind, id and reason of what is no facade and could not be used, or is out of date."""
     yield from block.group.attrs["set_aside"]
-    for kind in KINDS:
-        if kind.units is None or kind.stage == "facades":  # facades have rows of their own
+    for kind in STAGES_IN_ORDER:
+        if kind.units is None or kind is FACADES:  # facades have rows of their own
             continue
         for record in block.journals[kind.stage]:
             if record and record["status"] == "failed":

@@ -14,7 +14,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import Values, read_plan, read_table
 from tasks.engine.store.status import made_by
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 
 if TYPE_CHECKING:
     import icechunk
@@ -31,7 +31,7 @@ class StoredBlock:
     @cached_property
     def journals(self) -> dict[str, list[Record | None]]:
         """Stage -> the record of every unit, None where there is none."""
-        return {stage: self.records if stage == "facades" else read_journal(self.group, stage) for stage in STAGES}
+        return {stage: self.records if stage == "facades" else read_journal(self.group, stage) for stage in STAGE_NAMES}
 
     @cached_property
     def posed(self) -> list[Record | None]:

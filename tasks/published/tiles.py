@@ -16,14 +16,14 @@ import numpy as np
 from catalogs.published.reuse import Made
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
-from facade_core.atlas.stored_files import read_verified_array, read_stored_file, tile_paths
+from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
 from facade_core.export.city_models.attribution import Attribution
-from facade_core.export.models.glb import with_copyright
-from facade_core.export.models.glb_merge import join_glbs, part_of_file
-from facade_core.export.models.pages import scaled
-from facade_core.export.models.textured_mesh import local_frame, textured_scene
-from facade_core.export.tiles.block_tiles import Tile, tiles_of
-from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
+from facade_core.export.models.glb import replace_copyright
+from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
+from facade_core.export.models.pages import downscale
+from facade_core.export.models.textured_mesh import build_textured_mesh, local_frame
+from facade_core.export.tiles.block_tiles import BlockTile, plan_block_tiles
+from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
 from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
 from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside
@@ -37,7 +37,7 @@ MODEL_BYTES = 512_000_000
 class WrittenTile:
     """A tile that is published: what it is of, its record, its file and that one's sha256."""
 
-    tile: Tile
+    tile: BlockTile
     record: Record
     file: Path
     sha256: str
@@ -49,7 +49,7 @@ def write_tiles(
     """Write the models of tiles, as the store has them but for whom they name, and tiles/index.json, which lists them; one that
     cannot be read is set aside."""
     written = []
-    for tile, record in zip(tiles_of(block.plan), block.journals["tiles"], strict=True):
+    for tile, record in zip(plan_block_tiles(block.plan), block.journals["tiles"], strict=True):
         if record is None or record["status"] != "done":  # the journal says why
             continue
         path, digest = tile_paths(tile.path)[0], record["digest"]
@@ -70,13 +70,13 @@ def write_tiles(
 
 
 def _named_glb(block: StoredBlock, path: str, digest: str, attribution: Attribution) -> bytes:
-    return with_copyright(read_stored_file(block.group, path, digest), attribution.line)
+    return replace_copyright(read_stored_file(block.group, path, digest), attribution.line)
 
 
 def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
     return {
         "crs": str(block.group.attrs["crs"]),
-        "attribution": attribution.value(),
+        "attribution": attribution.to_json(),
         "axes": "box: east, north, up in metres of crs; models: x east, y up, z south, around origin",
         "tiles": [
             {
@@ -103,8 +103,8 @@ def write_model(
     of = unit_key(stage_code("publish"), extras, attribution.line, [one.record["digest"] for one in tiles])
 
     def write(file: Path) -> None:
-        parts = [part_of_file(one.file) for one in tiles]
-        join_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
+        parts = [read_glb_file(one.file) for one in tiles]
+        merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
     made.put_written(snapshot.model.name, of, write)
     return True
@@ -128,18 +128,18 @@ def write_overview(
     def make() -> bytes:
         scene = block.plan.scene
         # what is shown of a chart may be coarser than what its tile has: it is made so as it is read
-        source = textured_scene(scene, lambda page: np.empty((0, 0, 3), np.uint8))
+        source = build_textured_mesh(scene, lambda page: np.empty((0, 0, 3), np.uint8))
         texels = coarse_size(source.texels)
-        charts = shown_afar(source)
-        scale = scale_afar(texels[charts])
+        charts = select_overview_charts(source)
+        scale = overview_scale(texels[charts])
         size = np.maximum(1, np.ceil(texels * scale)).astype(np.int64)
         held: dict[int, np.ndarray] = {}
         wanted = set(charts.tolist())
         for rasters in coarse_of(block, tiles, aside):
-            held |= {c: scaled(raster, tuple(size[c].tolist())) for c, raster in rasters.items() if c in wanted}
+            held |= {c: downscale(raster, tuple(size[c].tolist())) for c, raster in rasters.items() if c in wanted}
         charts = np.array(sorted(held), np.int64)
         whole = replaced(source, texels=size, raster=held.__getitem__)
-        return overview_glb(whole, charts, extras, copyright=attribution.line)
+        return encode_overview(whole, charts, extras, copyright=attribution.line)
 
     # what is drawn of a tile's geometry is told by its digest
     of = [[one.record["digest"], one.record["coarse"]] for one in tiles]

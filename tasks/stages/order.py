@@ -1,11 +1,8 @@
-"""The kinds of units in the order in which a run does them. A new stage is a module of this room, one of `tasks/units`, and an
-entry here."""
+"""The stages in the order of a run. A new stage is a folder beside this module and an entry here."""
 
 from __future__ import annotations
 
-from facade_core.atlas.journal import read_journal
-from facade_core.core.zarr_types import StoreGroup
-from tasks.engine.stage import Records, Stage
+from tasks.engine.stage import Stage
 from tasks.stages.bundles.stage import BUNDLES
 from tasks.stages.exemplars.stage import EXEMPLARS
 from tasks.stages.facades.stage import FACADES
@@ -19,7 +16,7 @@ from tasks.stages.textures.stage import TEXTURES
 from tasks.stages.tiles.stage import TILES
 from tasks.stages.walls.stage import WALLS
 
-KINDS: tuple[Stage, ...] = (
+STAGES_IN_ORDER: tuple[Stage, ...] = (
     POSES,
     BUNDLES,
     EXEMPLARS,
@@ -34,11 +31,6 @@ KINDS: tuple[Stage, ...] = (
     TILES,
     PICTURES,
 )
-STAGES = tuple(kind.stage for kind in KINDS)
-# The stages that have code of their own, those before and after the units among them.
-CODED = ("ingest", *(kind.stage for kind in KINDS if kind.part_of is None), "publish")
-
-
-def read_journals(group: StoreGroup) -> dict[str, Records]:
-    """The records of every stage by unit index, None where there is none."""
-    return {stage: read_journal(group, stage) for stage in STAGES}
+STAGE_NAMES = tuple(stage.stage for stage in STAGES_IN_ORDER)
+# Stages with code of their own, with those before and after the units.
+CODE_STAGES = ("ingest", *(stage.stage for stage in STAGES_IN_ORDER if stage.part_of is None), "publish")

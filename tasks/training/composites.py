@@ -64,4 +64,4 @@ def _pairs(
     for viewpoint, bare in zip(viewpoints, render_sequence(scene, viewpoints), strict=True):
         x, y, z = viewpoint.position.tolist()
         image = panorama(street, Pose(x, y, z, heading), width, seed=viewpoint.id, ground=ground)
-        yield TrainingPair(bare, image, true[scene.look(viewpoint, width)[2]])
+        yield TrainingPair(bare, image, true[scene.cast_panorama(viewpoint, width)[2]])

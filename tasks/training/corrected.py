@@ -16,9 +16,9 @@ from facade_core.core.errors import InputError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Shares
-from facade_core.export.pictures.stage_pictures import chart_raster
-from facade_core.facade.correction import texels_of
-from facade_core.parsing.segmenter import parse, seen_outside
+from facade_core.export.pictures.stage_pictures import read_chart_raster
+from facade_core.facade.correction import rasterise_boxes
+from facade_core.parsing.segmenter import outside_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.store.status import recorded_source
 from tasks.published.opened import published
@@ -86,7 +86,7 @@ def _of_run(out: Folder) -> list[CorrectedFacade]:
                 continue
             chart = int(run.plan.facades.chart[index])
             image, evidence = (
-                chart_raster(run.group, run.plan.scene.placement, chart, f"atlas/{name}")
+                read_chart_raster(run.group, run.plan.scene.placement, chart, f"atlas/{name}")
                 for name in ("seed", "seed_evidence")
             )
             found.append(
@@ -108,12 +108,12 @@ def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
     Its elements are what somebody said, and nothing else is one. Which of wall, roof and sky the rest is, and what stands in
     front or beside, nobody said: the shipped network's own answers stand, so that it does not forget them.
     """
-    shown = facade.shown & ~texels_of(facade.hide, facade.shown.shape)
+    shown = facade.shown & ~rasterise_boxes(facade.hide, facade.shown.shape)
     if shown.mean() < LEAST_SHOWN:
         return None
     alpha = np.where(shown, 255, 0).astype(np.uint8)
     parsing = parse(np.dstack([facade.image, alpha]))
-    outside = seen_outside(facade.image, ~shown)
+    outside = outside_mask(facade.image, ~shown)
     possible = np.full(facade.shown.shape, sum(1 << number for number in _REST), np.uint8)
     sure = parsing.confidence.max(axis=2) >= _SURE
     for number in _REST:
@@ -128,7 +128,7 @@ def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
     possible[unknown], labels[unknown] = ANY_CLASS, UNKNOWN
     in_front, beside = (
         np.where(unknown, UNKNOWN, mask).astype(np.uint8)
-        for mask in (parsing.occluded & shown & ~texels_of(facade.keep, shown.shape), outside)
+        for mask in (parsing.occluded & shown & ~rasterise_boxes(facade.keep, shown.shape), outside)
     )
     return LabelledFacade(facade.name, facade.image, labels, possible, in_front, beside)
 

@@ -10,7 +10,7 @@ import numpy as np
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.occluder_boxes import Looked
 from facade_core.core.labels import CLASSES, FacadeClass
-from facade_core.parsing.occluder_labels import told_in_front
+from facade_core.parsing.occluder_labels import occluders_from_labels
 from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import exemplars
 
@@ -20,7 +20,7 @@ def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping
     told = []
     for facade in facades:
         found, doubtful = looked.get(f"{name}/{facade.name}", (None, ()))
-        occluder = told_in_front(facade.image, facade.labels, facade.possible, found, doubtful)
+        occluder = occluders_from_labels(facade.image, facade.labels, facade.possible, found, doubtful)
         told.append(dataclasses.replace(facade, occluder=occluder))
     return told
 

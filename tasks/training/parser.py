@@ -9,9 +9,9 @@ from pathlib import Path
 from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
 from catalogs.learning.occluder_boxes import looked_in_front
 from facade_core.core.errors import InputError
-from facade_core.core.model_file import add_to_record, read_record
+from facade_core.core.model_file import extend_model_record, read_model_record
 from facade_core.parsing import confidence, network, network_export, network_training
-from facade_core.parsing.network_training import Course
+from facade_core.parsing.network_training import TrainingSchedule
 from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.progress import advance, begin_stage
@@ -21,19 +21,19 @@ from tasks.training.labelled import painted, with_occluders
 
 Sets = dict[str, list[LabelledFacade]]
 
-SHIPPED_COURSE = Course(steps=2400, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
+SHIPPED_COURSE = TrainingSchedule(steps=2400, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
 # Painted facades that are learnt from, and their seed: what is measured on painted facades takes another.
 PAINTED, PAINTED_SEED = 40, 20_000
 # Sets whose licence allows no shipped weights: networks for their own benchmark only, from where the shipped one ended.
 FOLD_COURSES = {
-    "artdeco": Course(steps=500, per_step={"artdeco": 6}, rate=1e-3),
-    "ruemonge2014": Course(steps=500, per_step={"ruemonge2014": 6}, rate=1e-3),
+    "artdeco": TrainingSchedule(steps=500, per_step={"artdeco": 6}, rate=1e-3),
+    "ruemonge2014": TrainingSchedule(steps=500, per_step={"ruemonge2014": 6}, rate=1e-3),
 }
 # Facades that people corrected: from the shipped network on. Its normalisation was folded into its weights.
-CORRECTED_COURSE = Course(steps=200, per_step={"corrected": 4}, rate=1e-3, fixed_norms=True)
+CORRECTED_COURSE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, fixed_norms=True)
 
 
-def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_COURSE) -> Path:
+def train_network(data: Path, out: Path, *, seed: int, course: TrainingSchedule = SHIPPED_COURSE) -> Path:
     """Train the shipped network; writes network.onnx and network.json into `out`.
 
     It learns from facades/ecp and facades/cmp without their held-out folds and, of the latter, what calibrates it; from
@@ -49,9 +49,11 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
     }
     # Painted facades are seen as often as one of so many photos: they teach that a clean wall is not something in front.
     taught = {"ecp": sets["ecp"], "cmp": [*sets["cmp"], *sets["painted"]], "swiss": sets["swiss"]}
-    weights = network_training.train(taught, course, seed=seed, state=out / "network.state", progress=stage_progress())
+    weights = network_training.train_parser_network(
+        taught, course, seed=seed, state=out / "network.state", progress=stage_progress()
+    )
     path = out / "network.onnx"
-    network_export.save(weights, path, training_set=_names(sets), seed=seed)
+    network_export.save_network(weights, path, training_set=_names(sets), seed=seed)
     measure_certainty(path, apart)
     return path
 
@@ -62,9 +64,9 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
     observed = []
     for number, photo in enumerate(photos):
         report("certainty", number, len(photos))
-        observed.append(confidence.observed(parse(photo.image, model=model), photo.labels, photo.possible))
+        observed.append(confidence.observe_parse(parse(photo.image, model=model), photo.labels, photo.possible))
     report("certainty", len(photos), len(photos))
-    add_to_record(model, certainty=confidence.fit(observed))
+    extend_model_record(model, certainty=confidence.fit_calibration(observed))
 
 
 def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
@@ -82,19 +84,19 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
         "artdeco": lambda: split(list(read(ARTDECO, data / "facades" / "artdeco")))[0],
         "ruemonge2014": lambda: list(read(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
     }[name]()
-    start = network_training.finished(out / "network.state")
+    start = network_training.read_finished_weights(out / "network.state")
     state = out / f"{name}.state"
-    weights = network_training.train(
+    weights = network_training.train_parser_network(
         {name: facades}, FOLD_COURSES[name], seed=seed, state=state, start=start, progress=stage_progress()
     )
     path = out / f"{name}.onnx"
-    seen = [*read_record(out / "network.onnx")["training_set"], *_names({name: facades})]
-    network_export.save(weights, path, training_set=seen, seed=seed)
+    seen = [*read_model_record(out / "network.onnx")["training_set"], *_names({name: facades})]
+    network_export.save_network(weights, path, training_set=seen, seed=seed)
     return path
 
 
 def train_corrected(
-    facades: Sequence[CorrectedFacade], out: Path, *, seed: int, course: Course = CORRECTED_COURSE
+    facades: Sequence[CorrectedFacade], out: Path, *, seed: int, course: TrainingSchedule = CORRECTED_COURSE
 ) -> Path:
     """Go on from the shipped network with facades that people corrected; writes network.onnx and network.json into `out`.
 
@@ -112,20 +114,20 @@ def train_corrected(
         raise InputError(f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {LEAST}")
     learnt, held_out = split(usable)
     sets: Sets = {"corrected": learnt}
-    weights = network_training.train(
+    weights = network_training.train_parser_network(
         sets,
         course,
         seed=seed,
         state=out / "network.state",
-        start=network_export.weights_of(network.SHIPPED),
+        start=network_export.read_weights(network.SHIPPED_NETWORK),
         progress=report,
     )
-    shipped = read_record(network.SHIPPED)
+    shipped = read_model_record(network.SHIPPED_NETWORK)
     path = out / "network.onnx"
-    network_export.save(weights, path, training_set=[*shipped["training_set"], *_names(sets)], seed=seed)
+    network_export.save_network(weights, path, training_set=[*shipped["training_set"], *_names(sets)], seed=seed)
     trained_on = {**OF_FACADES[0].trained_on, "facades that people corrected": "that of their pictures"}
-    add_to_record(path, certainty=shipped["certainty"], trained_on=trained_on)
-    before, after = (told_right(held_out, model) for model in (network.SHIPPED, path))
+    extend_model_record(path, certainty=shipped["certainty"], trained_on=trained_on)
+    before, after = (told_right(held_out, model) for model in (network.SHIPPED_NETWORK, path))
     figures = (
         f"of {len(held_out)} corrected facades that it did not learn from, {after:.1%} of what was said is right, and "
         f"{before:.1%} by the shipped one"
@@ -148,7 +150,7 @@ def told_right(photos: Sequence[LabelledFacade], model: Path) -> float:
     return right / max(told, 1)
 
 
-def _card(photos: Sequence[LabelledFacade], course: Course, seed: int, figures: str) -> str:
+def _card(photos: Sequence[LabelledFacade], course: TrainingSchedule, seed: int, figures: str) -> str:
     runs = Counter(photo.name.partition("/")[0] for photo in photos)
     told = "\n".join(f"| {run} | {count} |" for run, count in sorted(runs.items()))
     return _CARD.format(steps=course.steps, views=course.per_step["corrected"], seed=seed, told=told, figures=figures)

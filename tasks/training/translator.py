@@ -12,12 +12,12 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block, read_block
-from catalogs.readers.pictures.opening import open_picture
+from catalogs.readers.pictures.decoding import open_picture
 from facade_core.core.errors import InputError
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator import training
-from facade_core.street.translator.training_steps import TrainingRecipe, TrainingDomains
+from facade_core.street.translator.training_steps import TrainingDomains, TrainingRecipe
 from facade_core.street.translator.training_views import PANORAMA_WIDTHS, TrainingRendering, render_sequence
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.model_relief import relief
@@ -136,7 +136,9 @@ def panoramas(
         with open_picture(path) as picture:
             if picture.width != 2 * picture.height or (places.left_out and path.name.startswith(places.left_out)):
                 continue
-            small = picture.convert("RGB").resize((max(PANORAMA_WIDTHS), max(PANORAMA_WIDTHS) // 2), Image.Resampling.BOX)
+            small = picture.convert("RGB").resize(
+                (max(PANORAMA_WIDTHS), max(PANORAMA_WIDTHS) // 2), Image.Resampling.BOX
+            )
         found.append((name, path, np.asarray(small)))
     judges = [path.name.startswith(places.judged) for _, path, _ in found] if places.judged else _stretch(len(found))
     learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge is False]
@@ -204,14 +206,14 @@ def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Training
     shown = np.bincount(plan.views[wall[plan.views[:, 1]], 0], minlength=len(plan.viewpoints))
     starts = []
     for street in range(len(plan.streets)):
-        viewpoints = plan.of_street(street)
+        viewpoints = plan.street_viewpoints(street)
         for first in range(0, len(viewpoints) - RUN + 1, RUN):
             starts.append((int(shown[[v.id for v in viewpoints[first : first + RUN]]].min()), street, first))
     # of the better half, so that open places are left out, but not always the narrowest streets
     better = sorted(starts, reverse=True)[: max(count, len(starts) // 2)]
     for number in rng.permutation(len(better))[:count].tolist():
         _, street, first = better[number]
-        viewpoints = plan.of_street(street)[first : first + RUN]
+        viewpoints = plan.street_viewpoints(street)[first : first + RUN]
         height = float(viewpoints[0].position[2]) - texture.viewpoint_height
         line = plan.streets[street].line
         furniture = None

@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
-from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.geometry.raycast import MISS
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
@@ -89,19 +89,19 @@ def _plan(view: View) -> Plan:
 def _texels(plan: Plan, window: TexelBuffer, street: int) -> np.ndarray:
     """Which texel of the window each pixel of the picture shows, (h, w) int64."""
     scene = plan.scene
-    places = np.array([viewpoint.position for viewpoint in plan.of_street(street)])
-    along = places[-1] - places[0] if len(places) > 1 else np.array([*plan.of_street(street)[0].forward, 0.0])
+    places = np.array([viewpoint.position for viewpoint in plan.street_viewpoints(street)])
+    along = places[-1] - places[0] if len(places) > 1 else np.array([*plan.street_viewpoints(street)[0].forward, 0.0])
     along[2] = 0.0
     along /= max(float(np.linalg.norm(along)), 1e-6)
     position = places[0] - BEHIND_M * along + [0.0, 0.0, ABOVE_M]
-    camera = Camera(position, (places[0] + places[-1]) / 2 + 6.0 * along, FIELD, SIZE)
+    camera = PerspectiveCamera(position, (places[0] + places[-1]) / 2 + 6.0 * along, FIELD, SIZE)
     rays = camera.rays()
     depth, chart = scene.caster.cast(camera.position, rays)
     texel = np.full(SIZE, -2, np.int64)
     hit = chart != MISS
     points = camera.position + rays[hit] * depth[hit][:, None]
-    row, column = scene.locate(points, chart[hit])
-    offset = window.rasters.offset[chart[hit]]
+    row, column = scene.locate_texels(points, chart[hit])
+    offset = window.layout.offset[chart[hit]]
     texel[hit] = np.where(offset < 0, -1, offset + row.astype(np.int64) * scene.placement.width[chart[hit]] + column)
     return texel
 

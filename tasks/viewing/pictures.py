@@ -8,18 +8,18 @@ import numpy as np
 
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
-from facade_core.export.pictures.stage_pictures import Shown, stages_of
+from facade_core.export.pictures.stage_pictures import StageTitle, iterate_stage_pictures
 from tasks.viewing.reading import View
 
 
-def stages(view: View, index: int) -> list[Shown]:
+def stages(view: View, index: int) -> list[StageTitle]:
     """The stages that facade number `index` has pictures of, in their order; none before it is done."""
-    return [stage.viewer for stage in stages_of(view.facade(index)) if stage.viewer is not None]
+    return [stage.viewer for stage in iterate_stage_pictures(view.facade(index)) if stage.viewer is not None]
 
 
 def picture(view: View, index: int, name: str) -> np.ndarray:
     """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
-    for stage in stages_of(view.facade(index)):
+    for stage in iterate_stage_pictures(view.facade(index)):
         if stage.viewer is not None and stage.viewer.name == name:
             return stage.draw()
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")

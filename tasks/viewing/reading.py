@@ -23,11 +23,11 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
-from facade_core.plan.plan_tables import placement_of, read_facades, read_table
+from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
 from tasks.engine.outcome import refused
+from tasks.engine.stage import read_journals
 from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import facts
-from tasks.stages.order import read_journals
 
 # What a facade may be coloured by: not what names it, nor where it lies.
 _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
@@ -247,7 +247,7 @@ def _read_tables(session: icechunk.Session) -> _Tables:
         read_table(session, name) for name in ("charts", "viewpoints", "streets", "buildings")
     )
     facades = read_facades(session)
-    placement = placement_of(charts, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
+    placement = placement_from_table(charts, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
     start = charts["origin"][facades.chart, :2]
     along = charts["axis_u"][facades.chart]
     normal = np.cross(charts["axis_v"][facades.chart], along)  # v runs down: v x u is outward

@@ -17,13 +17,13 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
     is a facade, that building's levels, height (None of a model), roof, materials and colours, and the exemplar that somebody
     chose for it; `exemplars`: those there are to choose of; and the corrections that count, each with who, when and
     why. What is known by its place counts too."""
-    tables, corrections = view.tables, corrections.under(view.known_by_place)
+    tables, corrections = view.tables, corrections.rename_targets(view.known_by_place)
     row = int(tables.facades.building[index])
     facade, building = tables.facades.id[index], tables.buildings[row]
     chart = int(tables.facades.chart[index])
     width, height = int(tables.placement.width[chart]), int(tables.placement.height[chart])
     record: Mapping[str, Any] = view.records[index] or {}
-    elements = corrections.value(facade, "elements")
+    elements = corrections.corrected_value(facade, "elements")
     if elements is None:
         found = [list(element[:5]) for element in record.get("elements", [])]
     else:
@@ -31,15 +31,15 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
     masks = {
         what: [
             [x0 * width, y0 * height, x1 * width, y1 * height]
-            for x0, y0, x1, y1 in corrections.value(facade, what) or ()
+            for x0, y0, x1, y1 in corrections.corrected_value(facade, what) or ()
         ]
         for what in ("hide", "keep")
     }
-    eaves = corrections.value(building, "height") or float(tables.height[row])
-    made = {what: corrections.value(building, what) or _plain(column[row]) for what, column in tables.made_of.items()}
+    eaves = corrections.corrected_value(building, "height") or float(tables.height[row])
+    made = {what: corrections.corrected_value(building, what) or _plain(column[row]) for what, column in tables.made_of.items()}
     made["roof_height"] = None if made.get("roof_shape", "") in ("", "flat") else made["roof_height"] or None
     lattice = record.get("lattice", {})
-    said = [one for id in (facade, building) for one in corrections.of.get(id, {}).values()]
+    said = [one for id in (facade, building) for one in corrections.by_target.get(id, {}).values()]
     return {
         "size": [width, height],
         "texels_per_metre": width / float(tables.facades.width[index]),
@@ -49,15 +49,15 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
         "columns": list(lattice.get("columns", [0, width])),
         "building": building,
         "said": {
-            "facade": corrections.value(facade, "facade") is not False,
-            "levels": corrections.value(building, "levels") or int(tables.facades.floors[index]),
+            "facade": corrections.corrected_value(facade, "facade") is not False,
+            "levels": corrections.corrected_value(building, "levels") or int(tables.facades.floors[index]),
             "height": None if tables.height_source[row] == "model" else round(eaves, 2),
-            "exemplar": corrections.value(building, "exemplar") or "",
+            "exemplar": corrections.corrected_value(building, "exemplar") or "",
             **dict.fromkeys(MADE_OF, "") | made,
         },
         "exemplars": view.exemplars,
         "corrected": [
-            {"id": one.id, "what": one.what, "who": one.who, "when": one.when, "why": one.why} for one in said
+            {"id": one.id, "what": one.kind, "who": one.who, "when": one.when, "why": one.why} for one in said
         ],
     }
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.imagery import edge_tilt, psnr, scene_of_walls, speed
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.rectify.fusion import ChartView
 
 
-def striped(turn_deg: float) -> View:
+def striped(turn_deg: float) -> ChartView:
     """Windows on a wall, all turned clockwise."""
     grey = np.full((300, 300), 200, np.uint8)
     for y in range(-100, 400, 60):
@@ -18,7 +18,7 @@ def striped(turn_deg: float) -> View:
             grey[max(y, 0) : max(y + 40, 0), max(x, 0) : max(x + 30, 0)] = 60
     matrix = cv2.getRotationMatrix2D((150, 150), -turn_deg, 1.0)
     rgb = cv2.cvtColor(cv2.warpAffine(grey, matrix, (300, 300), borderMode=cv2.BORDER_REFLECT), cv2.COLOR_GRAY2RGB)
-    return View(rgb, np.ones((300, 300), bool), np.ones((300, 300), np.float32))
+    return ChartView(rgb, np.ones((300, 300), bool), np.ones((300, 300), np.float32))
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.5, -2.0])
@@ -29,7 +29,7 @@ def test_the_tilt_of_edges_is_that_of_the_wall(turn: float) -> None:
 
 
 def test_a_blank_wall_has_no_tilt() -> None:
-    blank = View(np.full((64, 64, 3), 90, np.uint8), np.ones((64, 64), bool), np.ones((64, 64), np.float32))
+    blank = ChartView(np.full((64, 64, 3), 90, np.uint8), np.ones((64, 64), bool), np.ones((64, 64), np.float32))
     assert edge_tilt(blank) == {"level": None, "upright": None}
 
 
@@ -44,7 +44,7 @@ def test_exposure_is_no_error_and_noise_is() -> None:
 
 def test_a_wall_looks_at_whoever_sees_its_corners_clockwise() -> None:
     scene = scene_of_walls(np.array([[[0, 0, 3], [4, 0, 3], [4, 0, 0], [0, 0, 0]]], float), 10.0)
-    assert scene.charts.normal()[0] == pytest.approx([0, -1, 0])
+    assert scene.charts.normals()[0] == pytest.approx([0, -1, 0])
     assert (scene.placement.width[0], scene.placement.height[0]) == (40, 30)
 
 

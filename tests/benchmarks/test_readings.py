@@ -26,7 +26,7 @@ def some_views(count: int, seed: int) -> list[View]:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 9])
 def test_the_pinned_reading_is_that_of_the_street_stage(count: int) -> None:
-    views, state = some_views(count, seed=count), BlendState.empty(TEXELS)
+    views, state = some_views(count, seed=count), BlendState.allocate(TEXELS)
     for view in views:
         add_views(state, view.texel, view.distance, view.proper, np.full(len(view.texel), view.id), view.rgb)
     expected, number = blend_views(state)

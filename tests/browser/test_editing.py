@@ -117,7 +117,7 @@ def test_boxes_are_edited_by_pointer_and_by_keys_kept_and_done_again(page: Any, 
         page.keyboard.press("Control+s")
         page.wait_for_selector("text=1 facades and 0 buildings corrected")
         assert page.is_disabled("#save")
-        kept = read_corrections(folder / "in" / "block.yaml").of[FACADE]["elements"]
+        kept = read_corrections(folder / "in" / "block.yaml").by_target[FACADE]["elements"]
         assert (kept.who, kept.why) == ("anna", "seen from the street")
         assert len(kept.value) == count + 1
         doors = [element for element in kept.value if element[0] == "door"]
@@ -191,13 +191,13 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
         page.wait_for_selector("text=1 facades and 1 buildings corrected")
         assert page.input_value("#wall_colour") == "#9e4232"
         said = read_corrections(block)
-        made_of = {what: said.of["a"].pop(what).value for what in list(said.of["a"]) if "_" in what}  # type: ignore[attr-defined]
+        made_of = {what: said.by_target["a"].pop(what).value for what in list(said.by_target["a"]) if "_" in what}  # type: ignore[attr-defined]
         assert made_of == {
             "roof_shape": "gabled", "roof_height": 2.5, "wall_material": "brick", "wall_colour": "#9e4232",
             "roof_colour": "#203040",
         }  # fmt: skip
-        assert {what: len(said.value("a-0", what)) for what in said.of["a-0"]} == {"hide": 1, "keep": 1}
-        assert {what: one.value for what, one in said.of["a"].items()} == {"height": 8.25, "exemplar": "1"}
+        assert {what: len(said.corrected_value("a-0", what)) for what in said.by_target["a-0"]} == {"hide": 1, "keep": 1}
+        assert {what: one.value for what, one in said.by_target["a"].items()} == {"height": 8.25, "exemplar": "1"}
         # who comes back finds it so, and takes a box away
         page.evaluate("location.hash = '#/review'")
         page.wait_for_selector("#height", state="detached")
@@ -211,7 +211,7 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
         page.keyboard.press("Control+s")
         wait(page, "document.querySelector('#saved').textContent.includes('corrected in')")
         said = read_corrections(block)
-        assert (set(said.of["a-0"]), set(said.of["a"])) == ({"hide"}, {"height", *made_of})
+        assert (set(said.by_target["a-0"]), set(said.by_target["a"])) == ({"hide"}, {"height", *made_of})
 
 
 def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once: Path, tmp_path: Path) -> None:
@@ -242,22 +242,22 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         page.click("#save")
         page.wait_for_selector("text=1 facades and 1 buildings corrected")
         said = read_corrections(block)
-        assert said.value("a-0", "facade") is False
-        assert said.value("a", "levels") == 3
+        assert said.corrected_value("a-0", "facade") is False
+        assert said.corrected_value("a", "levels") == 3
         # somebody else's is not overwritten unseen
         add_corrections(block, [Correction("a", "levels", 5, who="ben", when="2026-01-02T03:04:05Z")])
         page.fill("#storeys", "4")
         page.click("#save")
         page.wait_for_selector("#saved.failed")
         assert "corrected meanwhile" in page.inner_text("#saved")
-        assert read_corrections(block).value("a", "levels") == 5
+        assert read_corrections(block).corrected_value("a", "levels") == 5
         page.wait_for_selector("text=levels of a: ben, 2026-01-02")
         page.fill("#storeys", "")
         assert page.is_disabled("#save"), "an empty field says nothing"
         page.fill("#storeys", "4")
         page.click("#save")
         wait(page, "!document.querySelector('#saved').classList.contains('failed')")
-        assert read_corrections(block).value("a", "levels") == 4
+        assert read_corrections(block).corrected_value("a", "levels") == 4
         page.click("#as-found")
         wait(page, "document.querySelector('#not-a-facade').getAttribute('aria-pressed') === 'false'")
         assert not read_corrections(block), "of its building too"

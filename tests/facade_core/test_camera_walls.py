@@ -12,11 +12,11 @@ import shapely
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Pose, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.walls import taken_whole
+from facade_core.geometry.walls import is_main_surface
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_model_edges
 from facade_core.imagery.cameras.walls import chart_coverage, fuse_wall_view, trusted_wall_texels
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, finish_chart
 from facade_core.synth.street_paint import painted_sides
@@ -25,12 +25,12 @@ from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_
 SIZE = (40, 60)
 
 
-def view(left: float, right: float, *, seen: bool = True) -> View:
+def view(left: float, right: float, *, seen: bool = True) -> ChartView:
     rgb = np.full((*SIZE, 3), left)
     rgb[:, SIZE[1] // 2 :] = right
     there = np.ones(SIZE, bool)
     there[:, SIZE[1] // 2 :] = seen
-    return View(rgb.astype(np.uint8), there, np.full(SIZE, 0.5, np.float32))
+    return ChartView(rgb.astype(np.uint8), there, np.full(SIZE, 0.5, np.float32))
 
 
 def test_what_two_cameras_show_differently_is_not_believed_and_what_one_alone_shows_is() -> None:
@@ -60,9 +60,9 @@ class Seen:
 def end() -> Seen:
     street = synthetic_street(2, seed=3, occluders=0, texels_per_metre=8.0, roofed=True)
     charts = street.scene.charts
-    outward = charts.normal()[:, :2] @ street.axis < -0.99
+    outward = charts.normals()[:, :2] @ street.axis < -0.99
     chart = int(
-        np.flatnonzero(outward & (charts.kind == ChartKind.WALL) & taken_whole(charts) & (charts.building == 0))[0]
+        np.flatnonzero(outward & (charts.kind == ChartKind.WALL) & is_main_surface(charts) & (charts.building == 0))[0]
     )
     cameras = []
     for along, across in ((-6.0, 2.0), (-9.0, -3.0)):
@@ -102,7 +102,7 @@ def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
 
 def test_beside_a_gable_is_no_wall(end: Seen) -> None:
     scene = end.street.scene
-    walls = np.flatnonzero((scene.charts.kind == ChartKind.WALL) & taken_whole(scene.charts))
+    walls = np.flatnonzero((scene.charts.kind == ChartKind.WALL) & is_main_surface(scene.charts))
     shares = [chart_coverage(scene, wall).mean() for wall in walls.tolist()]
     own = chart_coverage(scene, int(walls[np.argmin(shares)]))
     assert 0.45 < own.mean() < 0.6

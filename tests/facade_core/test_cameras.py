@@ -11,10 +11,15 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
-from facade_core.imagery.cameras.ground import ALONE_M, NEAR_M, fuse_ground_view, trusted_ground_texels
-from facade_core.imagery.cameras.occluder_masks import HIGHEST_DEG, mask_ground_occluders
+from facade_core.imagery.cameras.ground import (
+    MIN_GROUND_DISTANCE_M,
+    MIN_UNCONFIRMED_DISTANCE_M,
+    fuse_ground_view,
+    trusted_ground_texels,
+)
+from facade_core.imagery.cameras.occluder_masks import GROUND_TOP_DEG, mask_ground_occluders
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.synth.street_paint import painted_ground
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 
@@ -22,15 +27,15 @@ SIZE = (40, 60)
 USUAL = (np.log(np.full(3, 100.0)), np.full(3, 0.05))
 
 
-def view(colour: float, **boxes: float) -> View:
+def view(colour: float, **boxes: float) -> ChartView:
     """Ground of one colour, with boxes of another: car=30.0 is the right half."""
     rgb = np.full((*SIZE, 3), colour)
     for other in boxes.values():
         rgb[:, SIZE[1] // 2 :] = other
-    return View(rgb.astype(np.uint8), np.ones(SIZE, bool), np.full(SIZE, 0.5, np.float32))
+    return ChartView(rgb.astype(np.uint8), np.ones(SIZE, bool), np.full(SIZE, 0.5, np.float32))
 
 
-def left_of(column: int, colour: float = 100) -> View:
+def left_of(column: int, colour: float = 100) -> ChartView:
     """Ground of one colour that a camera shows as far as that column."""
     whole = view(colour)
     return replace(whole, seen=whole.seen & (np.arange(SIZE[1]) < column))
@@ -56,10 +61,10 @@ def test_two_that_agree_outvote_a_third() -> None:
 @pytest.mark.parametrize(
     ("metres", "colour", "usual", "taken"),
     [
-        (ALONE_M + 1, 100.0, USUAL, True),
-        (ALONE_M - 1, 100.0, USUAL, False),  # may be its own vehicle
-        (ALONE_M + 1, 220.0, USUAL, False),  # a white van
-        (ALONE_M + 1, 100.0, None, False),
+        (MIN_UNCONFIRMED_DISTANCE_M + 1, 100.0, USUAL, True),
+        (MIN_UNCONFIRMED_DISTANCE_M - 1, 100.0, USUAL, False),  # may be its own vehicle
+        (MIN_UNCONFIRMED_DISTANCE_M + 1, 220.0, USUAL, False),  # a white van
+        (MIN_UNCONFIRMED_DISTANCE_M + 1, 100.0, None, False),
     ],
 )
 def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
@@ -123,7 +128,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
         assert (shown.camera[shown.is_visible] >= 0).all()
         places = np.array([[c.pose.x, c.pose.y] for c in cameras])[shown.camera[rows, columns]]
         off = np.linalg.norm(points[:, :2] - places, axis=1)
-        assert off.min() > NEAR_M - 0.2
+        assert off.min() > MIN_GROUND_DISTANCE_M - 0.2
         assert off.max() < GROUND_REACH_M + 0.2
         assert (shown.camera[~shown.is_visible] == -1).all()
         truth = paint(points[:, :2]) * gains[1]
@@ -146,7 +151,7 @@ def test_a_view_of_the_panorama_is_masked_where_the_parser_sees_things(monkeypat
     image[200:230, 340:380] = [220, 20, 20]
     mask = mask_ground_occluders(image, Pose(0, 0, 2.5, 0.0))
     assert mask[202:228, 342:378].all()
-    assert not mask[: round((90 - HIGHEST_DEG) * 2)].any()
+    assert not mask[: round((90 - GROUND_TOP_DEG) * 2)].any()
     assert mask.sum() < 2.2 * 30 * 40
     half = mask_ground_occluders(image[90:, 180:540], Pose(0, 0, 2.5, 0.0, view=(0.25, 0.25, 0.5, 0.75)))
     assert (half == mask[90:, 180:540]).mean() > 0.995
@@ -159,7 +164,7 @@ def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
         rgb = np.full((80, 80, 3), 100, np.uint8)
         rgb[:, 60:63] = 200
         rgb[30:74, trunk : trunk + 3] = 45
-        views.append(View(rgb, np.ones((80, 80), bool), np.full((80, 80), 0.5, np.float32)))
+        views.append(ChartView(rgb, np.ones((80, 80), bool), np.full((80, 80), 0.5, np.float32)))
     far = np.full((80, 80), 9, np.float32)
     kept = trusted_ground_texels(views, [far, far], [USUAL, USUAL], 16.0)
     for one, trunk in zip(kept, (20, 44), strict=True):

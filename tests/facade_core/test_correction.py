@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element
-from facade_core.facade.correction import texels_of, with_elements
+from facade_core.facade.correction import rasterise_boxes, replace_elements
 from facade_core.facade.pipeline import Facade
 from facade_core.parsing.lattice import lattice
 
@@ -27,7 +27,7 @@ def facade(provenance: int) -> Facade:
     return Facade(
         evidence=image, image=image, labels=labels, occluded=np.zeros((80, 60), bool),
         provenance=np.full((80, 60), provenance, np.uint8), masked=(), masked_share=0.0, lattice=lattice(labels),
-        elements=tuple(elements), hierarchy=None, completion=None, told=None, floors=4, seconds={},
+        elements=tuple(elements), hierarchy=None, completion=None, estimates=None, floors=4, seconds={},
     )  # fmt: skip
 
 
@@ -38,7 +38,7 @@ def shares(elements: tuple[Element, ...]) -> list[tuple[str, float, float, float
 def test_a_window_taken_away_is_wall_in_what_was_made_up_and_stays_on_a_photo() -> None:
     for provenance in (Provenance.SYNTHESISED, Provenance.PHOTO):
         before = facade(provenance)
-        after = with_elements(before, shares(before.elements[:4] + before.elements[5:]))
+        after = replace_elements(before, shares(before.elements[:4] + before.elements[5:]))
         assert len(after.elements) == 11
         assert (after.labels[26:36, 26:34] == FacadeClass.WALL).all()
         pane = after.image[28:34, 28:32]
@@ -50,7 +50,7 @@ def test_a_window_taken_away_is_wall_in_what_was_made_up_and_stays_on_a_photo() 
 
 def test_a_door_is_what_it_is_said_to_be_and_sure() -> None:
     before = facade(Provenance.PHOTO)
-    after = with_elements(before, [*shares(before.elements), ("door", 0.4, 0.9, 0.6, 1.0)])
+    after = replace_elements(before, [*shares(before.elements), ("door", 0.4, 0.9, 0.6, 1.0)])
     assert after.elements[-1] == Element("door", 24, 72, 36, 80)
     assert {e.confidence for e in after.elements} == {1.0}
     assert (after.labels[72:80, 24:36] == FacadeClass.DOOR).all()
@@ -59,20 +59,20 @@ def test_a_door_is_what_it_is_said_to_be_and_sure() -> None:
 
 def test_a_window_that_is_new_looks_like_those_there_are() -> None:
     before = facade(Provenance.SYNTHESISED)
-    after = with_elements(before, [*shares(before.elements), ("window", 36 / 60, 46 / 80, 44 / 60, 56 / 80)])
+    after = replace_elements(before, [*shares(before.elements), ("window", 36 / 60, 46 / 80, 44 / 60, 56 / 80)])
     assert np.array_equal(after.image[46:56, 36:44], before.image[46:56, 26:34])
     assert (after.labels[46:56, 36:44] == FacadeClass.WINDOW).all()
 
 
 def test_the_same_elements_change_no_texel() -> None:
     before = facade(Provenance.SYNTHESISED)
-    after = with_elements(before, shares(before.elements))
+    after = replace_elements(before, shares(before.elements))
     assert np.array_equal(after.image, before.image)
     assert np.array_equal(after.labels, before.labels)
-    assert replace(after, told=before.told).floors == 4
+    assert replace(after, told=before.estimates).floors == 4
 
 
 def test_shares_are_the_texels_whose_middle_they_hold() -> None:
-    mask = texels_of([(0.0, 0.5, 0.25, 1.0), (0.9, 0.0, 1.0, 0.1)], (4, 8))
+    mask = rasterise_boxes([(0.0, 0.5, 0.25, 1.0), (0.9, 0.0, 1.0, 0.1)], (4, 8))
     assert mask.sum() == 4
     assert mask[2:, :2].all()

@@ -11,12 +11,12 @@ from scipy import ndimage
 
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Street
-from facade_core.facade.texture.building_walls import Wall, on_wall
-from facade_core.facade.texture.ground_floor import without_shops
-from facade_core.facade.texture.retargeting import Style, style_of
+from facade_core.facade.texture.building_walls import Wall, compose_wall
+from facade_core.facade.texture.ground_floor import replace_shops
+from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
 from facade_core.geometry.walls import BACK
 from facade_core.plan.doors import has_back_door, turns_corner
-from facade_core.plan.facade_walls import wall_of
+from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import facade as paint
@@ -52,10 +52,10 @@ def plan_of(buildings: list[Building]) -> Plan:
 
 
 @pytest.fixture(scope="module")
-def style() -> Style:
+def style() -> ExemplarStyle:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=2)
     assert (painted.labels == FacadeClass.SHOP).any()
-    return style_of(painted.image, painted.labels)
+    return extract_style(painted.image, painted.labels)
 
 
 def test_a_corner_cut_off_between_two_fronts_is_one_and_a_nook_is_none(plan: Plan) -> None:
@@ -63,7 +63,7 @@ def test_a_corner_cut_off_between_two_fronts_is_one_and_a_nook_is_none(plan: Pla
     found = [i for i in range(len(facades)) if turns_corner(plan.scene.charts, facades, i)]
     assert [facades.id[i].split("-")[0] for i in found] == ["corner"]
     assert facades.width[found[0]] == pytest.approx(np.hypot(1.5, 1.5), abs=0.01)
-    assert wall_of(plan.scene, facades, found[0]).corner
+    assert facade_wall(plan.scene, facades, found[0]).corner
 
 
 def test_a_corner_in_two_pieces_is_one() -> None:
@@ -74,7 +74,7 @@ def test_a_corner_in_two_pieces_is_one() -> None:
     assert len(set(facades.run[found].tolist())) == 1
 
 
-def test_every_building_has_a_back_with_a_door(plan: Plan, style: Style) -> None:
+def test_every_building_has_a_back_with_a_door(plan: Plan, style: ExemplarStyle) -> None:
     facades = plan.facades
     for name in ("corner", "nook"):
         own = [i for i, id in enumerate(facades.id) if id.startswith(name)]
@@ -82,7 +82,7 @@ def test_every_building_has_a_back_with_a_door(plan: Plan, style: Style) -> None
         backs = [i for i in own if facades.role[i] == BACK]
         assert len(doors) == (2 if len(backs) >= 5 else 1)
         assert facades.width[doors].max() == facades.width[backs].max()
-        labels = on_wall(style, wall_of(plan.scene, facades, doors[0]), metres_per_pixel=MPP, seed=3)[1]
+        labels = compose_wall(style, facade_wall(plan.scene, facades, doors[0]), metres_per_pixel=MPP, seed=3)[1]
         assert ndimage.label(labels == FacadeClass.DOOR)[1] == 1
         assert (labels[-1] == FacadeClass.DOOR).any()
         assert not (labels == FacadeClass.SHOP).any()
@@ -94,27 +94,29 @@ def corner(width: float) -> Wall:
 
 
 @pytest.mark.parametrize("width", [1.3, 2.1, 2.9])
-def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: Style, width: float) -> None:
-    image, labels = on_wall(style, corner(width), metres_per_pixel=MPP)
+def test_a_corner_shows_the_shop_of_its_building_and_no_storey_moves(style: ExemplarStyle, width: float) -> None:
+    image, labels = compose_wall(style, corner(width), metres_per_pixel=MPP)
     shop = np.flatnonzero((labels == FacadeClass.SHOP).any(axis=1))
     assert len(shop)
     assert shop.min() * MPP > 16 - 4.6, "at the ground alone"
     assert not np.isin(labels[:, [0, -1]], (FacadeClass.SHOP, FacadeClass.DOOR, FacadeClass.WINDOW)).any(), (
         "nothing is cut at its edges"
     )
-    plain = style_of(*without_shops(style.image, style.labels))
-    bare_image, bare = on_wall(plain, corner(width), like=style, metres_per_pixel=MPP)
+    plain = extract_style(*replace_shops(style.image, style.labels))
+    bare_image, bare = compose_wall(plain, corner(width), floor_style=style, metres_per_pixel=MPP)
     assert not np.isin(bare, (FacadeClass.SHOP, FacadeClass.DOOR)).any()
     assert image.shape == bare_image.shape
 
 
-def test_what_is_too_narrow_for_a_shop_has_none(style: Style) -> None:
-    assert not np.isin(on_wall(style, corner(0.9), metres_per_pixel=MPP)[1], (FacadeClass.SHOP, FacadeClass.DOOR)).any()
+def test_what_is_too_narrow_for_a_shop_has_none(style: ExemplarStyle) -> None:
+    assert not np.isin(
+        compose_wall(style, corner(0.9), metres_per_pixel=MPP)[1], (FacadeClass.SHOP, FacadeClass.DOOR)
+    ).any()
 
 
-def test_a_back_that_is_covered_at_the_ground_has_no_door(style: Style) -> None:
+def test_a_back_that_is_covered_at_the_ground_has_no_door(style: ExemplarStyle) -> None:
     wall = Wall(8, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 8, 10), door=True)
-    assert not (on_wall(style, wall, metres_per_pixel=MPP)[1] == FacadeClass.DOOR).any()
+    assert not (compose_wall(style, wall, metres_per_pixel=MPP)[1] == FacadeClass.DOOR).any()
 
 
 def doors_of(labels: np.ndarray) -> list[float]:
@@ -125,24 +127,24 @@ def doors_of(labels: np.ndarray) -> list[float]:
 
 def test_a_front_shows_a_door_where_the_map_has_one() -> None:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=8)
-    style = style_of(*without_shops(painted.image, painted.labels))
+    style = extract_style(*replace_shops(painted.image, painted.labels))
     assert style.doors.any()
     wide = replace(Wall.alone(14, 30, 5), entrances=())
-    before = doors_of(on_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])
+    before = doors_of(compose_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])
     place = max(np.linspace(3, 27, 25).tolist(), key=lambda x: min(abs(x - door) for door in before))
-    labels = on_wall(style, replace(wide, entrances=(place,)), metres_per_pixel=MPP, seed=3)[1]
+    labels = compose_wall(style, replace(wide, entrances=(place,)), metres_per_pixel=MPP, seed=3)[1]
     after = doors_of(labels)
     assert len(after) == len(before) + 1
     assert min(abs(door - place) for door in after) < 2.0
-    again = on_wall(style, replace(wide, entrances=(before[0],)), metres_per_pixel=MPP, seed=3)[1]
+    again = compose_wall(style, replace(wide, entrances=(before[0],)), metres_per_pixel=MPP, seed=3)[1]
     assert len(doors_of(again)) == len(before), "one that shows is the map's"
 
 
-def test_a_back_has_its_door_where_the_map_has_it(style: Style) -> None:
+def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarStyle) -> None:
     wall = Wall(16, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 16, 16))
-    assert not doors_of(on_wall(style, wall, metres_per_pixel=MPP)[1])
+    assert not doors_of(compose_wall(style, wall, metres_per_pixel=MPP)[1])
     for place in (3.0, 13.0):
-        (door,) = doors_of(on_wall(style, replace(wall, entrances=(place,)), metres_per_pixel=MPP)[1])
+        (door,) = doors_of(compose_wall(style, replace(wall, entrances=(place,)), metres_per_pixel=MPP)[1])
         assert abs(door - place) < 2.5
 
 

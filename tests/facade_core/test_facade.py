@@ -14,18 +14,23 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Element, Parsing
-from facade_core.facade.pipeline import count_columns, from_exemplar, from_photo, prepare_exemplar
-from facade_core.facade.texture.building_walls import Wall, on_wall
-from facade_core.facade.texture.retargeting import style_of
+from facade_core.facade.pipeline import (
+    build_facade_from_exemplar,
+    build_facade_from_photo,
+    count_columns,
+    prepare_exemplar,
+)
+from facade_core.facade.texture.building_walls import Wall, compose_wall
+from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.wall_material import lit_colour
-from facade_core.parsing.occluders import no_spill
+from facade_core.parsing.occluders import remove_spill
 from facade_core.synth.facade import facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
 
 
 def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
-    made = from_photo(PAINTED.image, PAINTED.occluded, seed=1)
+    made = build_facade_from_photo(PAINTED.image, PAINTED.occluded, seed=1)
     seen = ~made.occluded
     assert not seen[PAINTED.occluded].any()
     assert made.occluded.mean() < PAINTED.occluded.mean() + 0.03, "what is seen is mostly not called a tree"
@@ -34,9 +39,9 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
     assert (made.provenance[~seen] == Provenance.INPAINTED).all()
     assert (made.image[~seen] != PAINTED.image[~seen]).any(axis=1).mean() > 0.8
     assert made.completion is not None
-    assert made.told is not None
-    assert made.told.low.floors <= made.floors == 4 <= made.told.high.floors
-    assert made.told.low.windows < made.told.value.windows < made.told.high.windows
+    assert made.estimates is not None
+    assert made.estimates.low.floors <= made.floors == 4 <= made.estimates.high.floors
+    assert made.estimates.low.windows < made.estimates.value.windows < made.estimates.high.windows
     assert 0 <= made.masked_share <= made.occluded.mean()
     assert set(made.seconds) >= {"parse", "elements", "complete", "inpaint", "lattice", "encode"}
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
@@ -48,7 +53,7 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
 @pytest.mark.parametrize(("style", "seed"), [("jugend", 5), ("haussmann", 7)])
 def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style: str, seed: int) -> None:
     painted = paint((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
-    made = from_photo(painted.image, painted.occluded, clean=True, seed=1)
+    made = build_facade_from_photo(painted.image, painted.occluded, clean=True, seed=1)
     hidden = painted.occluded
     assert (made.labels[hidden] == painted.labels[hidden]).mean() > 0.86
     windows = [e for e in made.elements if e.label == "window"]
@@ -59,7 +64,7 @@ def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style
 
 
 def test_the_same_photo_and_seed_make_the_same_bits() -> None:
-    one, two = (from_photo(PAINTED.image, PAINTED.occluded, seed=5) for _ in range(2))
+    one, two = (build_facade_from_photo(PAINTED.image, PAINTED.occluded, seed=5) for _ in range(2))
     np.testing.assert_array_equal(one.image, two.image)
     assert one.hierarchy.to_bytes() == two.hierarchy.to_bytes()
 
@@ -67,17 +72,17 @@ def test_the_same_photo_and_seed_make_the_same_bits() -> None:
 def test_a_photo_of_which_nothing_is_seen_is_refused() -> None:
     hidden = np.ones_like(PAINTED.occluded)
     with pytest.raises(ImageError, match=r"only 0\.0% of the facade is seen of it"):
-        from_photo(PAINTED.image, hidden)
+        build_facade_from_photo(PAINTED.image, hidden)
     hidden[100, 100] = False
     with pytest.raises(ImageError, match="5% are the least"):
-        from_photo(PAINTED.image, hidden)
+        build_facade_from_photo(PAINTED.image, hidden)
 
 
 def test_an_exemplar_without_windows_is_refused() -> None:
     wall = np.full((160, 200, 3), 150, np.uint8)
     wall += np.random.default_rng(1).integers(0, 20, wall.shape).astype(np.uint8)
     with pytest.raises(ImageError, match="no windows are found"):
-        prepare_exemplar(wall, np.zeros(wall.shape[:2], bool), storey=3.2)
+        prepare_exemplar(wall, np.zeros(wall.shape[:2], bool), floor_height=3.2)
 
 
 def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,14 +91,18 @@ def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.Mo
 
     monkeypatch.setattr("facade_core.facade.pipeline.encode", never)
     monkeypatch.setattr("facade_core.facade.pipeline.lattice", never)
-    prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, storey=3.2)
+    prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, floor_height=3.2)
     assert set(prepared.seconds) >= {"parse", "elements", "complete", "inpaint", "scale"}
 
 
 def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    made = from_exemplar(
-        style_of(clean.image, clean.labels), Wall.alone(13.0, 16.0, floors=4), (650, 800), metres_per_pixel=0.06, seed=3
+    made = build_facade_from_exemplar(
+        extract_style(clean.image, clean.labels),
+        Wall.alone(13.0, 16.0, floors=4),
+        (650, 800),
+        metres_per_pixel=0.06,
+        seed=3,
     )
     same = (made.image[1::3, :-1] == made.image[1::3, 1:]).all(axis=2)
     assert same.mean() < 0.5, "a pixel is not repeated as it is"
@@ -101,30 +110,36 @@ def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
 
 def test_a_photo_without_holes_needs_no_completion() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
-    made = from_photo(clean.image, np.zeros(clean.labels.shape, bool))
+    made = build_facade_from_photo(clean.image, np.zeros(clean.labels.shape, bool))
     assert made.completion is None
     np.testing.assert_array_equal(made.image, clean.image)
 
 
 def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    made = from_exemplar(
-        style_of(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5), (270, 334), metres_per_pixel=0.06, seed=3
+    made = build_facade_from_exemplar(
+        extract_style(clean.image, clean.labels),
+        Wall.alone(16.2, 20.0, floors=5),
+        (270, 334),
+        metres_per_pixel=0.06,
+        seed=3,
     )
     assert made.image.shape == (270, 334, 3)
     assert (made.provenance == Provenance.SYNTHESISED).all()
     assert not made.occluded.any()
     assert sum(e.label == "window" for e in made.elements) >= 15
     assert made.floors == 5
-    assert made.told is None, "no picture tells"
+    assert made.estimates is None, "no picture tells"
 
 
 @pytest.mark.parametrize("colour", [(150.0, 70.0, 60.0), (60.0, 60.0, 64.0), (225.0, 215.0, 190.0)])
 def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ...]) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
-    style, wall = style_of(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5)
-    usual = from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, seed=3)
-    painted = from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, colour=np.array(colour), seed=3)
+    style, wall = extract_style(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5)
+    usual = build_facade_from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, seed=3)
+    painted = build_facade_from_exemplar(
+        style, wall, (270, 334), metres_per_pixel=0.06, wall_colour=np.array(colour), seed=3
+    )
     on = usual.labels == FacadeClass.WALL
     np.testing.assert_array_equal(painted.labels, usual.labels)
     np.testing.assert_allclose(lit_colour(painted.image[on]), colour, atol=6)
@@ -135,19 +150,19 @@ def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ..
 
 def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
-    style = style_of(clean.image, clean.labels)
+    style = extract_style(clean.image, clean.labels)
     front = Wall.alone(16.0, 20.0, floors=5)
     back = replace(front, street=False, plain=True)
     drawn: list[tuple[int, ...]] = []
 
     def seen(*given: Any, **named: Any) -> tuple[np.ndarray, np.ndarray]:
-        picture, labels = on_wall(*given, **named)
+        picture, labels = compose_wall(*given, **named)
         drawn.append(labels.shape)
         return picture, labels
 
     monkeypatch.setattr("facade_core.facade.pipeline.on_wall", seen)
     fine, coarse, _ = (
-        from_exemplar(style, wall, (16 * of, 20 * of), metres_per_pixel=0.05, seed=3)
+        build_facade_from_exemplar(style, wall, (16 * of, 20 * of), metres_per_pixel=0.05, seed=3)
         for wall, of in ((back, 20), (back, 5), (front, 5))
     )
     assert drawn == [(320, 400), (160, 200), (320, 400)]
@@ -158,7 +173,7 @@ def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkey
 
 def test_an_exemplar_is_measured_and_measured() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
-    prepared = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2)
+    prepared = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), floor_height=3.2)
     assert prepared.metres_per_pixel == pytest.approx(0.05, rel=0.2)
     assert prepared.floors == 4
     assert (prepared.labels[0] == FacadeClass.SKY).mean() < 0.5
@@ -168,24 +183,24 @@ def test_an_exemplar_is_measured_and_measured() -> None:
 def test_a_fine_exemplar_with_labels_is_counted_like_a_coarse_one_and_kept_as_fine() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     image, labels = (np.repeat(np.repeat(part, 4, axis=0), 4, axis=1) for part in (clean.image, clean.labels))
-    coarse = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2, labels=clean.labels)
-    fine = prepare_exemplar(image, np.zeros(labels.shape, bool), storey=3.2, labels=labels)
+    coarse = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), floor_height=3.2, labels=clean.labels)
+    fine = prepare_exemplar(image, np.zeros(labels.shape, bool), floor_height=3.2, labels=labels)
     assert (fine.floors, fine.columns) == (coarse.floors, coarse.columns)
     assert fine.metres_per_pixel == pytest.approx(coarse.metres_per_pixel / 4, rel=0.02)
-    assert fine.shaded == pytest.approx(coarse.shaded, abs=0.05)
+    assert fine.shaded_share == pytest.approx(coarse.shaded_share, abs=0.05)
     np.testing.assert_array_equal(fine.image, image)
 
 
 def test_labels_that_come_with_an_exemplar_are_believed() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     nothing = np.zeros(clean.labels.shape, bool)
-    prepared = prepare_exemplar(clean.image, nothing, storey=3.2, labels=clean.labels)
+    prepared = prepare_exemplar(clean.image, nothing, floor_height=3.2, labels=clean.labels)
     np.testing.assert_array_equal(prepared.labels, clean.labels)
     assert (prepared.floors, prepared.columns) == (4, 4)
     assert "parse" not in prepared.seconds
     hidden = nothing.copy()
     hidden[:40, :40] = True
-    assert "parse" in prepare_exemplar(clean.image, hidden, storey=3.2, labels=clean.labels).seconds, (
+    assert "parse" in prepare_exemplar(clean.image, hidden, floor_height=3.2, labels=clean.labels).seconds, (
         "what is hidden is made"
     )
 
@@ -208,7 +223,7 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
         return Parsing(found.labels, found.confidence, found.occluded | thing)
 
     monkeypatch.setattr(facade_core.facade.pipeline, "parse", sees_a_thing)
-    made = from_photo(clean.image, np.zeros(clean.labels.shape, bool))
+    made = build_facade_from_photo(clean.image, np.zeros(clean.labels.shape, bool))
     assert made.masked == ((40, 150, 90, 200),)
     assert made.occluded[149:201, 39:91].all()
     assert not made.occluded[:100].any()
@@ -221,7 +236,7 @@ def test_a_thing_that_a_hole_crosses_is_hidden_up_to_it_and_what_lines_the_hole_
     hidden[190:] = True  # where a rectified photo shows nothing
     occluded[150:, 40:120] = True  # a car
     occluded[184:, 150:180] = True  # the filling, seen as a thing
-    believed = no_spill(occluded, hidden)
+    believed = remove_spill(occluded, hidden)
     assert believed[150:190, 40:120].all()
     assert not believed[:, 130:].any()
     assert not believed[hidden].any()

@@ -12,12 +12,12 @@ from scipy import ndimage
 
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
-from facade_core.facade.texture.building_walls import Wall, on_wall
-from facade_core.facade.texture.retargeting import Style, style_of
-from facade_core.facade.texture.storeys import STOREY_M, storeys_on
-from facade_core.geometry.buildings.roof_shapes import roof_shell
-from facade_core.geometry.walls import BACK, STREET, free_part
-from facade_core.plan.facade_walls import wall_of
+from facade_core.facade.texture.building_walls import Wall, compose_wall
+from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
+from facade_core.facade.texture.storeys import FLOOR_HEIGHT_M, stack_floors
+from facade_core.geometry.buildings.roof_shapes import build_roof_shell
+from facade_core.geometry.walls import BACK, STREET, free_wall_area
+from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
@@ -57,14 +57,14 @@ def plan() -> Plan:
 
 
 @pytest.fixture(scope="module")
-def style() -> Style:
+def style() -> ExemplarStyle:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=2)
-    return style_of(painted.image, painted.labels)
+    return extract_style(painted.image, painted.labels)
 
 
 def on(plan: Plan, building: str, direction: tuple[float, float]) -> list[int]:
     """The facades of a building that face somewhere."""
-    facades, normal = plan.facades, plan.scene.charts.normal()[plan.facades.chart]
+    facades, normal = plan.facades, plan.scene.charts.normals()[plan.facades.chart]
     names = [id_.rpartition("-")[0] for id_ in facades.id]
     return [i for i, name in enumerate(names) if name == building and normal[i, :2] @ direction > 0.99]
 
@@ -86,17 +86,17 @@ def test_translated_walls_are_left_to_the_streets() -> None:
 
 def test_a_wall_over_a_lower_neighbour_is_free_above_it(plan: Plan) -> None:
     (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(plan.facades.width[i] - 10) < 0.1]
-    whole, free = free_part(plan.scene.charts, plan.scene.mesh, int(plan.facades.chart[east]))
+    whole, free = free_wall_area(plan.scene.charts, plan.scene.mesh, int(plan.facades.chart[east]))
     assert whole.area == pytest.approx(160, rel=0.01)
     assert free.area == pytest.approx(64, rel=0.02)
     assert free.bounds[3] == pytest.approx(16 - 9.6, abs=0.1), "metres from the top"
 
 
-def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: Style) -> None:
+def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: ExemplarStyle) -> None:
     """A tower stands on the podium that the street passes, both given as models."""
     podium = Building("podium", shapely.box(0, 0, 40, 14), 6.0, "height", base=0.0)
     tower = Building("tower", shapely.box(8, 2, 32, 12), 12.8, "height", base=0.0, roof=Roof("gabled", 3.0))
-    plan = plan_of("exemplar", [podium, replace(tower, shell=roof_shell(tower, 6.0), roof=None)])
+    plan = plan_of("exemplar", [podium, replace(tower, shell=build_roof_shell(tower, 6.0), roof=None)])
     facades, charts = plan.facades, plan.scene.charts
     begins = charts.origin[facades.chart, 2] - facades.height
     np.testing.assert_array_equal(facades.raised, begins > 5.9)
@@ -105,10 +105,10 @@ def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: Style) -> None:
     )
     for building, entered in (("podium", True), ("tower", False)):
         front = max(on(plan, building, (0, -1)), key=lambda i: begins[i])
-        wall = wall_of(plan.scene, facades, front)
+        wall = facade_wall(plan.scene, facades, front)
         assert wall.street
         assert (
-            np.isin(on_wall(style, wall, metres_per_pixel=MPP)[1], (FacadeClass.DOOR, FacadeClass.SHOP)).any()
+            np.isin(compose_wall(style, wall, metres_per_pixel=MPP)[1], (FacadeClass.DOOR, FacadeClass.SHOP)).any()
             == entered
         ), building
 
@@ -116,14 +116,14 @@ def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: Style) -> None:
 def test_what_is_round_is_one(plan: Plan) -> None:
     facades = plan.facades
     tower = [i for i, id_ in enumerate(facades.id) if id_.startswith("tower-")]
-    own = facades.laid_out_with(tower[5])
+    own = facades.run_members(tower[5])
     assert sorted(own.tolist()) == tower
     np.testing.assert_allclose(facades.along[own], np.append(0, np.cumsum(facades.width[own])[:-1]), atol=1e-6)
     assert (facades.role[own] == STREET).all()
-    assert wall_of(plan.scene, facades, tower[3]).width == pytest.approx(25, abs=0.5)
-    assert len(facades.laid_out_with(on(plan, "ell", (0, -1))[0])) == 1
+    assert facade_wall(plan.scene, facades, tower[3]).width == pytest.approx(25, abs=0.5)
+    assert len(facades.run_members(on(plan, "ell", (0, -1))[0])) == 1
     for one in range(len(facades)):
-        assert set(facades.laid_out_with(one).tolist()) == set(np.flatnonzero(facades.run == facades.run[one]).tolist())
+        assert set(facades.run_members(one).tolist()) == set(np.flatnonzero(facades.run == facades.run[one]).tolist())
     is_facade = [plan.is_facade(chart) for chart in range(len(plan.scene.charts))]
     assert np.flatnonzero(is_facade).tolist() == sorted(facades.chart.tolist())
 
@@ -132,12 +132,12 @@ def windows(labels: np.ndarray) -> list[tuple[slice, slice]]:
     return ndimage.find_objects(ndimage.label(labels == FacadeClass.WINDOW)[0])
 
 
-def shown(plan: Plan, style: Style, facade: int) -> tuple[Wall, np.ndarray]:
-    wall = wall_of(plan.scene, plan.facades, facade)
-    return wall, on_wall(style, wall, metres_per_pixel=MPP, seed=facade)[1]
+def shown(plan: Plan, style: ExemplarStyle, facade: int) -> tuple[Wall, np.ndarray]:
+    wall = facade_wall(plan.scene, plan.facades, facade)
+    return wall, compose_wall(style, wall, metres_per_pixel=MPP, seed=facade)[1]
 
 
-def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Style) -> None:
+def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: ExemplarStyle) -> None:
     facades = plan.facades
     for facade in np.flatnonzero(facades.run == np.arange(len(facades))).tolist():
         wall, labels = shown(plan, style, facade)
@@ -154,22 +154,22 @@ def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Styl
 
 @pytest.mark.parametrize("seams", [(7.3, 20.0), (1.0, 16.4, 17.9), tuple(np.arange(2.4, 30, 2.4).tolist())])
 def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
-    style: Style, seams: tuple[float, ...]
+    style: ExemplarStyle, seams: tuple[float, ...]
 ) -> None:
     wall = Wall(30, 16, 0, 16, 5, True, False, shapely.box(0, 0, 30, 16), seams=seams)
     for street, plain in ((True, False), (False, True)):
-        labels = on_wall(style, replace(wall, street=street, plain=plain), metres_per_pixel=MPP)[1]
+        labels = compose_wall(style, replace(wall, street=street, plain=plain), metres_per_pixel=MPP)[1]
         at = np.rint(np.array(seams) / MPP).astype(int)
         assert not (labels[:, at] == FacadeClass.WINDOW).any()
         assert len(windows(labels)) >= 20
 
 
-def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Style) -> None:
+def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: ExemplarStyle) -> None:
     for facet, texel, some in ((2.4, 1 / 8, True), (1.7, 1 / 8, True), (1.0, 1 / 32, True), (0.72, 1 / 8, False)):
         seams = np.arange(facet, 12 * facet - 0.01, facet)
         size = 12 * facet, 16
         wall = Wall(*size, 0, 16, 5, False, True, shapely.box(0, 0, *size), seams=tuple(seams.tolist()))
-        labels = on_wall(style, wall, metres_per_pixel=MPP, shown_at=texel)[1]
+        labels = compose_wall(style, wall, metres_per_pixel=MPP, texel_m=texel)[1]
         assert bool(windows(labels)) == some
         for _, columns in windows(labels):
             ends = MPP * np.array([columns.start, columns.stop])
@@ -177,40 +177,44 @@ def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Style) 
             assert not ((seams > ends[0]) & (seams < ends[1])).any()
 
 
-def test_gables_and_narrow_walls(style: Style) -> None:
+def test_gables_and_narrow_walls(style: ExemplarStyle) -> None:
     gable = shapely.Polygon([(0, 6), (6, 0), (12, 6), (12, 22), (0, 22)])
-    labels = on_wall(style, Wall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]
+    labels = compose_wall(style, Wall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]
     over = [w for w in windows(labels) if w[0].stop * MPP < 6]
     for rows, columns in windows(labels):
         corners = MPP * np.array([[columns.start, rows.start], [columns.stop, rows.start]])
         assert gable.buffer(2 * MPP).covers(shapely.MultiPoint(corners))
     assert len(over) < len(windows(labels)) / 4
-    narrow = on_wall(style, Wall(0.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 0.9, 16)), metres_per_pixel=MPP)[1]
+    narrow = compose_wall(
+        style, Wall(0.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 0.9, 16)), metres_per_pixel=MPP
+    )[1]
     assert not windows(narrow)
-    fits = on_wall(style, Wall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP)[1]
+    fits = compose_wall(style, Wall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP)[
+        1
+    ]
     assert len(windows(fits)) == 5
 
 
-def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: Style) -> None:
+def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: ExemplarStyle) -> None:
     facades: Facades = plan.facades
     for name in ("ell", "low", "court"):
         lines = []
         for facade in [i for i, id_ in enumerate(facades.id) if id_.startswith(f"{name}-")]:
-            wall = wall_of(plan.scene, facades, facade)
+            wall = facade_wall(plan.scene, facades, facade)
             lines.append(np.cumsum(wall_storeys(style, wall)[::-1]))
         assert all(len(one) == len(lines[0]) for one in lines)
         np.testing.assert_allclose(lines, np.broadcast_to(lines[0], (len(lines), len(lines[0]))), atol=MPP)
         heights = np.diff(np.append(0, lines[0]))
-        assert STOREY_M[0] - 0.01 <= heights.min()
-        assert heights.max() <= STOREY_M[1] + 0.01
+        assert FLOOR_HEIGHT_M[0] - 0.01 <= heights.min()
+        assert heights.max() <= FLOOR_HEIGHT_M[1] + 0.01
 
 
-def wall_storeys(style: Style, wall: Wall) -> list[float]:
+def wall_storeys(style: ExemplarStyle, wall: Wall) -> list[float]:
     """The heights of a wall's storeys, from the top."""
-    return [float(np.sum(storey.heights)) + storey.attic for storey in storeys_on(style, wall, MPP)[0]]
+    return [float(np.sum(storey.heights)) + storey.attic for storey in stack_floors(style, wall, MPP)[0]]
 
 
-def test_a_lower_part_of_a_building_keeps_its_storeys(style: Style) -> None:
+def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarStyle) -> None:
     tall = Wall.alone(19.2, 12.0, floors=6)
     low = Wall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
     high, lower = (np.cumsum(wall_storeys(style, wall)[::-1]) for wall in (tall, low))

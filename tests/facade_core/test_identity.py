@@ -12,7 +12,7 @@ import shapely
 from facade_core.core.types import Building, Finish, Pose, Street
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import STREET
-from facade_core.imagery.rectify.panorama import sightings
+from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.plan.identity import chart_ids, serialise_finish
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
@@ -33,7 +33,7 @@ STREETS = [
 def plan(
     houses: list[Building], streets: list[Street] = STREETS, last: Plan | None = None, poses: Sequence[Pose] = ()
 ) -> Plan:
-    from facade_core.geometry.chart_packing import Places
+    from facade_core.geometry.chart_packing import PreviousPlacement
 
     return ingest(
         houses,
@@ -47,7 +47,7 @@ def plan(
         panorama_width=128,
         storey=3.2,
         walls="exemplar",
-        last=Places(last.ids, last.scene.placement) if last else None,
+        last=PreviousPlacement(last.ids, last.scene.placement) if last else None,
     )
 
 
@@ -58,7 +58,8 @@ def before() -> Plan:
 
 def looks(found: Plan) -> dict[str, list[str]]:
     return {
-        street.id: [found.looks[v.id] for v in found.of_street(index)] for index, street in enumerate(found.streets)
+        street.id: [found.view_digests[v.id] for v in found.street_viewpoints(index)]
+        for index, street in enumerate(found.streets)
     }
 
 
@@ -71,7 +72,7 @@ def test_ids_tell_charts_apart_and_are_the_same_again(before: Plan) -> None:
     assert len(set(before.ids.tolist())) == len(before.ids)
     again = plan(HOUSES)
     np.testing.assert_array_equal(again.ids, before.ids)
-    assert again.looks == before.looks
+    assert again.view_digests == before.view_digests
 
 
 def test_a_building_raised_is_new_and_only_those_who_see_it_look_at_something_else(before: Plan) -> None:
@@ -110,14 +111,14 @@ def test_charts_of_others_keep_their_places(before: Plan) -> None:
 
 def test_things_are_found_by_their_boxes(before: Plan) -> None:
     low = np.array([EAST - 1, NORTH + 206, 1.0])
-    found = before.things.within(low, low + 2)
-    assert found == [f"{int(before.things.digest[2]):016x}"]
+    found = before.scene_objects.digests_in_box(low, low + 2)
+    assert found == [f"{int(before.scene_objects.digest[2]):016x}"]
     above = low + np.array([0, 0, 50])
-    assert before.things.within(above, above + 2) == []
+    assert before.scene_objects.digests_in_box(above, above + 2) == []
 
 
 def test_things_within_a_box_are_those_whose_boxes_meet_it(before: Plan) -> None:
-    things = before.things
+    things = before.scene_objects
     first, last = things.low.min(axis=0), things.high.max(axis=0)
     rng = np.random.default_rng(4)
     corners = [rng.uniform(first - 5, last + 5) for _ in range(80)] + [
@@ -127,8 +128,8 @@ def test_things_within_a_box_are_those_whose_boxes_meet_it(before: Plan) -> None
     for low in corners:
         high = low + rng.uniform(0, 30, 3)
         meet = (things.low <= high).all(axis=1) & (things.high >= low).all(axis=1)
-        assert things.within(low, high) == sorted(f"{digest:016x}" for digest in things.digest[meet].tolist())
-    assert len(things.within(first, np.array([*last[:2], np.inf]))) == len(things.digest)
+        assert things.digests_in_box(low, high) == sorted(f"{digest:016x}" for digest in things.digest[meet].tolist())
+    assert len(things.digests_in_box(first, np.array([*last[:2], np.inf]))) == len(things.digest)
 
 
 def test_panoramas_of_facades_are_those_of_all_poses() -> None:
@@ -139,7 +140,7 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
     wanted = [
         (facade, one.panorama, one.seen, one.pixels_per_metre)
         for facade, (chart, role) in enumerate(zip(found.facades.chart.tolist(), found.facades.role, strict=True))
-        for one in sightings(
+        for one in find_sightings(
             found.scene, chart, found.poses, [(256, 512)] * len(poses), reach=150.0 if role == STREET else 40.0
         )
         if role == STREET or one.seen >= 0.3
@@ -148,7 +149,7 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
     columns = (shown.facade, shown.panorama, shown.seen, shown.pixels_per_metre)
     assert list(zip(*(column.tolist() for column in columns), strict=True)) == wanted
     assert 5 < len(wanted) < len(poses) * len(found.facades)
-    assert [len(shown.of(facade)) for facade in range(len(found.facades))] == [
+    assert [len(shown.panoramas_showing(facade)) for facade in range(len(found.facades))] == [
         sum(one[0] == facade for one in wanted) for facade in range(len(found.facades))
     ]
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from facade_core.core.numba_cache import PACKAGE, code_digest, first_writable
+from facade_core.core.numba_cache import PACKAGE_FOLDER, code_digest, first_writable_folder
 
 CALLED = "from code_.core.numba_cache import njit\n\n@njit(cache=True)\ndef called():\n    return {}\n"
 CALLER = (
@@ -23,7 +23,7 @@ def test_a_caller_is_compiled_anew_where_what_it_calls_changed_and_only_there(tm
     code = tmp_path / "code_"
     code.mkdir()
     (code / "core").mkdir()
-    shutil.copy(PACKAGE / "core" / "numba_cache.py", code / "core")
+    shutil.copy(PACKAGE_FOLDER / "core" / "numba_cache.py", code / "core")
     (code / "caller.py").write_text(CALLER)
     said = []
     for number, other in ((1, 1), (1, 2), (2, 2)):
@@ -49,12 +49,12 @@ def test_a_digest_is_of_what_a_module_imports_at_any_depth() -> None:
 
 def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    assert first_writable((tmp_path / "file" / "a", tmp_path / "other")) == tmp_path / "other"
-    assert first_writable((tmp_path / "file" / "a",)) is None
+    assert first_writable_folder((tmp_path / "file" / "a", tmp_path / "other")) == tmp_path / "other"
+    assert first_writable_folder((tmp_path / "file" / "a",)) is None
 
 
 def test_all_kernels_are_cached_there() -> None:
-    for path in PACKAGE.rglob("*.py"):
+    for path in PACKAGE_FOLDER.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [node.module] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -78,7 +78,7 @@ SLOW_TO_COMPILE |= {"sort", "std", "sum", "take", "unique"}
 
 def test_kernels_call_nothing_that_takes_long_to_compile() -> None:
     kernels = 0
-    for path in sorted(PACKAGE.rglob("*.py")):
+    for path in sorted(PACKAGE_FOLDER.rglob("*.py")):
         for function in ast.walk(ast.parse(path.read_text())):
             if not isinstance(function, ast.FunctionDef) or "njit" not in map(_called, function.decorator_list):
                 continue

@@ -7,38 +7,47 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.ground_floor import without_shops
-from facade_core.facade.texture.tint import tinted
-from facade_core.parsing.floor_structure import storeys
-from facade_core.plan.exemplar_style import NEIGHBOURS_M, ROUNDS, Library, Walls, choose_exemplars, look_of
+from facade_core.facade.texture.ground_floor import replace_shops
+from facade_core.facade.texture.tint import tint_facade
+from facade_core.parsing.floor_structure import count_floors
+from facade_core.plan.exemplar_style import (
+    MAX_ROUNDS,
+    NEIGHBOURHOOD_M,
+    ExemplarLibrary,
+    StyleTargets,
+    choose_exemplars,
+    style_descriptor,
+)
 from facade_core.synth.facade import facade
 
 # A house every 20 m on both sides of a street 18 m wide.
 STEP, ACROSS = 20.0, 18.0
 
 
-def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> Walls:
+def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> StyleTargets:
     west = start + STEP * (np.arange(count) // 2)
     side = ACROSS * (np.arange(count) % 2)
     ends = np.stack([np.stack([west, side], 1), np.stack([west + STEP, side], 1)], 1)
     whole = np.full(count, 1)
-    return Walls(20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole)
+    return StyleTargets(20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole)
 
 
-def joined(*parts: Walls) -> Walls:
-    return Walls(*(np.concatenate([getattr(part, name) for part in parts]) for name in Walls.__dataclass_fields__))
+def joined(*parts: StyleTargets) -> StyleTargets:
+    return StyleTargets(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in StyleTargets.__dataclass_fields__)
+    )
 
 
-def library(count: int, families: int = 1) -> Library:
+def library(count: int, families: int = 1) -> ExemplarLibrary:
     looks = np.zeros((count, 9))
     looks[:, 0] = 60.0 * (np.arange(count) % families)
     looks[:, 1] = 2.0 * (np.arange(count) // families)
-    return Library(
+    return ExemplarLibrary(
         [20.0] * count, [18.0] * count, [5.0] * count, [0.0] * count, [0.0] * count, [0.0] * count, looks.tolist()
     )
 
 
-def gap(walls: Walls, chosen: np.ndarray) -> float:
+def gap(walls: StyleTargets, chosen: np.ndarray) -> float:
     """The least distance, metres, between two buildings of one exemplar."""
     middle = walls.ends.mean(axis=1)
     apart = np.linalg.norm(middle[:, None] - middle[None], axis=-1)
@@ -49,7 +58,7 @@ def gap(walls: Walls, chosen: np.ndarray) -> float:
 def test_no_two_neighbours_take_one_exemplar() -> None:
     walls = row(60)
     chosen = choose_exemplars(walls, library(16), seed=3)
-    assert gap(walls, chosen) > NEIGHBOURS_M
+    assert gap(walls, chosen) > NEIGHBOURHOOD_M
     used = np.bincount(chosen, minlength=16)
     assert used.min() >= 1, "every exemplar is used"
     assert used.max() <= 8
@@ -88,10 +97,10 @@ def test_shops_are_where_the_map_has_them() -> None:
 def test_a_ground_floor_without_shops_keeps_its_door() -> None:
     painted = facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
     assert (painted.labels == FacadeClass.SHOP).any()
-    image, labels = without_shops(painted.image, painted.labels)
+    image, labels = replace_shops(painted.image, painted.labels)
     assert not (labels == FacadeClass.SHOP).any()
     assert (labels == FacadeClass.DOOR).any()
-    assert storeys(labels) == 4
+    assert count_floors(labels) == 4
     ground = slice(-60, None)
     assert (labels[ground] == FacadeClass.WINDOW).mean() > 0.1
     changed = (image != painted.image).any(axis=(1, 2))
@@ -102,14 +111,15 @@ def test_walls_of_one_exemplar_differ_by_house() -> None:
     painted = facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
     wall, window = painted.labels == FacadeClass.WALL, painted.labels == FacadeClass.WINDOW
     one, same, other = (
-        tinted(painted.image, painted.labels, house=h, seed=s).astype(float) for h, s in ((1, 1), (1, 2), (2, 1))
+        tint_facade(painted.image, painted.labels, building_seed=h, seed=s).astype(float)
+        for h, s in ((1, 1), (1, 2), (2, 1))
     )
     inner = np.s_[60:-60]
     assert np.abs(one - same)[inner][wall[inner]].mean() < 0.5, "the facades of a house share their paint"
     assert np.abs(one - same)[window].mean() > 1.5, "their panes do not mirror alike"
     assert np.abs(one - other)[wall].mean() > 1
     assert np.abs(np.log(one[wall].mean() / painted.image[wall].mean())) < 0.15, "within what paint does"
-    np.testing.assert_array_equal(one, tinted(painted.image, painted.labels, house=1, seed=1))
+    np.testing.assert_array_equal(one, tint_facade(painted.image, painted.labels, building_seed=1, seed=1))
 
 
 def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
@@ -123,10 +133,10 @@ def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
 
 def test_what_is_far_away_changes_nothing() -> None:
     here = row(40)
-    far = row(20, start=(ROUNDS + 2) * NEIGHBOURS_M + 40 * STEP, number=500)
+    far = row(20, start=(MAX_ROUNDS + 2) * NEIGHBOURHOOD_M + 40 * STEP, number=500)
     alone = choose_exemplars(here, library(20), seed=5)
     np.testing.assert_array_equal(choose_exemplars(joined(here, far), library(20), seed=5)[:40], alone)
-    turned = Walls(*(getattr(here, name)[::-1] for name in Walls.__dataclass_fields__))
+    turned = StyleTargets(*(getattr(here, name)[::-1] for name in StyleTargets.__dataclass_fields__))
     np.testing.assert_array_equal(choose_exemplars(turned, library(20), seed=5)[::-1], alone)
 
 
@@ -142,10 +152,10 @@ def test_a_house_that_comes_changes_few_beside_it() -> None:
 def test_looks_tell_walls_apart() -> None:
     def of(style: str, seed: int) -> np.ndarray:
         painted = facade((15.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.08, seed=seed)
-        return np.array([look_of(painted.image, painted.labels, 0.08)])
+        return np.array([style_descriptor(painted.image, painted.labels, 0.08)])
 
     brick, again, functionalist = of("brick", 1), of("brick", 2), of("functionalist", 1)
-    three = Library(
+    three = ExemplarLibrary(
         [1] * 3, [1] * 3, [1] * 3, [0] * 3, [0] * 3, [0] * 3, np.concatenate([brick, again, functionalist]).tolist()
     )
     assert three.distance[0, 1] < three.distance[0, 2]

@@ -232,7 +232,7 @@ BOMBS: Mapping[str, Callable[[Path], None]] = {
 
 def main(folder: Path, names: list[str]) -> None:
     """Write and read each, one line for each that takes more than ROOM, 20 s, or ends in another exception."""
-    from catalogs.readers.files import read_buildings, read_centrelines
+    from catalogs.readers.formats import read_buildings, read_centrelines
     from facade_core.core.errors import InputError
 
     warnings.simplefilter("ignore")

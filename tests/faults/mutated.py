@@ -62,7 +62,7 @@ def mutations(data: bytes, seed: int, count: int) -> Iterator[bytes]:
 
 def main(kind: str, seed: int, count: int, files: list[Path]) -> None:
     """Mutates each file, and those beside it that belong to it (a .dbf, a .bin), in turn."""
-    from catalogs.readers.files import read_buildings, read_centrelines
+    from catalogs.readers.formats import read_buildings, read_centrelines
     from facade_core.core.errors import InputError
 
     warnings.simplefilter("ignore")

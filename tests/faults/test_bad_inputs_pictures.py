@@ -19,9 +19,9 @@ import pytest
 import rasterio
 from PIL import Image, ImageOps
 
-from catalogs.readers.pictures import opening as pictures
-from catalogs.readers.pictures.folders import list_images, photos_by_facade, check_picture
-from catalogs.readers.pictures.opening import MAX_PIXELS, MAX_WEBP_PIXELS, open_picture, read_picture
+from catalogs.readers.pictures import decoding as pictures
+from catalogs.readers.pictures.decoding import MAX_PIXELS, MAX_WEBP_PIXELS, open_picture, read_picture
+from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from facade_core.core.errors import ImageError, InputError
 from tasks.stages.facades.evidence import photo_of
 from tasks.stages.shared.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
@@ -420,7 +420,7 @@ BOMB = """
 import resource, sys
 from pathlib import Path
 import numpy, cv2, rasterio
-from catalogs.readers.pictures.opening import read_picture
+from catalogs.readers.pictures.decoding import read_picture
 from facade_core.core.errors import ImageError
 from tasks.stages.shared.images import read_exemplar_picture, read_image
 held = int(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmSize"))) * 1024

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.features import BuildingModels, Centrelines, Footprints
-from catalogs.readers.files import read_buildings, read_centrelines
+from catalogs.readers.formats import read_buildings, read_centrelines
 from facade_core.core.errors import InputError
 from tests.faults.geometry_files import BUILDINGS, STREETS
 

@@ -19,7 +19,7 @@ from facade_core.atlas.journal import clear_record, read_journal, unit_key, writ
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import find_wounds, mend, suspect
+from tasks.engine.store.integrity import find_lost_units, mend, suspect
 from tasks.engine.store.status import nothing_due
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, texture
@@ -182,7 +182,7 @@ def test_a_store_in_which_nothing_was_done_has_no_wounds(tmp_path: Path, texture
     assert mend(run) == []
     open_repository(run.store, create=True)
     assert mend(run) == []
-    assert find_wounds(open_repository(Path(textured[1].out) / "store").readonly_session(BRANCH)) == {}
+    assert find_lost_units(open_repository(Path(textured[1].out) / "store").readonly_session(BRANCH)) == {}
 
 
 def _group(session: Any) -> Any:

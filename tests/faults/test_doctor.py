@@ -122,10 +122,10 @@ def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
     missing, *_ = packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
     assert missing.well is False
     assert "is not <1, not-there is missing; `make setup`" in missing.said
-    for path in network.SHIPPED.parent.glob("network.*"):
+    for path in network.SHIPPED_NETWORK.parent.glob("network.*"):
         shutil.copy(path, tmp_path)
     (tmp_path / "network.onnx").write_bytes(b"cut")
-    whole, cut = models({network.SHIPPED: network.load, tmp_path / "network.onnx": network.load})
+    whole, cut = models({network.SHIPPED_NETWORK: network.load, tmp_path / "network.onnx": network.load})
     assert whole.well
     assert cut.well is False
     assert "checksum" in cut.said

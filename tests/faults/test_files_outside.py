@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from catalogs.features import BuildingModels
-from catalogs.readers.beside import OUTSIDE_FOLDER_REASON
-from catalogs.readers.files import read_buildings
+from catalogs.readers.formats import read_buildings
+from catalogs.readers.referenced_files import OUTSIDE_FOLDER_REASON
 from facade_core.core.errors import InputError
 
 WALL = np.array([(0, 0, 0), (9, 0, 0), (9, 0, 6), (0, 0, 6)], np.float32)

@@ -14,7 +14,7 @@ from tasks.engine.store import disk_space
 from tasks.engine.store.commits import journal
 from tasks.engine.store.disk_space import RESERVE, require_room
 from tasks.stages.ingest import task
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 from tests.pipeline.runs import ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
 
@@ -34,7 +34,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def states(out: Path) -> set[str]:
-    return {record["status"] for stage in STAGES for record in journal(out / "store", stage) if record}
+    return {record["status"] for stage in STAGE_NAMES for record in journal(out / "store", stage) if record}
 
 
 def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(

@@ -21,9 +21,9 @@ from click.testing import CliRunner
 from lxml import etree
 from rich.console import Console
 
+from catalogs.printable_text import escape_invisible, escape_invisible_json
 from catalogs.query.execution import query
 from catalogs.stac.catalog import write_catalog
-from catalogs.visible import escape_invisible, escape_invisible_json
 from flows import artifacts
 from flows.cli import commands as cli
 from flows.cli import console

@@ -25,7 +25,7 @@ import pytest
 from catalogs.query.execution import query
 from facade_core.core.errors import FacadeError, StoreError
 from tasks.engine.store.commits import journal
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 from tasks.viewing import Reader
 from tests.pipeline import stages
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment, run
@@ -169,7 +169,7 @@ def _found(process: subprocess.Popen, victim: str) -> psutil.Process | None:
 def committed(out: Path) -> dict[tuple[str, str], tuple[str, float]]:
     """The key of every unit that is done, and when it was begun."""
     found = {}
-    for stage in STAGES:
+    for stage in STAGE_NAMES:
         with suppress(StoreError, KeyError, FileNotFoundError):
             for record in journal(out / "store", stage):
                 if record and record["status"] == "done":

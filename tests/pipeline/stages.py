@@ -26,12 +26,13 @@ from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.exemplars import exemplars
 from tasks.engine.compute.connect import Serial
 from tasks.engine.fan_out import process_batch
-from tasks.engine.forecast import Due, due_of, what_is_due
+from tasks.engine.forecast import forecast_work
 from tasks.engine.outcome import Outcome, refused
+from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.run import Run
 from tasks.engine.run_key import run_of
 from tasks.stages.ingest.task import ingest_block
-from tasks.stages.order import KINDS, STAGES
+from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
 from tasks.stages.streets.redo import chosen_streets
 from tasks.stages.streets.task import texture_street
 from tests.pipeline.small_views import VIEW_SIZE
@@ -139,12 +140,12 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     run = run_of(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
-    said, outcome = what_is_due(run, block, outline).said, Outcome()
+    said, outcome = forecast_work(run, block, outline).said, Outcome()
     chosen = chosen_streets(run, only)
-    for kind in KINDS:
+    for kind in STAGES_IN_ORDER:
         if kind.units is not None:
             with sooner():
-                outcome += _do(run, due_of(run, block, kind), compute)
+                outcome += _do(run, find_pending_units(run, block, kind), compute)
         elif kind.part_of is None:
             for street in (s for wave in outline.waves for s in wave if chosen is None or s in chosen):
                 if outline.streets[street] == stop_before:
@@ -157,7 +158,7 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
 def started(out: Path) -> dict[tuple[str, str], float]:
     """When each unit that is done was begun, by stage and name."""
     group = _group(out)
-    return {(stage, r["unit"]): r["started"] for stage in STAGES for r in read_journal(group, stage) if r}
+    return {(stage, r["unit"]): r["started"] for stage in STAGE_NAMES for r in read_journal(group, stage) if r}
 
 
 def redone(before: dict[tuple[str, str], float], out: Path) -> set[tuple[str, str]]:
@@ -173,7 +174,7 @@ def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     placement = plan.scene.placement
     found = {}
     for chart, number in enumerate(plan.ids.tolist()):
-        one = TexelLayout.of(placement, [chart])
+        one = TexelLayout.of_charts(placement, [chart])
         colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, one) for name in ("colour", "provenance"))
         found[f"{number:016x}"] = (colour, provenance)
     return found
@@ -185,10 +186,10 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     return atlas_digest(group), latest_digests(read_journal(group, "surfaces"), [])
 
 
-def _do(run: Run, due: Due, compute: Serial) -> Outcome:
+def _do(run: Run, due: PendingUnits, compute: Serial) -> Outcome:
     outcome = Outcome(refused=refused(due.done))
-    if due.pieces and due.kind.function is not None:
-        outcome += process_batch.fn(run, due.kind.stage, "1", due.kind.function, due.pieces, compute)
+    if due.pieces and due.stage.function is not None:
+        outcome += process_batch.fn(run, due.stage.stage, "1", due.stage.function, due.pieces, compute)
     assert not outcome.failed, outcome.failed
     return outcome
 

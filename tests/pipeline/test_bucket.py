@@ -35,7 +35,7 @@ from flows.lock import locked
 from tasks.engine.compute.worker_setup import standing
 from tasks.engine.store.commits import begin, journal
 from tasks.published.prune import prune
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 from tests.bucket import SECRET, served
 from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.stages import VIEW_SIZE, write_block
@@ -134,7 +134,9 @@ def ended(process: subprocess.Popen[str]) -> tuple[dict[str, Any], str]:
 def done(out: S3Folder) -> list[str]:
     """The units that the store holds as done."""
     with suppress(FacadeError, KeyError, FileNotFoundError):
-        return [r["unit"] for stage in STAGES for r in journal(out / "store", stage) if r and r["status"] == "done"]
+        return [
+            r["unit"] for stage in STAGE_NAMES for r in journal(out / "store", stage) if r and r["status"] == "done"
+        ]
     return []
 
 
@@ -175,7 +177,7 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
         taken = call(main, ["import", str(runs.out), str(tmp_path / "a.gpkg")])
         assert said in taken.output
         walls.assign(is_facade=walls["id"] != facade).to_file(tmp_path / "a.gpkg", layer="facades")
-    assert read_corrections(runs.block).value(facade, "facade") is False
+    assert read_corrections(runs.block).corrected_value(facade, "facade") is False
     corrections_file(runs.block).unlink()
     refused = call(main, ["export", str(runs.out), "--format", "glb", "--building", "a"])
     assert refused.exit_code == 2

@@ -17,7 +17,7 @@ from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
 from facade_core.synth.facade import facade as paint
 from tasks.engine.store.commits import journal
-from tasks.engine.store.integrity import find_wounds
+from tasks.engine.store.integrity import find_lost_units
 from tasks.stages.publish.task import publish_block
 from tasks.viewing import Reader, picture_before
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
@@ -100,7 +100,7 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     with pytest.raises(InputError, match="no picture of how it was before"):
         picture_before(view, view.number(told.id["c"]))
     del open_root(session)[changed["before_file"]]
-    assert find_wounds(session) == {"facades": [view.number(told.id["a"])]}
+    assert find_lost_units(session) == {"facades": [view.number(told.id["a"])]}
     report = current(out).report
     text = (report / "index.html").read_text()
     assert "1 of 2 facades that two captures show changed" in text

@@ -79,7 +79,7 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
 
     # of a block by itself, as the viewer does, it goes to the same file
     Taker(out / "blocks" / of["h0"]).take([{"building_id": "h0", "levels": 2}], "said", who="ben")
-    assert {"h0", "h1", "h2-0"} == set(read_corrections(city).of)
+    assert {"h0", "h1", "h2-0"} == set(read_corrections(city).by_target)
     assert corrections_file(files[of["h0"]]) == store
     with pytest.raises(InputError, match=r"no block of the city in .* has h9"):
         import_corrections(out, said(tmp_path, {"building_id": "h9", "levels": 2}), who="anna")
@@ -95,11 +95,11 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
     (block,) = [read_block(one.file) for one in cut.blocks]
     assert {building.id: building.height for building in block.buildings} == {"h0": 7.0, "x": 9.5}
     assert {building.id: building.finish.wall_material for building in block.buildings} == {"h0": None, "x": "brick"}
-    assert set(block.corrections.of) == {"h0", "x"}
+    assert set(block.corrections.by_target) == {"h0", "x"}
     assert [one for one in cut.set_aside if one[0] == "correction"] == [
         ("correction", "h2-0", "corrected, and not in the city as it is: kept and not used")
     ]
-    assert {"h0", "h1", "h2-0"} == set(read_corrections(city).of)
+    assert {"h0", "h1", "h2-0"} == set(read_corrections(city).by_target)
 
 
 def test_corrections_beside_a_block_of_a_city_go_to_the_citys(tmp_path: Path) -> None:
@@ -109,5 +109,5 @@ def test_corrections_beside_a_block_of_a_city_go_to_the_citys(tmp_path: Path) ->
     (folder / "x0y0.corrections.jsonl").write_text(line)
     blocks = read_city(city, tmp_path / "out").blocks
     assert not list(folder.glob("*.jsonl"))
-    assert read_corrections(city).of["h0-0"]["facade"] == Correction("h0-0", "facade", False)
-    assert [set(read_block(one.file).corrections.of) for one in blocks] == [{"h0-0"}, set()]
+    assert read_corrections(city).by_target["h0-0"]["facade"] == Correction("h0-0", "facade", False)
+    assert [set(read_block(one.file).corrections.by_target) for one in blocks] == [{"h0-0"}, set()]

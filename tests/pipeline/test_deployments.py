@@ -25,7 +25,7 @@ from flows.block import flow_run_name
 from flows.lock import locked
 from flows.server.starting import free_port
 from tasks.engine.store.commits import journal
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 from tests.pipeline.deployed import (
     README,
     Site,
@@ -173,7 +173,7 @@ def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, Flow
     shown = artifacts(site, run.id)
     assert set(shown) == {"progress", "units", "facades", "failures", "viewer", "report", "outputs"}
     assert shown["progress"][0] == 100
-    records = [(stage, record["unit"]) for stage in STAGES for record in journal(out / "store", stage) if record]
+    records = [(stage, record["unit"]) for stage in STAGE_NAMES for record in journal(out / "store", stage) if record]
     rows = shown["units"][0]
     assert sorted((row["stage"], row["unit"]) for row in rows) == sorted([("ingest", "small"), *records])
     assert {row["status"] for row in rows} == {"done"}

@@ -22,7 +22,7 @@ def test_texels_come_with_the_viewpoints_and_end_as_they_are_stored(undisturbed:
     last = max((record for record in read_journal(group, "streets") if record), key=lambda record: record["wave"])
     street = last["unit"]
     first = after_viewpoint(out, street, 0)
-    count = len(first.plan.of_street([one.id for one in first.plan.streets].index(street)))
+    count = len(first.plan.street_viewpoints([one.id for one in first.plan.streets].index(street)))
     end = after_viewpoint(out, street, count - 1)
     assert first.charts() == end.charts()
     known = [int((moment.window.provenance > Provenance.UNSEEN).sum()) for moment in (first, end)]

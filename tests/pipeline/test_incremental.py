@@ -367,6 +367,6 @@ def _viewpoints_that_see(made: Textured, facade: str) -> set[str]:
     return {
         f"{plan.streets[street].id}/{step}"
         for street in range(len(plan.streets))
-        for step, viewpoint in enumerate(plan.of_street(street))
+        for step, viewpoint in enumerate(plan.street_viewpoints(street))
         if chart in plan.charts_of_viewpoint(viewpoint.id)
     }

@@ -17,7 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families as parsed
 
 from flows.cli.commands import main
 from tasks.engine.store.commits import journal
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 
 
 def test_metrics_are_those_of_the_journal(undisturbed: tuple[Path, dict[str, Any]]) -> None:
@@ -30,7 +30,7 @@ def test_metrics_are_those_of_the_journal(undisturbed: tuple[Path, dict[str, Any
         for sample in samples
         if sample.name == "streetloom_units"
     }
-    records = [(stage, record) for stage in STAGES for record in journal(out / "store", stage) if record]
+    records = [(stage, record) for stage in STAGE_NAMES for record in journal(out / "store", stage) if record]
     assert Counter(told) == Counter((stage, record["status"]) for stage, record in records)
     assert told["facades", "failed"] == 0, "it is there before anything failed"
     assert told["facades", "done"] == summary["facades_done"]

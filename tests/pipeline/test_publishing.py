@@ -29,10 +29,10 @@ from facade_core.atlas.stored_files import (
     read_stored_file,
     tile_paths,
 )
-from facade_core.export.models.glb import header_of, with_copyright
+from facade_core.export.models.glb import read_glb_header, replace_copyright
 from tasks.engine.compute.connect import Serial
 from tasks.engine.fan_out import process_batch
-from tasks.engine.forecast import due_of
+from tasks.engine.pending import find_pending_units
 from tasks.engine.run_key import run_of
 from tasks.engine.store.integrity import is_suspect, mend
 from tasks.engine.store.status import nothing_due, unpublished
@@ -138,10 +138,10 @@ def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tm
     shutil.rmtree(folder / "out" / "published")
     whole = current(seeded / "out")
     with whole.tile("375_6514").open("rb") as tile:
-        named = header_of(tile)[0]["asset"]["copyright"]
+        named = read_glb_header(tile)[0]["asset"]["copyright"]
 
     def as_published(data: bytes) -> bytes:
-        return with_copyright(data, named) if data.startswith(b"glTF") else data
+        return replace_copyright(data, named) if data.startswith(b"glTF") else data
 
     for lost in (whole.tile("375_6514"), whole.page(0)):
         chunks = (folder / "out" / "store" / "chunks").iterdir()
@@ -223,7 +223,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     session.commit("garbled")
     block = read_block(folder / "in" / "block.yaml")
     outcome = process_batch.fn(
-        made.run, "pictures", "1", PICTURES.function, due_of(made.run, block, PICTURES).pieces, Serial()
+        made.run, "pictures", "1", PICTURES.function, find_pending_units(made.run, block, PICTURES).pieces, Serial()
     )
     failed = dict(outcome.failed)
     assert failed["view above"] == "pages/0 is not as it was written; the next run makes it again"

@@ -13,7 +13,7 @@ from PIL import Image
 from facade_core.atlas.store import open_repository
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.overhead_view import raster_points
+from facade_core.geometry.overhead_view import texel_points
 from facade_core.plan.plan_tables import read_plan
 from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, texture, write_block
@@ -66,7 +66,7 @@ def test_roofs_hold_the_picture_where_it_reaches(above: tuple[Path, dict[str, An
         y, x = int(placement.y[chart]), int(placement.x[chart])
         at = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
         colour, provenance = group["atlas/colour"][at], group["atlas/provenance"][at]
-        points = raster_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
+        points = texel_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
         known = provenance == Provenance.PHOTO
         assert (points[..., 0][known] < reach).all()
         # a texel takes the mean of its own width of the picture
@@ -90,7 +90,7 @@ def test_the_others_take_the_material(above: tuple[Path, dict[str, Any], float])
         height, width = int(placement.height[chart]), int(placement.width[chart])
         y, x, page = int(placement.y[chart]), int(placement.x[chart]), int(placement.page[chart])
         box = (slice(y, y + height), slice(x, x + width))
-        points = raster_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
+        points = texel_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
         # so far from the picture's edge nothing is levelled to it
         bare = (group["atlas/provenance"][(page, *box)] <= Provenance.TRANSLATED) & (points[..., 0] > reach + 10)
         red, green, blue = np.asarray(Image.open(pages[page]))[box][bare].astype(int).T

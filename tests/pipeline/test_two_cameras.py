@@ -86,7 +86,7 @@ def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_
     (ground,) = taken
     assert {name for name, *_ in ground["cameras"]} == {"a-1.jpg", "a-2.jpg"}
     chart = int(np.flatnonzero(plan.ids == int(ground["unit"].removeprefix("ground-"), 16))[0])
-    one = TexelLayout.of(plan.scene.placement, [chart])
+    one = TexelLayout.of_charts(plan.scene.placement, [chart])
     seed, evidence = (read_rasters(group[f"atlas/{name}"], plan.scene.placement, one) for name in SEEDED)
     shown = evidence == Provenance.PHOTO
     assert shown.mean() > 0.2

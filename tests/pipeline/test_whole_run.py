@@ -26,7 +26,7 @@ from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.store.commits import journal
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.redo import street_chunks
 from tests.pipeline import stages
@@ -53,7 +53,7 @@ def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> N
     out, summary = undisturbed
     session = open_repository(out / "store").readonly_session("main")
     group, placement = zarr.open_group(session.store, mode="r"), read_plan(session).scene.placement
-    charts = TexelLayout.of(placement, range(len(placement.page)))
+    charts = TexelLayout.of_charts(placement, range(len(placement.page)))
     colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, charts) for name in ("colour", "provenance"))
     assert set(np.unique(provenance)) == {
         Provenance.MATERIAL,
@@ -72,7 +72,7 @@ def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> No
     plan = read_plan(open_repository(out / "store").readonly_session("main"))
     streets, viewpoints = (journal(out / "store", stage) for stage in ("streets", "viewpoints"))
     ends = [record["started"] + sum(record["seconds"].values()) for record in streets if record]
-    begins = [min(viewpoints[v.id]["started"] for v in plan.of_street(street)) for street in range(len(streets))]
+    begins = [min(viewpoints[v.id]["started"] for v in plan.street_viewpoints(street)) for street in range(len(streets))]
     chunks = [street_chunks(plan, street) for street in range(len(streets))]
     pairs = [
         (first, then)
@@ -169,7 +169,7 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
     can = subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
     alone = run(block, tmp_path / "out", workers=1, within=ALONE if can else (), program=TYPED)
     assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
-    for stage in STAGES:  # of a record, too, only the fields listed as volatile may differ
+    for stage in STAGE_NAMES:  # of a record, too, only the fields listed as volatile may differ
         one, two = (
             [{k: v for k, v in (r or {}).items() if k not in VOLATILE_FIELDS} for r in journal(out / "store", stage)]
             for out in (undisturbed[0], tmp_path / "out")

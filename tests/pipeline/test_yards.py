@@ -24,7 +24,7 @@ def test_a_wall_on_a_yard_is_taken_from_who_stands_there(tmp_path: Path) -> None
     )
     texture(block_file, out)
     plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
-    south = plan.scene.charts.normal()[plan.facades.chart][:, 1] < -0.9
+    south = plan.scene.charts.normals()[plan.facades.chart][:, 1] < -0.9
     assert plan.facades.role[south].tolist() == [BACK]
     source = {r["unit"]: r["source"] for r in journal(out / "store", "facades") if r}
     taken = {name for name, wall in zip(plan.facades.id, south.tolist(), strict=True) if wall}

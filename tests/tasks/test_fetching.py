@@ -198,4 +198,4 @@ def test_a_real_panoramax_answers(tmp_path: Path) -> None:
     """One that `python -m benchmarks.panoramax --fill` filled with the panoramas of the data folder."""
     found: Fetched = fetch_for_box((7.0, 48.0, 8.0, 49.0), tmp_path / "p", service_of(_real_server()))
     assert (found.offered, found.missing, found.faults) == (13, 0, ())
-    assert {one.licence for one in found.account.kept.values()} == {"etalab-2.0"}
+    assert {one.licence for one in found.account.pictures.values()} == {"etalab-2.0"}

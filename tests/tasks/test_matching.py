@@ -41,7 +41,7 @@ def block_file(painted: tuple[SyntheticStreet, np.ndarray, np.ndarray, float], t
     street, photo, place, heading = painted
     charts = street.scene.charts
     (w0, h0), (w1, h1) = (charts.size[chart] for chart in street.charts[:2])
-    normal, along = charts.normal()[street.charts[0]], charts.axis_u[street.charts[0]]
+    normal, along = charts.normals()[street.charts[0]], charts.axis_u[street.charts[0]]
     from_corner = np.append(place, 0.0) - charts.origin[street.charts[0]]
     right, before = float(from_corner @ along), float(from_corner @ normal)
     turned = (heading - float(np.degrees(np.arctan2(-normal[0], -normal[1])))) % 360

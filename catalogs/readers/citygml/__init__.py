@@ -1,1 +1,1 @@
-"""CityGML, read as a stream."""
+"""Streaming reader of CityGML."""

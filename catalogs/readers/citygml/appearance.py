@@ -1,4 +1,4 @@
-"""Photo textures of CityGML: which picture lies on a ring, and where on the picture its corners are."""
+"""Photo textures of CityGML: the picture of each ring and its texture coordinates."""
 
 from __future__ import annotations
 
@@ -10,8 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
 from catalogs.readers.citygml.stream import parse_numbers
+from catalogs.readers.referenced_files import (
+    OUTSIDE_FOLDER_REASON,
+    filename_variants,
+    find_referenced_file,
+    is_outside_folder,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -19,22 +24,27 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class CityGmlAppearance:
-    """The textures of a file.
+    """Textures of a file.
 
-    targets: ring id -> (rank of its theme, picture, texture coordinates as text); pictures: by the URI as written, None where
-    there is none; used: pictures that faces show -> their indices; matrices: surfaces textured by a matrix.
+    Attributes
+    ----------
+    path : CityGML file.
+    ring_textures : (rank of the theme, picture, texture coordinates as text) by ring id.
+    pictures : file by URI as written, None where it is missing.
+    texture_indices : index of each picture that faces use.
+    matrix_count : number of surfaces textured by a matrix.
     """
 
     path: Path
-    targets: dict[str, tuple[tuple[bool, str], Path, str]] = field(default_factory=dict)
+    ring_textures: dict[str, tuple[tuple[bool, str], Path, str]] = field(default_factory=dict)
     pictures: dict[str, Path | None] = field(default_factory=dict)
-    used: dict[Path, int] = field(default_factory=dict)
-    matrices: int = 0
+    texture_indices: dict[Path, int] = field(default_factory=dict)
+    matrix_count: int = 0
 
 
 def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -> None:
-    """Enter a ParameterizedTexture; a ring that has one keeps that of the theme rgbTexture, else of the first by name."""
-    appearance.matrices += sum(1 for _ in texture.iter("{*}TexCoordGen"))
+    """Add a ParameterizedTexture; rings prefer the theme rgbTexture, else the first theme by name."""
+    appearance.matrix_count += sum(1 for _ in texture.iter("{*}TexCoordGen"))
     uri = (texture.findtext("{*}imageURI") or "").strip()
     if uri not in appearance.pictures:
         appearance.pictures[uri] = find_referenced_file(appearance.path, *filename_variants(uri))
@@ -51,16 +61,26 @@ def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -
             rings = [ring.text for ring in coordinates.findall("{*}ring")]
         for ring, text in zip(rings, texts, strict=False):
             name = (ring or "").strip().rpartition("#")[2]
-            if name not in appearance.targets or rank < appearance.targets[name][0]:
-                appearance.targets[name] = (rank, picture, text.text or "")
+            if name not in appearance.ring_textures or rank < appearance.ring_textures[name][0]:
+                appearance.ring_textures[name] = (rank, picture, text.text or "")
 
 
-def face_texture(rings: Mapping[str, np.ndarray], appearance: CityGmlAppearance) -> tuple[int | None, list[np.ndarray] | None]:
-    """A face's texture (-1 without, None where its coordinates do not fit) and its coordinates by ring, (n, 2) each.
+def face_texture(
+    rings: Mapping[str, np.ndarray], appearance: CityGmlAppearance
+) -> tuple[int | None, list[np.ndarray] | None]:
+    """Return the texture index of a face and the coordinates (n, 2) of each ring.
 
-    rings: by id, the outer one first, (n, 3) each without the closing point.
+    Parameters
+    ----------
+    rings : (n, 3) vertices by ring id without the closing point, the outer ring first.
+    appearance : textures of the file; a new picture gets an index.
+
+    Returns
+    -------
+    index : -1 without a texture, None where the coordinates do not fit.
+    uv : coordinates by ring, or None.
     """
-    targets = [appearance.targets.get(ring) for ring in rings]
+    targets = [appearance.ring_textures.get(ring) for ring in rings]
     if targets[0] is None:
         return -1, None
     picture, uv = targets[0][1], []
@@ -69,18 +89,22 @@ def face_texture(rings: Mapping[str, np.ndarray], appearance: CityGmlAppearance)
         if len(numbers) // 2 - len(ring) not in (0, 1) or not np.isfinite(numbers).all():
             return None, None
         uv.append(np.array(numbers[: 2 * len(ring)]).reshape(-1, 2))
-    return appearance.used.setdefault(picture, len(appearance.used)), uv
+    return appearance.texture_indices.setdefault(picture, len(appearance.texture_indices)), uv
 
 
 def appearance_remarks(appearance: CityGmlAppearance) -> list[Remark]:
-    """What is said of a file whose textures are all entered."""
+    """Return the remarks on a file after all its textures were added."""
     file, remarks = appearance.path.name, []
     missing = [uri for uri, picture in appearance.pictures.items() if picture is None]
     if missing:
         text = f"{len(missing)} of {len(appearance.pictures)} of {file}, the first {missing[0]}"
         remarks.append(Remark(text, "texture pictures that are not there, surfaces left untextured", None))
-    remarks += [Remark(uri, OUTSIDE_FOLDER_REASON, None) for uri in missing if is_outside_folder(appearance.path, *filename_variants(uri))]
-    if appearance.matrices:
-        text = f"{appearance.matrices} of {file}"
+    remarks += [
+        Remark(uri, OUTSIDE_FOLDER_REASON, None)
+        for uri in missing
+        if is_outside_folder(appearance.path, *filename_variants(uri))
+    ]
+    if appearance.matrix_count:
+        text = f"{appearance.matrix_count} of {file}"
         remarks.append(Remark(text, "textures placed by a matrix instead of coordinates ignored", None))
     return remarks

@@ -1,4 +1,4 @@
-"""Buildings out of CityGML 1.0, 2.0 and 3.0 files, one at a time: shells with their semantics and photo textures."""
+"""Buildings of CityGML 1.0, 2.0 and 3.0, read one at a time: shells with semantics and photo textures."""
 
 from __future__ import annotations
 
@@ -13,12 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.broken import fault_reason
 from catalogs.features import BuildingModel, BuildingModels, Fault, Remark, make_unique_id
+from catalogs.reader_errors import fault_reason
 from catalogs.readers.axes import Axes, resolve_axes
-from catalogs.readers.citygml.appearance import CityGmlAppearance, add_parameterized_texture, appearance_remarks, face_texture
-from catalogs.readers.citygml.stream import iterate_elements, gml_id, local_name, parse_numbers
-from catalogs.readers.citygml.surfaces import select_surfaces, polygon_rings, collect_building_units
+from catalogs.readers.citygml.appearance import (
+    CityGmlAppearance,
+    add_parameterized_texture,
+    appearance_remarks,
+    face_texture,
+)
+from catalogs.readers.citygml.stream import gml_id, iterate_elements, local_name, parse_numbers
+from catalogs.readers.citygml.surfaces import collect_building_units, polygon_rings, select_surfaces
 from catalogs.readers.faces import Face, triangulate_faces
 from facade_core.core.errors import GeometryError, InputError
 
@@ -34,7 +39,10 @@ _SurfaceRings = tuple[dict[str, np.ndarray], bool, str | None]
 
 @dataclass(slots=True)
 class _ReaderState:
-    """What a first pass finds, and what the reading of buildings adds to it. axes: by the name of the frame."""
+    """State of the reader of a file: results of the first pass, updated by each building.
+
+    axes: axes by the name of the coordinate system.
+    """
 
     path: Path
     appearance: CityGmlAppearance
@@ -45,10 +53,19 @@ class _ReaderState:
 
 
 def read_citygml(path: Path, lod: str | None = None) -> BuildingModels:
-    """Every building of a file (.gml, .xml, either gzipped), in document order, parts and outer installations included.
+    """Read all buildings of a file (.gml, .xml, also gzipped) in document order.
 
-    lod: "1" to "4" picks a level of detail, else the nearest lower one that a building has, else the nearest higher; None
-    takes each building's highest. Raises InputError where the file is no well-formed CityGML.
+    Building parts and outer installations are included.
+
+    Parameters
+    ----------
+    path : file.
+    lod : "1" to "4", else the nearest lower level of a building, else the nearest higher; None for the highest of each.
+
+    Raises
+    ------
+    InputError
+        Where the file is no well-formed CityGML.
     """
     if lod is not None and not re.fullmatch(r"[0-4](\.\d)?", lod):
         raise InputError(f"{path}: LoD {lod!r} is not known; give one of 1, 2, 3 and 4")
@@ -61,7 +78,7 @@ def read_citygml(path: Path, lod: str | None = None) -> BuildingModels:
         try:
             axes, model = _read_building(building, id, None if lod is None else int(lod[0]), reading)
             frame = frame or axes
-            if axes.horizontal != frame.horizontal:
+            if axes.horizontal_crs != frame.horizontal_crs:
                 raise GeometryError(f"it is in {axes.crs}, the buildings before it in {frame.crs}; reproject it")
             models.append(model)
         except GeometryError as reason:
@@ -71,11 +88,13 @@ def read_citygml(path: Path, lod: str | None = None) -> BuildingModels:
         except Exception as error:  # whatever it holds, the others are read
             faults.append(Fault(id, "building", f"{path.name}: {fault_reason(error)}"))
     crs = frame.crs if frame else _building_axes(None, np.empty((0, 3)), reading).crs
-    return BuildingModels(crs, tuple(models), tuple(reading.appearance.used), tuple(reading.remarks), tuple(faults))
+    return BuildingModels(
+        crs, tuple(models), tuple(reading.appearance.texture_indices), tuple(reading.remarks), tuple(faults)
+    )
 
 
 def _scan_file(path: Path) -> _ReaderState:
-    """The first pass: texture coordinates (they may stand behind the buildings), the file's frame, and whether it is sound."""
+    """Read texture coordinates, which may follow the buildings, and the coordinate system, and check the root element."""
     reading = _ReaderState(path, CityGmlAppearance(path))
     known = False
     for element in iterate_elements(path, ("Envelope", "ParameterizedTexture", "CityModel", "Building")):
@@ -95,37 +114,39 @@ def _scan_file(path: Path) -> _ReaderState:
     return reading
 
 
-def _read_building(building: Element, id: str, requested_lod: int | None, reading: _ReaderState) -> tuple[Axes, BuildingModel]:
+def _read_building(
+    building: Element, id: str, requested_lod: int | None, reading: _ReaderState
+) -> tuple[Axes, BuildingModel]:
     units, dangling = collect_building_units(building)
     if dangling:
         reading.remarks.append(Remark(id, "buildings with references that lead out of them, not followed", None))
     surfaces, lod = select_surfaces(units, requested_lod)
     if requested_lod not in (None, lod):
         reading.remarks.append(Remark(id, f"buildings without LoD {requested_lod} read at LoD {lod}", None))
-    outlines = [(polygon_rings(surface.polygon), surface.turned, surface.semantic) for surface in surfaces]
+    outlines = [(polygon_rings(surface.polygon), surface.is_reversed, surface.semantic) for surface in surfaces]
     points = np.concatenate([ring for rings, _, _ in outlines for ring in rings.values()] or [np.empty((0, 3))])
     axes = _building_axes(building, points, reading)
-    shell = triangulate_faces(_build_faces(outlines, axes, id, reading), axes.scale)
+    shell = triangulate_faces(_build_faces(outlines, axes, id, reading), axes.metres_per_unit)
     if shell is None:
         raise GeometryError("its surfaces enclose no area; repair or delete it")
     levels = _stated_number(building, "{*}storeysAboveGround")
     return axes, BuildingModel(
         id,
         shell,
-        height=_stated_number(building, "{*}measuredHeight", "{*}Height", unit=axes.vertical),
+        height=_stated_number(building, "{*}measuredHeight", "{*}Height", unit=axes.metres_per_height_unit),
         levels=levels if levels is not None and levels < _MAX_LEVELS else None,
         name=(building.findtext("{*}name") or "").strip() or None,
     )
 
 
 def _build_faces(outlines: Sequence[_SurfaceRings], axes: Axes, id: str, reading: _ReaderState) -> list[Face]:
-    """The faces seen from outside, each once, with their textures."""
+    """Return the faces in outward orientation, each once, with textures."""
     faces, misfit, known = [], False, set()
     for named, turned, semantic in sorted(outlines, key=lambda outline: outline[2] is None):
         if not named:
             continue
-        rings = [axes.applied(ring) for ring in named.values()]
-        corners = (rings[0] * (*axes.scale, 1.0)).round(3) + 0.0
+        rings = [axes.to_east_north_up(ring) for ring in named.values()]
+        corners = (rings[0] * (*axes.metres_per_unit, 1.0)).round(3) + 0.0
         key = corners[np.lexsort(corners.T)].tobytes()
         repeated = semantic is None and key in known  # by a solid that does not refer to the surfaces of its boundary
         known.add(key)
@@ -143,9 +164,9 @@ def _build_faces(outlines: Sequence[_SurfaceRings], axes: Axes, id: str, reading
 
 
 def _stated_number(building: Element, *tags: str, unit: float = 1.0) -> float | None:
-    """The greatest positive figure of the building, else of its parts; None where none is stated in metres.
+    """Return the largest positive number of the building, else of its parts; None without one in metres.
 
-    unit: metres in one of a figure without a unit of its own.
+    unit: metres per unit of a number without a unit of measure.
     """
     own: list[float] = []
     parts: list[float] = []
@@ -160,7 +181,7 @@ def _stated_number(building: Element, *tags: str, unit: float = 1.0) -> float | 
 
 
 def _building_axes(building: Element | None, points: np.ndarray, reading: _ReaderState) -> Axes:
-    """How to read a building's coordinates; the first building in a frame decides on the order of its axes."""
+    """Return the axes of a building; the first building of a coordinate system decides on their order."""
     own = "" if building is None else building.xpath("string((.//@srsName)[1])")
     reading.frame = reading.frame or own
     name = own or reading.frame or ""
@@ -175,10 +196,10 @@ def _building_axes(building: Element | None, points: np.ndarray, reading: _Reade
 
 
 def _approximate_location(building: Element, reading: _ReaderState) -> shapely.Point | None:
-    """Where a building is that is set aside: the median of the positions that can be read."""
+    """Return the median of the readable positions of a building."""
     lists = [parse_numbers(positions.text)[:3] for positions in building.iter("{*}posList", "{*}pos")]
     points = np.array([numbers for numbers in lists if len(numbers) == 3 and np.isfinite(numbers).all()])
     if len(points) == 0:
         return None
     middle = np.median(points, axis=0)[None]
-    return shapely.Point(_building_axes(building, points, reading).applied(middle)[0, :2])
+    return shapely.Point(_building_axes(building, points, reading).to_east_north_up(middle)[0, :2])

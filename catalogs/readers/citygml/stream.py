@@ -1,6 +1,6 @@
-"""CityGML as a stream of elements, so that a city of any size needs the memory of one building.
+"""Stream of CityGML elements, which needs the memory of one building for a city of any size.
 
-Names are matched without their namespaces, so one reader serves GML 3.1.1 and 3.2 and every version of CityGML.
+Names are matched without namespaces, so that one reader covers GML 3.1.1 and 3.2 and every version of CityGML.
 """
 
 from __future__ import annotations
@@ -25,10 +25,19 @@ _MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO = 32 * 2**20, 40
 
 
 def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
-    """Elements of these local names as they end; buildings and members are cleared when the next is asked for.
+    """Yield elements of the local names as they end; buildings and members are cleared afterwards.
 
-    path: a file, gzipped or not. Prefixes without a namespace are common in attributes that do not matter here, hence the
-    recovery: every other flaw is an InputError.
+    The parser runs in recovery mode, since prefixes without a namespace are common in irrelevant attributes.
+
+    Parameters
+    ----------
+    path : file, also gzipped.
+    names : local names.
+
+    Raises
+    ------
+    InputError
+        Where the file is not well-formed, declares a DTD, or exceeds the limits.
     """
     from lxml import etree
 
@@ -48,7 +57,7 @@ def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
                 if local_name(element) in names:
                     yield element
                 if local_name(element) in _MEMBER_NAMES:
-                    stream.begin()
+                    stream.start_member()
                     element.clear()
                     parent = element.getparent()
                     while parent is not None and parent[0] is not element:
@@ -62,15 +71,15 @@ def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
 
 
 class _BoundedFile:
-    """A file, gzipped or not, that refuses to be read where it is meant to fill the memory."""
+    """File wrapper that limits the size in memory and after decompression."""
 
     def __init__(self, file: IO[bytes], path: Path) -> None:
         self._file, self._path = file, path
         self._total = self._bytes = self._tags = 0
         self._most = max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
 
-    def begin(self) -> None:
-        """What was read so far is not held any more."""
+    def start_member(self) -> None:
+        """Reset the counters of bytes and tags in memory."""
         self._bytes = self._tags = 0
 
     def read(self, size: int) -> bytes:
@@ -92,12 +101,12 @@ def local_name(element: Element) -> str:
 
 
 def gml_id(element: Element) -> str:
-    """The gml:id of an element, empty where it has none."""
+    """Return the gml:id of an element, empty without one."""
     return next((id for key in _ID_ATTRIBUTES if (id := element.get(key))), "")
 
 
 def parse_numbers(text: str | None) -> list[float]:
-    """Numbers of a list; NaN where one of them is none."""
+    """Return the numbers of a list; [NaN] where one of them is invalid."""
     try:
         return [float(number) for number in (text or "").replace(",", " ").split()]
     except ValueError:

@@ -1,4 +1,4 @@
-"""The surfaces of a CityGML building: its parts and their semantics, the level of detail to read, polygons and rings."""
+"""Surfaces of a CityGML building: parts and semantics, selection of the level of detail, polygons and rings."""
 
 from __future__ import annotations
 
@@ -36,24 +36,31 @@ _NAMESPACES = {
 
 @dataclass(frozen=True, slots=True)
 class CityGmlSurface:
-    """A polygon; turned: it faces the other way; semantic: one of SEMANTICS, "inside" for those not to be read, or None."""
+    """Polygon of a building.
+
+    Attributes
+    ----------
+    polygon : XML element.
+    is_reversed : True where the polygon faces the other way.
+    semantic : member of SEMANTICS, "inside" for surfaces to skip, or None.
+    """
 
     polygon: Element
-    turned: bool
+    is_reversed: bool
     semantic: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingUnit:
-    """The building, a part or an outer installation of it, with its surfaces by LoD."""
+    """Building, building part or outer installation, with its surfaces by level of detail."""
 
     kind: str
-    surfaces: dict[int, list[CityGmlSurface]] = field(default_factory=dict)
+    surfaces_by_lod: dict[int, list[CityGmlSurface]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class _Geometry:
-    """A property that holds a geometry of one LoD; unit: the index of whose it is."""
+    """Geometry property of one level of detail; unit is the index of its owner."""
 
     member: Element
     unit: int
@@ -62,7 +69,10 @@ class _Geometry:
 
 
 def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool]:
-    """The building, its parts and outer installations, each polygon in one of them; whether a reference leads out of it."""
+    """Return the building, its parts and outer installations, and whether references lead out of the building.
+
+    Each polygon is in one unit. Thematic surfaces precede the solids that refer to their polygons.
+    """
     references = building.xpath(".//@x:href", namespaces=_NAMESPACES)
     ids = {gml_id(e): e for e in building.xpath(".//*[@g:id or @h:id]", namespaces=_NAMESPACES)} if references else {}
     kinds, geometries = _collect_geometries(building, ids)
@@ -75,12 +85,14 @@ def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool]
             if (geometry.lod, polygon) not in taken:
                 taken.add((geometry.lod, polygon))
                 semantic = semantics.setdefault(polygon, geometry.semantic)
-                units[geometry.unit].surfaces.setdefault(geometry.lod, []).append(CityGmlSurface(polygon, turned, semantic))
+                units[geometry.unit].surfaces_by_lod.setdefault(geometry.lod, []).append(
+                    CityGmlSurface(polygon, turned, semantic)
+                )
     return units, any(name.startswith("#") and name[1:] not in ids for name in references)
 
 
 def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str], list[_Geometry]]:
-    """The kind of each unit, the building's own first, and every geometry outside of the building's rooms."""
+    """Return the kind of each unit, that of the building first, and all geometries outside rooms."""
     kinds, geometries, visited = ["building"], [], set()
     features: list[tuple[Element, int, str | None]] = [(building, 0, None)]
     for feature, unit, semantic in features:  # grows on the way
@@ -93,7 +105,9 @@ def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[
             if match := _LOD_TAG.fullmatch(name):
                 geometries.append(_Geometry(member, unit, int(match[1]), semantic))
             elif name in _BOUNDARY_TAGS:
-                features += [(s, unit, SURFACE_SEMANTICS.get(local_name(s), "unknown")) for s in _resolve_targets(member, ids)]
+                features += [
+                    (s, unit, SURFACE_SEMANTICS.get(local_name(s), "unknown")) for s in _resolve_targets(member, ids)
+                ]
             elif name in _UNIT_KINDS:
                 for part in _resolve_targets(member, ids):
                     kinds.append(_UNIT_KINDS[name])
@@ -102,13 +116,13 @@ def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[
 
 
 def _resolve_targets(member: Element, ids: Mapping[str, Element]) -> list[Element]:
-    """What a property holds, or what of its building it refers to."""
+    """Return the children of a property, or the element of the building that it refers to."""
     target = ids.get(member.get(_HREF, "").removeprefix("#"))
     return [*member.iterchildren("{*}*")] if target is None else [target]
 
 
 def _iterate_polygons(member: Element, ids: Mapping[str, Element]) -> Iterator[tuple[Element, bool]]:
-    """Each polygon of a geometry once, and whether it is turned over; a solid's cavities are left out."""
+    """Yield each polygon of a geometry once, and whether it is reversed; cavities of solids are skipped."""
     stack, visited = [(member, False)], set()
     while stack:
         element, turned = stack.pop()
@@ -122,37 +136,52 @@ def _iterate_polygons(member: Element, ids: Mapping[str, Element]) -> Iterator[t
 
 
 def select_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None) -> tuple[list[CityGmlSurface], int]:
-    """The surfaces to read and their LoD: parts without it at their nearest, installations at none above it.
+    """Return the surfaces to read and their level of detail.
 
-    asked: 0 to 4, None for the highest. Raises GeometryError where there is none above LoD 0.
+    Parts without the level use their nearest; installations use none above it.
+
+    Parameters
+    ----------
+    units : units of one building.
+    requested_lod : 0 to 4, None for the highest.
+
+    Raises
+    ------
+    GeometryError
+        Where there is no level above 0.
     """
-    lods = {lod for unit in units for lod in unit.surfaces if unit.kind != "installation"}
+    lods = {lod for unit in units for lod in unit.surfaces_by_lod if unit.kind != "installation"}
     if not lods:
         raise GeometryError("it has no geometry; add a LoD 1 to 3 model or delete it")
     if lods == {0}:
         raise GeometryError("it has a footprint only (LoD 0); export it at LoD 1 or above")
     chosen = _nearest_lod(lods, 4 if requested_lod is None else requested_lod)
-    whole = chosen in units[0].surfaces
+    whole = chosen in units[0].surfaces_by_lod
     found = []
     for unit in units:
-        lod = _nearest_lod(unit.surfaces, chosen)
+        lod = _nearest_lod(unit.surfaces_by_lod, chosen)
         # a part's hull must not be added to a building that is there as a whole, nor the whole's hull to its parts
         coarser = (unit.kind == "part" and not whole) or (unit.kind == "installation" and lod < chosen)
         if lod == chosen or (lod and coarser):
-            found += unit.surfaces[lod]
+            found += unit.surfaces_by_lod[lod]
     return found, chosen
 
 
 def _nearest_lod(lods: Collection[int], requested: int) -> int:
-    """The LoD asked for, else the nearest lower, else the nearest higher; 0 where there is none."""
+    """Return the requested level, else the nearest lower, else the nearest higher; 0 without any."""
     lower = [lod for lod in lods if 0 < lod <= requested]
     return max(lower) if lower else min((lod for lod in lods if lod > 0), default=0)
 
 
 def polygon_rings(polygon: Element) -> dict[str, np.ndarray]:
-    """Rings by id, the outer one first, (n, 3) as stated but for the closing point; none where it has no outer ring.
+    """Return the rings (n, 3) by id without the closing point, the outer ring first.
 
-    Raises GeometryError where coordinates are not three finite numbers each.
+    The result is empty without an outer ring.
+
+    Raises
+    ------
+    GeometryError
+        Where coordinates are not three finite numbers each.
     """
     rings: dict[str, np.ndarray] = {}
     for number, boundary in enumerate(polygon.iterchildren(*_RING_TAGS)):

@@ -1,1 +1,1 @@
-"""CityJSON, whole files and sequences."""
+"""Reader of CityJSON files and sequences."""

@@ -1,4 +1,4 @@
-"""Buildings out of CityJSON 1.0, 1.1 and 2.0, whole files and sequences: shells with their semantics and own textures."""
+"""Buildings of CityJSON 1.0, 1.1 and 2.0 files and sequences: shells with semantics and textures."""
 
 from __future__ import annotations
 
@@ -13,28 +13,37 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.broken import fault_reason
 from catalogs.features import BuildingModel, BuildingModels, Fault, Remark, make_unique_id
+from catalogs.reader_errors import fault_reason
 from catalogs.readers.axes import Axes, resolve_axes
-from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
-from catalogs.readers.cityjson.parts import Lod, group_building_objects, format_lod, parse_lod, select_geometries
+from catalogs.readers.cityjson.parts import Lod, format_lod, group_building_objects, parse_lod, select_geometries
 from catalogs.readers.cityjson.surfaces import CityJsonAppearance, extract_faces, place_template
-from catalogs.readers.cityjson.values import as_list, as_mapping, parse_number, parse_points, apply_transform
+from catalogs.readers.cityjson.values import apply_transform, as_list, as_mapping, parse_number, parse_points
 from catalogs.readers.faces import Face, triangulate_faces
 from catalogs.readers.json_text import is_json_lines, load_json, parse_json
+from catalogs.readers.referenced_files import (
+    OUTSIDE_FOLDER_REASON,
+    filename_variants,
+    find_referenced_file,
+    is_outside_folder,
+)
 from facade_core.core.errors import GeometryError, InputError
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
 _MIN_MODEL_HEIGHT_M = 0.01  # m
-_MAX_HEIGHT_M, _MAX_GROUND_HEIGHT_M, _MAX_LEVELS = 1500.0, 9000.0, 200.0  # m, m; beyond them is a code for unknown, such as 9999
+_MAX_HEIGHT_M, _MAX_GROUND_HEIGHT_M, _MAX_LEVELS = (
+    1500.0,
+    9000.0,
+    200.0,
+)  # m, m; beyond them is a code for unknown, such as 9999
 
 
 @dataclass(slots=True)
 class _ReaderState:
-    """What the head of a file says, and what is found in it. pictures: path as written -> index in shells so far."""
+    """Head of a file and the results so far; pictures: index by path as written."""
 
     path: Path
-    asked: Lod | None
+    requested_lod: Lod | None
     head: Mapping[str, Any]
     axes: Axes | None = None
     pictures: dict[str, int] = field(default_factory=dict)
@@ -45,11 +54,20 @@ class _ReaderState:
 
 
 def read_cityjson(path: Path, lod: str | None = None) -> BuildingModels:
-    """Every building of a CityJSON file or CityJSONSeq, in the order of the file, its parts and installations included.
+    """Read all buildings of a CityJSON file or CityJSONSeq in file order, with parts and installations.
 
-    lod: "2.2", or "2" for the highest of 2.x, picks a level of detail, else the nearest lower one that a building has, else the
-    nearest higher; None takes each building's highest. A sequence is read line by line.
-    Raises InputError where the file is no CityJSON of a version that is read.
+    A sequence is read line by line.
+
+    Parameters
+    ----------
+    path : file.
+    lod : "2.2", or "2" for the highest of 2.x, else the nearest lower level of a building, else the nearest higher; None for
+        the highest of each.
+
+    Raises
+    ------
+    InputError
+        Where the file is no CityJSON of a supported version.
     """
     if not is_json_lines(path):
         return parse_cityjson(load_json(path), path, lod)
@@ -72,7 +90,14 @@ def read_cityjson(path: Path, lod: str | None = None) -> BuildingModels:
 
 
 def parse_cityjson(document: Any, path: Path, lod: str | None = None) -> BuildingModels:
-    """As read_cityjson, for a document that is read already; path: its file, which textures are looked for beside."""
+    """Return the buildings of a parsed document, as read_cityjson does.
+
+    Parameters
+    ----------
+    document : parsed JSON.
+    path : file of the document, next to which textures are searched.
+    lod : level of detail, as in read_cityjson.
+    """
     reading = _check_head(document, path, lod)
     _read_document(reading.head, reading)
     return _collect_models(reading)
@@ -104,7 +129,7 @@ def _check_head(head: Any, path: Path, lod: str | None, *, sequence: bool = Fals
 
 
 def _read_line(line: bytes, number: int, reading: _ReaderState) -> None:
-    """One feature of a sequence; a broken one is set aside."""
+    """Read one feature of a sequence; a broken one becomes a fault."""
     try:
         document = parse_json(line, f"{reading.path.name}, line {number}")
     except InputError as error:
@@ -121,10 +146,10 @@ def _read_line(line: bytes, number: int, reading: _ReaderState) -> None:
 
 
 def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
-    """The buildings of a file, or of one feature of a sequence."""
+    """Read the buildings of a file, or of one feature of a sequence."""
     corners = apply_transform(parse_points(document.get("vertices")), reading.head.get("transform"))
     reading.axes = axes = reading.axes or _document_axes(corners, reading)
-    points = axes.applied(corners) if axes else corners
+    points = axes.to_east_north_up(corners) if axes else corners
     store = as_mapping(reading.head.get("geometry-templates"))
     templates = as_list(store.get("templates"))
     template_points = parse_points(store.get("vertices-templates"))
@@ -134,7 +159,9 @@ def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
         if geometry["type"] != "GeometryInstance":
             return extract_faces(geometry, points, appearance)
         moved = place_template(geometry, template_points, corners)
-        return extract_faces(templates[geometry["template"]], axes.applied(moved) if axes else moved, appearance)
+        return extract_faces(
+            templates[geometry["template"]], axes.to_east_north_up(moved) if axes else moved, appearance
+        )
 
     objects: dict[str, Mapping[str, Any]] = {}
     for id, thing in as_mapping(document.get("CityObjects")).items():
@@ -145,8 +172,12 @@ def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
     for root, ids in group_building_objects(objects):
         id = make_unique_id(root, reading.ids, reading.remarks, reading.path)
         try:
-            pieces, other = select_geometries(ids, objects, templates, reading.asked)
-            faces = [face for geometries in pieces for face in _merge_geometries([placed(g) for g in _sort_richest_first(geometries)])]
+            pieces, other = select_geometries(ids, objects, templates, reading.requested_lod)
+            faces = [
+                face
+                for geometries in pieces
+                for face in _merge_geometries([placed(g) for g in _sort_richest_first(geometries)])
+            ]
             model = _build_model(id, faces, [objects[i] for i in ids], axes or Axes())
         except GeometryError as reason:
             place = _bounding_box([objects[i] for i in ids], points)
@@ -156,14 +187,16 @@ def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}"))
             continue
         reading.models.append(model)
-        if other is not None and reading.asked is not None:
-            asked = format_lod(reading.asked)
+        if other is not None and reading.requested_lod is not None:
+            asked = format_lod(reading.requested_lod)
             outline = shapely.box(*model.shell.vertices[:, :2].min(axis=0), *model.shell.vertices[:, :2].max(axis=0))
-            reading.remarks.append(Remark(id, f"buildings without LoD {asked} read at LoD {format_lod(other)}", outline))
+            reading.remarks.append(
+                Remark(id, f"buildings without LoD {asked} read at LoD {format_lod(other)}", outline)
+            )
 
 
 def _build_model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, Any]], axes: Axes) -> BuildingModel:
-    shell = triangulate_faces(faces, axes.scale)
+    shell = triangulate_faces(faces, axes.metres_per_unit)
     if shell is None:
         raise GeometryError("its surfaces enclose no area; repair or remove it")
     if np.ptp(shell.vertices[:, 2]) < _MIN_MODEL_HEIGHT_M:
@@ -176,8 +209,8 @@ def _build_model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, A
         fit = [number for number in numbers if low < number < high]
         return numbers[:1] if numbers[0] in fit else fit
 
-    heights = stated("measuredHeight", 0.0, _MAX_HEIGHT_M, axes.vertical)
-    bases = stated("TerrainHeight", -_MAX_GROUND_HEIGHT_M, _MAX_GROUND_HEIGHT_M, axes.vertical)
+    heights = stated("measuredHeight", 0.0, _MAX_HEIGHT_M, axes.metres_per_height_unit)
+    bases = stated("TerrainHeight", -_MAX_GROUND_HEIGHT_M, _MAX_GROUND_HEIGHT_M, axes.metres_per_height_unit)
     names = [attributes[0].get(key) for key in ("name", "gml_name", "gml:name")]
     return BuildingModel(
         id,
@@ -190,12 +223,12 @@ def _build_model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, A
 
 
 def _sort_richest_first(geometries: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Geometries of one object in one LoD, those with textures and semantics first."""
+    """Return the geometries of one object and level, those with textures and semantics first."""
     return sorted(geometries, key=lambda g: (not g.get("texture"), not g.get("semantics")))
 
 
 def _merge_geometries(geometries: Sequence[list[Face]]) -> list[Face]:
-    """The faces of all geometries, without those that an earlier one has: a solid may repeat what its surfaces show."""
+    """Return the faces of all geometries without repetitions, since a solid may repeat its surfaces."""
     faces = list(geometries[0])
     known: set[bytes] = set()
     for before, after in pairwise(geometries):
@@ -209,7 +242,7 @@ def _face_key(face: Face) -> bytes:
 
 
 def _document_axes(corners: np.ndarray, reading: _ReaderState) -> Axes | None:
-    """How to read the coordinates; None while there is no point that would tell."""
+    """Return the axes of the coordinates; None while no finite point decides on them."""
     finite = corners[np.isfinite(corners).all(axis=1)]
     if len(finite) == 0:
         return None
@@ -227,7 +260,7 @@ def _reference_system(reading: _ReaderState) -> str | None:
 
 
 def _read_appearance(document: Mapping[str, Any], reading: _ReaderState) -> CityJsonAppearance:
-    """Pictures of a document, or of the head where it has none of its own."""
+    """Return the pictures of a document, or of the head where it has none."""
     stated = as_mapping(document.get("appearance") or reading.head.get("appearance"))
     images = [as_mapping(texture).get("image") for texture in as_list(stated.get("textures"))]
     numbers = [
@@ -235,11 +268,13 @@ def _read_appearance(document: Mapping[str, Any], reading: _ReaderState) -> City
         for image in images
     ]
     theme = stated.get("default-theme-texture")
-    return CityJsonAppearance(parse_points(stated.get("vertices-texture"), 2), numbers, theme if isinstance(theme, str) else None)
+    return CityJsonAppearance(
+        parse_points(stated.get("vertices-texture"), 2), numbers, theme if isinstance(theme, str) else None
+    )
 
 
 def _collect_models(reading: _ReaderState) -> BuildingModels:
-    """All that was read, with the pictures that are used and exist."""
+    """Return all models with the pictures that are used and exist."""
     shown = [np.unique(model.shell.texture) for model in reading.models]
     used = {int(number) for numbers in shown for number in numbers if number >= 0}
     found: dict[Path, int] = {}
@@ -266,7 +301,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
 
 
 def _bounding_box(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:
-    """The box around the corners that can be read of a building that is set aside."""
+    """Return the box around the readable corners of a broken building."""
     stack: list[Any] = [thing.get("geometry") for thing in things]
     index = set()
     while stack:

@@ -1,4 +1,4 @@
-"""Which CityObjects and geometries make up a building: its parts, installations and level of detail."""
+"""CityObjects and geometries of a building: parts, installations and level of detail."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CityObjects = Mapping[str, Mapping[str, Any]]
 
 
 def parse_lod(text: Any) -> Lod:
-    """(2,) of 2 and "2", (2, 2) of 2.2 and "2.2"; () of anything else."""
+    """Return (2,) for 2 and "2", (2, 2) for 2.2 and "2.2", () for anything else."""
     found = _LOD_TEXT.fullmatch(str(text).strip())
     return tuple(int(digits) for digits in found.groups() if digits is not None) if found else ()
 
@@ -29,7 +29,10 @@ def format_lod(lod: Lod) -> str:
 
 
 def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str]]]:
-    """(id, ids of what belongs to it, itself first) of each building; a part without a building in the file is one itself."""
+    """Yield (id, ids of its objects, itself first) of each building.
+
+    A part without a building in the file counts as a building.
+    """
     kin = {id for id, thing in objects.items() if str(thing.get("type")).startswith("Building")}
     parents: dict[str, str] = {}
     for id in objects:
@@ -57,10 +60,21 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
 def select_geometries(
     ids: Sequence[str], objects: CityObjects, templates: Sequence[Any], requested_lod: Lod | None
 ) -> tuple[list[list[Mapping[str, Any]]], Lod | None]:
-    """The geometries that make up a building, per object, and the LoD of one that is not of the asked LoD, if any.
+    """Return the geometries of a building per object, and the level of detail that differs from the requested one.
 
-    All is of the asked LoD, else of the nearest lower one that there is, else of the nearest higher; None asks for the
-    highest. Raises GeometryError where there are no surfaces.
+    All geometries have the requested level, else the nearest lower one, else the nearest higher.
+
+    Parameters
+    ----------
+    ids : ids of the objects of the building, itself first.
+    objects : CityObjects of the file.
+    templates : geometry templates of the file.
+    requested_lod : None for the highest.
+
+    Raises
+    ------
+    GeometryError
+        Where there are no surfaces.
     """
     root = ids[0]
     levels = {id: _geometries_by_lod(objects[id], templates) for id in ids}
@@ -89,7 +103,9 @@ def select_geometries(
     for id in extras:
         fit = [lod for lod in levels[id] if requested_lod is None or lod[:1] <= chosen[:1]]
         pieces += [levels[id][max(fit)]] if fit else []
-    return pieces, next((lod for lod in used if requested_lod is not None and lod[: len(requested_lod)] != requested_lod), None)
+    return pieces, next(
+        (lod for lod in used if requested_lod is not None and lod[: len(requested_lod)] != requested_lod), None
+    )
 
 
 _TYPE_GROUPS = (BUILDING_TYPES, ("BuildingConstructiveElement",), ("BuildingInstallation",))
@@ -102,7 +118,7 @@ def _nearest_lod(lods: Collection[Lod], requested: Lod) -> Lod:
 
 
 def _geometries_by_lod(thing: Mapping[str, Any], templates: Sequence[Any]) -> dict[Lod, list[Mapping[str, Any]]]:
-    """Geometries with surfaces by their LoD."""
+    """Return the geometries with surfaces by level of detail."""
     geometries = thing.get("geometry") or []
     if not isinstance(geometries, list) or not all(isinstance(geometry, dict) for geometry in geometries):
         raise GeometryError("its geometry is not a list of geometries; export it anew")

@@ -1,4 +1,4 @@
-"""Surfaces of CityJSON geometries into faces, with what they are and what is pictured on them."""
+"""Faces of CityJSON geometries with semantics and textures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.readers.cityjson.values import as_list, as_mapping, parse_points, mask_far_points
+from catalogs.readers.cityjson.values import as_list, as_mapping, mask_far_points, parse_points
 from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, Face
 from facade_core.core.errors import GeometryError
 
@@ -19,7 +19,14 @@ NESTING_DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CityJsonAppearance:
-    """Pictures of a file: uv (m, 2) float64; pictures: index of each of its textures among those found, -1 where missing."""
+    """Textures of a file.
+
+    Attributes
+    ----------
+    uv : (m, 2) texture vertices.
+    pictures : index of the picture of each texture, -1 where it is missing.
+    theme : default theme, or None.
+    """
 
     uv: np.ndarray
     pictures: Sequence[int]
@@ -27,9 +34,18 @@ class CityJsonAppearance:
 
 
 def extract_faces(geometry: Mapping[str, Any], points: np.ndarray, appearance: CityJsonAppearance) -> list[Face]:
-    """The faces of a geometry's outer shells; points (n, 3) are what its boundaries count.
+    """Return the faces of the outer shells of a geometry.
 
-    Raises GeometryError where a boundary is no ring of vertices, or a vertex is missing or not finite.
+    Parameters
+    ----------
+    geometry : CityJSON geometry.
+    points : (n, 3) vertices that the boundaries index.
+    appearance : textures of the file.
+
+    Raises
+    ------
+    GeometryError
+        Where a boundary is no ring of vertices, or a vertex is missing or not finite.
     """
     depth = NESTING_DEPTHS[geometry["type"]]
     semantics = as_mapping(geometry.get("semantics"))
@@ -57,9 +73,18 @@ def extract_faces(geometry: Mapping[str, Any], points: np.ndarray, appearance: C
 
 
 def place_template(geometry: Mapping[str, Any], template: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """The vertices of a template (n, 3) where an instance of it stands; corners (m, 3) are the vertices of the file.
+    """Return the vertices (n, 3) of a template at the place of an instance.
 
-    Raises GeometryError where the instance has no place.
+    Parameters
+    ----------
+    geometry : GeometryInstance.
+    template : (n, 3) vertices of the template.
+    corners : (m, 3) vertices of the file.
+
+    Raises
+    ------
+    GeometryError
+        Where the instance has no place.
     """
     try:
         matrix = parse_points([geometry.get("transformationMatrix")], 16).reshape(4, 4)
@@ -73,7 +98,7 @@ def place_template(geometry: Mapping[str, Any], template: np.ndarray, corners: n
 
 
 def _outer_surfaces(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
-    """Surfaces of the outer shells: a solid's further shells are voids."""
+    """Yield the surfaces of outer shells; further shells of a solid are voids."""
     if not isinstance(boundaries, list):
         raise GeometryError("its boundaries are no lists; export it anew")
     if depth == 0:
@@ -87,7 +112,7 @@ def _outer_surfaces(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
 
 
 def _align_values(boundaries: Any, values: Any, depth: int) -> Iterator[Any]:
-    """The value of each surface of `_outer`, in its order; None where there is none."""
+    """Yield the value of each surface of `_outer_surfaces` in its order, None without one."""
     values = as_list(values)
     inner = boundaries[:1] if depth == 1 else boundaries
     for index, part in enumerate(inner):
@@ -99,7 +124,7 @@ def _align_values(boundaries: Any, values: Any, depth: int) -> Iterator[Any]:
 
 
 def _ring_vertices(rings: Sequence[list[int]], points: np.ndarray) -> np.ndarray:
-    """The vertices of all rings, one after another."""
+    """Return the concatenated vertices of all rings."""
     try:
         index = np.array(list(chain.from_iterable(rings)))
     except ValueError:
@@ -130,8 +155,10 @@ def _texture_values(geometry: Mapping[str, Any], theme: str | None) -> Any:
     return as_mapping(themes[theme] if theme is not None and theme in themes else themes[min(themes)]).get("values")
 
 
-def _surface_texture(surface: list[list[int]], pictured: Any, appearance: CityJsonAppearance) -> tuple[int, list[np.ndarray] | None]:
-    """The picture on a surface and its coordinates per ring; -1 and None where they are missing or do not fit."""
+def _surface_texture(
+    surface: list[list[int]], pictured: Any, appearance: CityJsonAppearance
+) -> tuple[int, list[np.ndarray] | None]:
+    """Return the picture of a surface and the coordinates of each ring; -1 and None where they do not fit."""
     if not isinstance(pictured, list) or len(pictured) < len(surface) or not surface:
         return -1, None
     if not isinstance(pictured[0], list) or not pictured[0] or not _is_index(pictured[0][0], len(appearance.pictures)):

@@ -1,4 +1,4 @@
-"""Numbers, points and tables out of parsed JSON, whatever stands in their place."""
+"""Tolerant conversion of parsed JSON to numbers, points, objects and lists."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from catalogs.readers.faces import MAX_COORDINATE
 
 
 def apply_transform(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
-    """Points (n, 3) scaled and translated as a file says, as they are where it says nothing; NaN where absurdly far."""
+    """Return points (n, 3) scaled and translated by the transform of a file; NaN beyond MAX_COORDINATE.
+
+    Parameters
+    ----------
+    points : (n, 3) vertices as stored.
+    transform : `scale` and `translate`, or None.
+    """
     if transform is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             points = points * np.array(transform["scale"], np.float64) + np.array(transform["translate"], np.float64)
@@ -19,12 +25,12 @@ def apply_transform(points: np.ndarray, transform: Mapping[str, Any] | None) -> 
 
 
 def mask_far_points(points: np.ndarray) -> np.ndarray:
-    """Points with NaN for coordinates that are infinite or so large that no frame has them."""
+    """Return points with NaN for coordinates that are infinite or beyond MAX_COORDINATE."""
     return np.where(np.abs(points) < MAX_COORDINATE, points, np.nan)
 
 
 def parse_points(rows: Any, size: int = 3) -> np.ndarray:
-    """Rows of numbers (n, size) float64; a row that is none becomes NaN."""
+    """Return rows of numbers as (n, size) float64; an invalid row becomes NaN."""
     rows = as_list(rows)
     try:
         points = np.array(rows, np.float64)
@@ -41,7 +47,7 @@ def _parse_point(row: Any, size: int = 3) -> list[float]:
 
 
 def parse_number(value: Any) -> float:
-    """A number, also one written as text; NaN of anything else."""
+    """Return a number, also one stored as text; NaN for anything else."""
     try:
         return float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else np.nan
     except (ValueError, OverflowError):
@@ -49,10 +55,10 @@ def parse_number(value: Any) -> float:
 
 
 def as_mapping(value: Any) -> Mapping[str, Any]:
-    """The object that a value is; an empty one of anything else."""
+    """Return an object, or an empty one for any other value."""
     return value if isinstance(value, dict) else {}
 
 
 def as_list(value: Any) -> list[Any]:
-    """The list that a value is; an empty one of anything else."""
+    """Return a list, or an empty one for any other value."""
     return value if isinstance(value, list) else []

@@ -1,1 +1,1 @@
-"""Mesh files: triangles, sorted into buildings."""
+"""Readers of mesh files, with triangles grouped into buildings."""

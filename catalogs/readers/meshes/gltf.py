@@ -1,4 +1,7 @@
-"""glTF (.glb, .gltf) turned z-up: names and picture files as the file states them, geometry and transforms by trimesh."""
+"""Reader of glTF (.glb, .gltf), converted to z up.
+
+Names and picture files are read from the header; trimesh decodes geometry and transforms.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_system_error
 from catalogs.features import Remark
-from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
+from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, surface_semantic
+from catalogs.readers.referenced_files import (
+    OUTSIDE_FOLDER_REASON,
+    filename_variants,
+    find_referenced_file,
+    is_outside_folder,
+)
 from facade_core.core.errors import InputError
 
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -25,10 +33,15 @@ _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
 def read_gltf(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
-    """Surfaces by building and kind, the pictures they show, and what was noticed.
+    """Read surfaces by building and semantic, the pictures that they use, and remarks.
 
-    y up, as glTF has it, becomes z up: (x, -z, y); `origin` [x, y, z] in the scene's extras is added. Pictures inside
-    the file are dropped: textures are files. Raises InputError where the file is no glTF with triangles.
+    Coordinates (x, y, z) become (x, -z, y) plus `origin` [x, y, z] of the scene's extras. Embedded pictures are dropped, since
+    textures are files.
+
+    Raises
+    ------
+    InputError
+        Where the file is no glTF with triangles.
     """
     try:
         header, rest = _split_header(path)
@@ -44,7 +57,9 @@ def read_gltf(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Rem
         raise InputError(f"{path} cannot be read as glTF 2 ({reason}); export it again") from error
 
 
-def _read_scene(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
+def _read_scene(
+    path: Path, header: dict[str, Any], rest: bytes
+) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark]]:
     import trimesh
 
     _check_counts(path, header)
@@ -102,7 +117,7 @@ def _read_scene(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[M
 
 
 def _check_counts(path: Path, header: dict[str, Any]) -> None:
-    """InputError where nodes draw more than a file of buildings holds, or numbers are made up of nothing."""
+    """Raise InputError where nodes draw too many triangles, or accessors have no data."""
     accessors, meshes, nodes = header.get("accessors", []), header.get("meshes", []), header.get("nodes", [])
     if any("bufferView" not in accessor and accessor.get("count", 0) > _MAX_UNBACKED_COUNT for accessor in accessors):
         raise InputError(f"{path} has accessors of zeros without a bufferView; export it again")
@@ -121,7 +136,7 @@ def _check_counts(path: Path, header: dict[str, Any]) -> None:
 
 
 def _split_header(path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON of a file and, of a .glb, the chunks behind it."""
+    """Return the JSON of a file and, of a .glb, the chunks behind it."""
     data = path.read_bytes()
     if path.suffix.lower() != ".glb":
         return json.loads(data), b""
@@ -138,10 +153,10 @@ def _pack_glb(header: dict[str, Any], rest: bytes) -> bytes:
 
 
 def _split_primitives(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int, tuple[int, int, dict[str, Any]]]]:
-    """A header with one node per drawn primitive, each named by its number, and of which (node, mesh, primitive) each is.
+    """Return a header with one numbered node per primitive, and the (node, mesh, primitive) of each number.
 
-    trimesh renames what is nameless or named twice, at random where a mesh has several primitives, and decodes every
-    picture: numbers are kept, and texture coordinates pass as an attribute of their own.
+    trimesh renames nameless and repeated nodes, at random for meshes of several primitives, and decodes every picture. Numbers
+    stay stable, and texture coordinates pass as an attribute of their own.
     """
     nodes = [{key: value for key, value in node.items() if key != "mesh"} for node in header.get("nodes", [])]
     meshes: list[dict[str, Any]] = []
@@ -169,7 +184,10 @@ def _split_primitives(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int,
 
 
 def _primitive_names(header: dict[str, Any], owner: int, mesh: int, parents: dict[int, int]) -> list[str]:
-    """What a primitive is called, nearest first: its node, the nodes above, its mesh; a nameless node by its mesh."""
+    """Return the names of a primitive, nearest first: its node, the ancestors, its mesh.
+
+    The mesh replaces a nameless node.
+    """
     above: list[dict[str, Any]] = []
     node = parents.get(owner)
     while node is not None and len(above) < len(parents):
@@ -183,7 +201,7 @@ def _primitive_names(header: dict[str, Any], owner: int, mesh: int, parents: dic
 
 
 def _building_name(names: list[str]) -> str | None:
-    """The first name that is not that of a kind of surface; what stands before a | in it."""
+    """Return the first name that does not name a surface, up to a |."""
     for name in names:
         building = name.partition("|")[0].strip()
         if building and not is_surface_name(building):
@@ -192,7 +210,7 @@ def _building_name(names: list[str]) -> str | None:
 
 
 def _surface_kind(name: str) -> str | None:
-    """The part of a name that says what kind of surface it is."""
+    """Return the part of a name that describes the surface."""
     return name.partition("|")[2] or (name if is_surface_name(name) else None)
 
 
@@ -202,7 +220,7 @@ def _header_item(header: dict[str, Any], kind: str, index: int | None) -> dict[s
 
 
 def _base_colour_uri(header: dict[str, Any], material: dict[str, Any]) -> str | None:
-    """The file's URI of the picture that a material states, empty where it is inside the model; None where it states none."""
+    """Return the URI of the picture of a material, empty where it is embedded; None without one."""
     index = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}).get("index")
     if index is None:
         return None
@@ -211,14 +229,22 @@ def _base_colour_uri(header: dict[str, Any], material: dict[str, Any]) -> str | 
 
 
 def _read_buffers(path: Path, header: dict[str, Any]) -> dict[str, bytes]:
-    """The contents of the files that hold the geometry of a .gltf, by their URIs. Raises InputError where one is not there."""
+    """Return the geometry buffers of a .gltf by URI.
+
+    Raises
+    ------
+    InputError
+        Where a buffer is missing.
+    """
     found = {}
     for buffer in header.get("buffers", []):
         uri = buffer.get("uri")
         if isinstance(uri, str) and not uri.startswith("data:"):
             file = find_referenced_file(path, *filename_variants(uri))
             if file is None:
-                where = "lies outside its folder" if is_outside_folder(path, *filename_variants(uri)) else "is not there"
+                where = (
+                    "lies outside its folder" if is_outside_folder(path, *filename_variants(uri)) else "is not there"
+                )
                 raise InputError(f"{path}: its buffer {uri} {where}; copy it beside the model")
             found[uri] = file.read_bytes()
     return found

@@ -1,4 +1,4 @@
-"""Building models out of mesh files: OBJ, glTF, PLY, STL, and arrays of triangles (.npz)."""
+"""Building models of mesh files: OBJ, glTF, PLY, STL and arrays of triangles (.npz)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_system_error
 from catalogs.features import BuildingModels, Fault, Remark
+from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_TRIANGLES
 from catalogs.readers.meshes.gltf import read_gltf
 from catalogs.readers.meshes.npz import check_npz_arrays
@@ -21,13 +21,21 @@ from facade_core.core.errors import InputError
 
 
 def read_meshes(path: Path, lod: str | None = None) -> BuildingModels:
-    """Every building of a mesh file (.obj, .glb, .gltf, .ply, .stl, .npz), in the file's coordinates in metres, z up.
+    """Read the buildings of a mesh file, in the coordinates of the file in metres, z up.
 
-    One model per named group, object or node: its name up to a | is the building's id, the name behind it, or that of the
-    material, the kind of surface. Without several names one model per connected part, those that lie over one another
-    taken together, called by the one name or the file's, -0, -1, ... from west to east. glTF is turned z-up. Mesh files
-    state no level of detail: `lod` is not looked at. Raises InputError where the file cannot be read or holds no
-    triangle.
+    Each named group, object or node is one model. Its name up to a | is the id of the building; the name behind it, or that of
+    the material, gives the semantic. Without several names each connected component is one model, -0, -1, ... from west to
+    east; components above one another are merged. glTF is converted to z up.
+
+    Parameters
+    ----------
+    path : .obj, .glb, .gltf, .ply, .stl or .npz file.
+    lod : ignored, since mesh files have no level of detail.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or holds no triangle.
     """
     kind = path.suffix.lower()
     crs: str | None = None
@@ -55,7 +63,7 @@ def read_meshes(path: Path, lod: str | None = None) -> BuildingModels:
 
 
 def _read_plain_mesh(path: Path) -> list[MeshSurface]:
-    """PLY and STL: one mesh without names or pictures."""
+    """Read PLY or STL: one mesh without names or pictures."""
     import trimesh
 
     try:
@@ -72,7 +80,7 @@ def _read_plain_mesh(path: Path) -> list[MeshSurface]:
 
 
 def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
-    """triangles (n, 3, 3) and feature (n,), the number of each one's building; optional origin (3,) and epsg ()."""
+    """Read triangles (n, 3, 3), feature (n,) as the number of the building, and optional origin (3,) and epsg ()."""
     wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
     names = ("triangles", "feature", "origin", "epsg")
     check_npz_arrays(path, names)
@@ -97,5 +105,6 @@ def _read_npz(path: Path) -> tuple[list[MeshSurface], str | None]:
     ends = np.flatnonzero(np.diff(feature[order])) + 1
     parts = np.split(order, ends) if len(order) else []
     return [
-        MeshSurface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin) for part in parts
+        MeshSurface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin)
+        for part in parts
     ], crs

@@ -1,4 +1,4 @@
-"""Archives of arrays looked at before they are unpacked: what their headers claim, against what they can hold."""
+"""Checks of array archives before decompression: claimed against possible sizes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from catalogs.broken import short_message
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 
 MAX_UNPACKED_BYTES = 512 * 2**20  # bytes
@@ -16,9 +16,14 @@ _MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO = 32 * 2**20, 50
 
 
 def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
-    """InputError unless the named arrays of an .npz are as large as their headers say, and no larger than UNPACKED together.
+    """Raise InputError unless the named arrays of an .npz have the claimed sizes, within MAX_UNPACKED_BYTES together.
 
-    Nothing is unpacked but the headers.
+    Only the headers are decompressed.
+
+    Parameters
+    ----------
+    path : .npz file.
+    names : arrays to check.
     """
     from numpy.lib import format as npy
 
@@ -32,7 +37,9 @@ def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
                     raise InputError(f"{path} is packed by another method than np.savez_compressed; save it with that")
                 total += info.file_size
                 if info.file_size > max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * info.compress_size):
-                    raise InputError(f"{path}: {info.filename} unpacks to over {_MAX_UNPACK_RATIO} times its size; save it again")
+                    raise InputError(
+                        f"{path}: {info.filename} unpacks to over {_MAX_UNPACK_RATIO} times its size; save it again"
+                    )
                 if total > MAX_UNPACKED_BYTES:
                     raise InputError(
                         f"{path} unpacks to over {MAX_UNPACKED_BYTES // 2**20} MB; cut out the block that is meant, or use float32"

@@ -1,4 +1,4 @@
-"""Wavefront OBJ with its groups, objects and materials kept, polygons cut as polygons, and textures as files."""
+"""Reader of Wavefront OBJ with groups, objects, materials, polygons and texture files."""
 
 from __future__ import annotations
 
@@ -10,9 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Fault, Remark
-from catalogs.readers.beside import OUTSIDE_FOLDER_REASON, find_referenced_file, is_outside_folder, filename_variants
 from catalogs.readers.faces import MAX_CORNERS, Face, triangulate_faces
 from catalogs.readers.meshes.surfaces import MeshSurface, is_interior_class, is_surface_name, surface_semantic
+from catalogs.readers.referenced_files import (
+    OUTSIDE_FOLDER_REASON,
+    filename_variants,
+    find_referenced_file,
+    is_outside_folder,
+)
 from facade_core.core.errors import InputError
 
 _PLACEHOLDER_NAMES = ("", "default", "(null)", "off")
@@ -24,9 +29,12 @@ SurfaceKey = tuple[str | None, str, int]  # building, semantic, texture
 
 @dataclass(slots=True)
 class _ObjContent:
-    """What the lines of a file say.
+    """Content of the lines of a file.
 
-    sizes, label: of each face; vertex, coordinate: of each corner of each face, numbers of lines counted from 0, -1 without.
+    Attributes
+    ----------
+    sizes, label : number of corners and label of each face.
+    vertex, coordinate : 0-based index of each corner of each face, -1 without.
     """
 
     vertices: array[float] = field(default_factory=lambda: array("d"))
@@ -41,9 +49,14 @@ class _ObjContent:
 
 
 def read_obj(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Remark], list[Fault]]:
-    """Surfaces by building and kind, the pictures they show, and what was noticed.
+    """Read surfaces by building and semantic, the pictures that they use, remarks and faults.
 
-    x east, y north, z up, as 3D city models are exported. Raises InputError where there is no face.
+    Axes are x east, y north, z up, as exporters of 3D city models write them.
+
+    Raises
+    ------
+    InputError
+        Where there is no face.
     """
     text = _parse_obj(path)
     if not text.labels:
@@ -69,7 +82,7 @@ def read_obj(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Rema
 
 
 def _building_name(label: FaceLabel, by_object: bool) -> str | None:
-    """The name of the building under a label; a group's name up to a | where groups name the buildings."""
+    """Return the building of a label: a group's name up to a |, where groups name buildings."""
     object_name, group, _ = label
     names = (object_name,) if by_object else (group, object_name)
     for name in names:
@@ -116,7 +129,7 @@ def _parse_obj(path: Path) -> _ObjContent:
 
 
 def _logical_lines(path: Path) -> Iterator[str]:
-    """The lines of a file; those that end in a backslash are continued."""
+    """Yield the lines of a file, joined after a backslash."""
     start = ""
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
@@ -128,7 +141,7 @@ def _logical_lines(path: Path) -> Iterator[str]:
 
 
 def _parse_floats(words: list[str], count: int) -> tuple[float, ...]:
-    """The numbers of a vertex; where one is not readable all are NaN, so that only its faces are lost."""
+    """Return the numbers of a vertex; all NaN where one is invalid, so that only its faces are lost."""
     try:
         numbers = tuple(map(float, words))
     except ValueError:
@@ -137,7 +150,7 @@ def _parse_floats(words: list[str], count: int) -> tuple[float, ...]:
 
 
 def _parse_index(word: str, count: int) -> int:
-    """Counted from 0; -1 where it is no index. Those below zero count back from the latest."""
+    """Return a 0-based index, -1 where it is invalid; negative ones count back from the latest."""
     try:
         index = int(word)
     except ValueError:
@@ -148,7 +161,7 @@ def _parse_index(word: str, count: int) -> int:
 
 
 def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterator[MeshSurface]:
-    """The faces of each label as triangles; labels without a kind are left out."""
+    """Yield the faces of each label as triangles; labels without a key are skipped."""
     # a last row that is no number stands for every vertex that is not there
     vertices = np.concatenate([np.frombuffer(text.vertices), [np.nan] * 3]).reshape(-1, 3)
     coordinates = np.concatenate([np.frombuffer(text.coordinates), [np.nan] * 2]).reshape(-1, 2)
@@ -184,14 +197,18 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
 
 
 def _read_material_libraries(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[Remark]]:
-    """The picture of each material (map_Kd) that lies on disk."""
+    """Return the existing picture (map_Kd) of each material."""
     pictures: dict[str, Path] = {}
     remarks = []
     for library in libraries:
         for name in [library] if find_referenced_file(path, *filename_variants(library)) else library.split():
             file = find_referenced_file(path, *filename_variants(name))
             if file is None:
-                where = "outside the model's folder: not read" if is_outside_folder(path, *filename_variants(name)) else "but absent"
+                where = (
+                    "outside the model's folder: not read"
+                    if is_outside_folder(path, *filename_variants(name))
+                    else "but absent"
+                )
                 remarks.append(Remark(Path(name).name, f"material files named by the model {where}", None))
                 continue
             material = ""

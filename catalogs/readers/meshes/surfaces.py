@@ -1,4 +1,4 @@
-"""Triangles of a model file into the models of its buildings: by the names it gives, else by what hangs together."""
+"""Grouping of triangles into building models, by names or by connected components."""
 
 from __future__ import annotations
 
@@ -17,7 +17,14 @@ from facade_core.core.types import SEMANTICS, Shell
 # A word in a surface's name and what it says; the first that occurs counts, so that a roof window is a window.
 _SEMANTICS_BY_WORD = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}
 _SEMANTICS_BY_WORD |= {"wall": "wall", "facade": "wall", "ground": "ground"}
-_SEMANTICS_BY_WORD |= {"fenster": "window", "raam": "window", "dach": "roof", "dak": "roof", "wand": "wall", "gevel": "wall"}
+_SEMANTICS_BY_WORD |= {
+    "fenster": "window",
+    "raam": "window",
+    "dach": "roof",
+    "dak": "roof",
+    "wand": "wall",
+    "gevel": "wall",
+}
 _SURFACE_NAME = re.compile(rf"(outer)?({'|'.join(_SEMANTICS_BY_WORD)})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
 _INTERIOR_CLASS = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
 
@@ -28,14 +35,15 @@ _MIN_OVERLAP_SHARE = 0.3  # of a component that lies over another one: it is par
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshSurface:
-    """Triangles of one kind.
+    """Triangles of one semantic.
 
-    Args:
-        building: its name, None without.
-        semantic: one of SEMANTICS.
-        corners: (t, 3, 3) float64 metres, z up.
-        texture: index of the picture, -1 without.
-        uv: (t, 3, 2) or None.
+    Attributes
+    ----------
+    building : name of the building, None without.
+    semantic : member of SEMANTICS.
+    corners : (t, 3, 3) metres, z up.
+    texture : index of the picture, -1 without.
+    uv : (t, 3, 2) or None.
     """
 
     building: str | None
@@ -46,7 +54,7 @@ class MeshSurface:
 
 
 def surface_semantic(*names: str | None) -> str:
-    """One of SEMANTICS, from the first name that holds a word for it."""
+    """Return the member of SEMANTICS of the first name with a known word."""
     for name in names:
         for word, semantic in _SEMANTICS_BY_WORD.items():
             if word in (name or "").lower():
@@ -55,21 +63,28 @@ def surface_semantic(*names: str | None) -> str:
 
 
 def is_surface_name(name: str) -> bool:
-    """Whether a name says what a surface is ("RoofSurface", "walls.001") rather than which building it belongs to."""
+    """Return True for a name of a surface ("RoofSurface", "walls.001") rather than of a building."""
     return _SURFACE_NAME.fullmatch(name) is not None
 
 
 def is_interior_class(name: str) -> bool:
-    """Whether a CityGML surface class is not part of the outer shell: it closes an opening or is inside the building."""
+    """Return True for a CityGML surface class outside the outer shell: closures and interior surfaces."""
     return _INTERIOR_CLASS.fullmatch(name) is not None
 
 
 @np.errstate(invalid="ignore")  # vertices that are no numbers are told as faults
-def group_into_models(surfaces: Sequence[MeshSurface], stem: str) -> tuple[tuple[BuildingModel, ...], tuple[Fault, ...]]:
-    """One model per name where there are several, unless each names but a surface; else one per connected component.
+def group_into_models(
+    surfaces: Sequence[MeshSurface], stem: str
+) -> tuple[tuple[BuildingModel, ...], tuple[Fault, ...]]:
+    """Return the models of a file and the faults.
 
-    Components whose plans lie over one another are one building; they are numbered from west to east. A model with a vertex
-    that is not a finite number is a fault.
+    Several names give one model each, unless they name single surfaces. Otherwise each connected component is a model, numbered
+    from west to east; components above one another are merged. A model with a vertex that is not finite is a fault.
+
+    Parameters
+    ----------
+    surfaces : surfaces of the file.
+    stem : name of buildings without a name.
     """
     surfaces = [_mask_far_vertices(surface) for surface in surfaces if len(surface.corners)]
     by_name: dict[str, list[MeshSurface]] = defaultdict(list)
@@ -100,14 +115,17 @@ def group_into_models(surfaces: Sequence[MeshSurface], stem: str) -> tuple[tuple
 
 
 def _mask_far_vertices(surface: MeshSurface) -> MeshSurface:
-    """A surface with NaN for coordinates so large that no frame has them; such texture coordinates are zero."""
+    """Return a surface with NaN for coordinates beyond MAX_COORDINATE, and 0 for such texture coordinates."""
     corners = np.where(np.abs(surface.corners) < MAX_COORDINATE, surface.corners, np.nan)
     uv = None if surface.uv is None else np.where(np.abs(surface.uv) < MAX_COORDINATE, surface.uv, 0.0)
     return replace(surface, corners=corners, uv=uv)
 
 
 def _are_surface_names(surfaces: Sequence[MeshSurface]) -> bool:
-    """Whether names count single surfaces: most are flat, and they hang together in far fewer parts than there are names."""
+    """Return True where names count single surfaces.
+
+    Most named parts are then flat, and they form far fewer components than there are names.
+    """
     corners = np.concatenate([surface.corners for surface in surfaces])
     number: dict[str | None, int] = {}
     name = np.repeat(
@@ -125,7 +143,7 @@ def _are_surface_names(surfaces: Sequence[MeshSurface]) -> bool:
 
 
 def _merge_by_kind(surfaces: Sequence[MeshSurface]) -> list[MeshSurface]:
-    """Surfaces of one kind and picture as one."""
+    """Merge surfaces of one semantic and picture."""
     kinds: dict[tuple[str, int], list[MeshSurface]] = defaultdict(list)
     for surface in surfaces:
         kinds[surface.semantic, surface.texture].append(surface)
@@ -137,7 +155,7 @@ def _merge_by_kind(surfaces: Sequence[MeshSurface]) -> list[MeshSurface]:
 
 
 def _build_shell(surfaces: Sequence[MeshSurface]) -> Shell | None:
-    """Equal vertices shared, triangles without an area dropped; None where nothing is left."""
+    """Return a shell with shared vertices and without degenerate triangles; None where nothing is left."""
     corners = np.concatenate([surface.corners for surface in surfaces])
     if len(corners) == 0:
         return None
@@ -159,7 +177,7 @@ def _build_shell(surfaces: Sequence[MeshSurface]) -> Shell | None:
 
 
 def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tuple[str, list[MeshSurface]]]:
-    """(name, surfaces) of each building that hangs together, named name-0, name-1, ... where there are several."""
+    """Yield (name, surfaces) of each building component: name-0, name-1, ... for several."""
     corners = np.concatenate([surface.corners for surface in surfaces])
     if len(corners) == 0:
         yield name, list(surfaces)
@@ -186,7 +204,7 @@ def _split_components(surfaces: Sequence[MeshSurface], name: str) -> Iterator[tu
 
 
 def _connected_components(corners: np.ndarray) -> np.ndarray:
-    """(t,) number of the component of each triangle; triangles hang together where they share a vertex."""
+    """Return the component number (t,) of each triangle; triangles that share a vertex are connected."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -207,7 +225,7 @@ def _connected_components(corners: np.ndarray) -> np.ndarray:
 
 
 def _merge_overlapping(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
-    """(t,) components renumbered: each one that lies over others in plan goes to the one that it lies over most."""
+    """Return component numbers (t,) with each component merged into the one that it overlaps most in plan."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

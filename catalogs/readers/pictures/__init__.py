@@ -1,1 +1,1 @@
-"""Pictures and rasters: photos, panoramas with their poses, orthophotos, elevation models."""
+"""Readers of pictures and rasters: photos, posed panoramas, orthophotos and elevation models."""

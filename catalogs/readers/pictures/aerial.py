@@ -1,4 +1,4 @@
-"""A picture from straight above (orthophoto), sampled at places of the block's frame."""
+"""Orthophotos, sampled at positions in the frame of a block."""
 
 from __future__ import annotations
 
@@ -13,10 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.crs import bounds_to_lonlat
 from catalogs.file_digest import file_digest
-from catalogs.frames import bounds_to_lonlat
-from catalogs.readers.pictures.rasters import RASTER_DRIVERS, check_georeference, detect_driver, read_raster_crs
-from catalogs.readers.pictures.rasters import open_raster as opened_raster
+from catalogs.readers.pictures.rasters import (
+    RASTER_DRIVERS,
+    check_georeference,
+    detect_driver,
+    open_raster,
+    read_raster_crs,
+)
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,8 +38,15 @@ MAX_PIXELS_READ = 225_000_000
 
 @dataclass(frozen=True)
 class Aerial:
-    """An orthophoto on this machine: `crs` its frame, `frame` the block's, both as WKT; content, a digest of its pixels and
-    of where they lie."""
+    """Orthophoto on this machine.
+
+    Attributes
+    ----------
+    path : file.
+    crs : coordinate system of the file, WKT.
+    frame : frame of the block, WKT.
+    content : digest of the pixels and of their georeference.
+    """
 
     path: Path
     crs: str
@@ -42,15 +54,35 @@ class Aerial:
     content: str
 
     def covers(self, points: np.ndarray) -> np.ndarray:
-        """Whether places (n, 2) of the block's frame lie on the picture, transparent or not: (n,) bool."""
+        """Return a mask (n,) of the positions on the picture, transparent or not.
+
+        Parameters
+        ----------
+        points : (n, 2) positions in the frame of the block, metres.
+        """
         with _open_orthophoto(self.path) as raster:
             return _is_inside(raster, *_to_pixels(raster, _transformer(self.frame, self.crs), points))
 
     def sample(self, points: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-        """Colour (n, 3) uint8 at places (n, 2) of the block's frame that lie `spacing` metres apart, and whether it is known.
+        """Sample the colour at positions in the frame of the block.
 
-        Bilinear between the pixels' middles, of means of pixels where these are much finer than the spacing; unknown beyond the
-        picture and where it is transparent. Only the part around the places is read. Raises InputError where that is broken.
+        Bilinear interpolation between pixel centres, of means of pixels where these are finer than the spacing. Only the part
+        around the positions is read.
+
+        Parameters
+        ----------
+        points : (n, 2) positions, metres.
+        spacing : distance between neighbouring positions, metres.
+
+        Returns
+        -------
+        colour : (n, 3) RGB.
+        known : (n,) False outside the picture and where it is transparent.
+
+        Raises
+        ------
+        InputError
+            Where that part of the file is broken.
         """
         colour, known = np.zeros((len(points), 3), np.uint8), np.zeros(len(points), bool)
         with _open_orthophoto(self.path) as raster:
@@ -59,12 +91,14 @@ class Aerial:
             if not near.any():
                 return colour, known
             x, y = x[near], y[near]
-            rgb, alpha, (left, top, across, down) = _read_around(raster, x, y, self._coarser(raster, points, spacing))
+            rgb, alpha, (left, top, across, down) = _read_around(
+                raster, x, y, self._downsampling(raster, points, spacing)
+            )
         colour[near], known[near] = _sample_bilinear(rgb, alpha, (x - left) / across - 0.5, (y - top) / down - 0.5)
         return colour, known
 
-    def _coarser(self, raster: Any, points: np.ndarray, spacing: float) -> int:
-        """How many pixels a side go into one at a spacing in metres."""
+    def _downsampling(self, raster: Any, points: np.ndarray, spacing: float) -> int:
+        """Return the number of pixels per side that are averaged at a spacing in metres."""
         middle = points.mean(axis=0)
         ends = middle + np.array([[0.0, 0.0], [spacing, 0.0], [0.0, spacing]])
         x, y = _to_pixels(raster, _transformer(self.frame, self.crs), ends)
@@ -73,10 +107,19 @@ class Aerial:
 
 
 def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> Aerial:
-    """Check an orthophoto against places (n, 2) of the frame, such as the corners of all buildings.
+    """Check an orthophoto against positions in the frame of the block.
 
-    crs is the picture's frame, for a file that states none or a wrong one. Raises InputError, one line with the remedy, where
-    it cannot be read, is not placed on the ground, is of another depth than 8 bits, or shows none of the places.
+    Parameters
+    ----------
+    path : file.
+    crs : coordinate system of a file that states none or a wrong one.
+    frame : frame of the block.
+    places : (n, 2) positions, such as the corners of all buildings, metres.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, is not georeferenced, is not of 8 bits, or shows none of the positions.
     """
     with _open_orthophoto(path) as raster:
         check_georeference(raster, path, REMEDY)
@@ -100,8 +143,10 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
 
 
 def _content_digest(raster: Any) -> str:
-    """Of the bytes of all files that hold pixels or say what they mean (overviews, masks), and of the transform, wherever that
-    is written: decoding every pixel of a city would take minutes."""
+    """Return the digest of the files with pixels, overviews and masks, and of the transform.
+
+    Decoding all pixels of a city would take minutes.
+    """
     digest = hashlib.sha256(repr(tuple(raster.transform)[:6]).encode())
     for path in map(Path, raster.files):
         if path.suffix.lower() not in WORLD_FILE_SUFFIXES:
@@ -114,12 +159,12 @@ def _open_orthophoto(path: Path) -> Iterator[Any]:
     driver = detect_driver(path, RASTER_DRIVERS)
     if driver is None:
         raise InputError(f"{path} is no orthophoto; {REMEDY}")
-    with opened_raster(path, driver, "an orthophoto", REMEDY) as raster:
+    with open_raster(path, driver, "an orthophoto", REMEDY) as raster:
         yield raster
 
 
 def _transformer(frame: str, crs: str) -> Transformer:
-    """From one frame to another, for this thread: a transformer may not be shared."""
+    """Return a transformer for this thread, since transformers cannot be shared."""
     return _cached_transformer(frame, crs, threading.get_ident())
 
 
@@ -131,7 +176,7 @@ def _cached_transformer(frame: str, crs: str, thread: int) -> Transformer:
 
 
 def _to_pixels(raster: Any, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places (n, 2) of the frame in pixels of the raster, (n,) each: 0 is the left or upper edge; inf where there is none."""
+    """Return positions (n, 2) as pixel coordinates, (n,) each; 0 is the left or upper edge, inf for none."""
     x, y = transformer.transform(points[:, 0], points[:, 1])
     back = ~raster.transform
     return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
@@ -144,9 +189,12 @@ def _is_inside(raster: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _read_around(
     raster: Any, x: np.ndarray, y: np.ndarray, downsampling: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float, float]]:
-    """The pixels around places in pixels (n,): colour, alpha, and their left and upper edge and size in the raster's pixels."""
+    """Return colour and alpha around pixel positions, with the left and upper edge and the pixel size."""
     left, top = max(int(x.min()) - downsampling, 0), max(int(y.min()) - downsampling, 0)
-    right, bottom = min(int(x.max()) + downsampling + 1, raster.width), min(int(y.max()) + downsampling + 1, raster.height)
+    right, bottom = (
+        min(int(x.max()) + downsampling + 1, raster.width),
+        min(int(y.max()) + downsampling + 1, raster.height),
+    )
     if (right - left) * (bottom - top) > MAX_PIXELS_READ:
         raise InputError(
             f"{raster.name} has {right - left} x {bottom - top} pixels where one surface lies; resample it to 1 cm, or coarser"
@@ -157,8 +205,10 @@ def _read_around(
     return rgb, alpha, (left, top, (right - left) / rgb.shape[1], (bottom - top) / rgb.shape[0])
 
 
-def _read_box(raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | None) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (h, w, 3) and alpha (h, w) uint8 of a box (left, top, width, height), of means down to `size` (h, w) if given."""
+def _read_box(
+    raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return colour (h, w, 3) and alpha (h, w) of a box (left, top, width, height), averaged to `size` (h, w)."""
     from rasterio.enums import ColorInterp, Resampling
     from rasterio.windows import Window
 
@@ -180,8 +230,10 @@ def _read_box(raster: Any, box: tuple[int, int, int, int], size: tuple[int, int]
 
 
 def _sample_bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (n, 3) uint8 at places x, y (n,) in pixels from the first one's middle, of the opaque ones around; and whether the
-    nearest one is opaque."""
+    """Return colour (n, 3) of the opaque neighbours, and whether the nearest pixel is opaque.
+
+    x, y : (n,) pixels from the centre of the first pixel.
+    """
     height, width = alpha.shape
     x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     total, weight = np.zeros((len(x), 3)), np.zeros(len(x))
@@ -197,7 +249,7 @@ def _sample_bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.nd
 
 
 def _coverage_message(raster: Any, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
-    """Why a raster that shows nothing of the block is refused."""
+    """Return the message for a raster that shows nothing of the block."""
     spans = []
     for crs, (west, south, east, north) in (
         (

@@ -1,4 +1,4 @@
-"""Ground heights from a raster, such as a national elevation model, in the block's frame."""
+"""Ground heights of a raster, such as a national elevation model, in the frame of a block."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.readers.pictures.rasters import RASTER_DRIVERS, check_georeference, detect_driver, read_raster_crs
-from catalogs.readers.pictures.rasters import open_raster as opened_raster
+from catalogs.readers.pictures.rasters import (
+    RASTER_DRIVERS,
+    check_georeference,
+    detect_driver,
+    open_raster,
+    read_raster_crs,
+)
 from catalogs.readers.pictures.virtual_rasters import check_virtual_raster
 from facade_core.core.errors import InputError
 from facade_core.core.types import Elevation
@@ -38,17 +43,27 @@ _DRIVERS_BY_SUFFIX = {".hgt": "SRTMHGT"}  # which begins with its heights
 
 
 def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
-    """Ground heights of a raster's first band around (xmin, ymin, xmax, ymax) in the frame `crs`, in metres, NaN where unknown.
+    """Read ground heights around the bounds of a block, in metres, NaN where unknown.
 
-    path: a GeoTIFF, ESRI grid (.asc), Imagine (.img), JPEG 2000, PNG, DTED or SRTM .hgt, or a VRT that puts such files of its
-    own folder together; only the part around the bounds is read. It is warped (bilinear) to square cells of the raster's own
-    size, or larger ones where those would be finer than FINEST or more than MOST_CELLS. Raises InputError where the file is no
-    raster, states no frame, has more than MOST_READ cells there or no height inside the bounds.
+    The first band is warped bilinearly to square cells of the size of the raster's cells, coarser where these are finer than
+    MIN_CELL_M or would be more than MAX_CELLS. Only the part around the bounds is read.
+
+    Parameters
+    ----------
+    path : GeoTIFF, ESRI grid (.asc), Imagine (.img), JPEG 2000, PNG, DTED, SRTM .hgt, or a VRT of such files in its folder.
+    crs : frame of the block.
+    bounds : (xmin, ymin, xmax, ymax) in the frame, metres.
+
+    Raises
+    ------
+    InputError
+        Where the file is no raster, states no coordinate system, has more than MAX_CELLS_READ cells there, or has no height inside
+        the bounds.
     """
     path = Path(path)
     if not (np.isfinite(bounds).all() and bounds[0] <= bounds[2] and bounds[1] <= bounds[3]):
         raise InputError(f"{path}: the block's bounds {bounds} are no box; repair its buildings' coordinates")
-    with opened_raster(path, _find_driver(path), "a raster", REMEDY) as found:
+    with open_raster(path, _find_driver(path), "a raster", REMEDY) as found:
         return _read_around(found, path, crs, bounds)
 
 
@@ -162,7 +177,7 @@ def _coverage_message(
     bounds: tuple[float, float, float, float],
     problem: str = "does not cover",
 ) -> str:
-    """What to say of a raster of another place: in the block's frame what it covers and what is needed."""
+    """Return the message for a raster of another place: its extent and that of the block."""
     from pyproj import Transformer
 
     covered = Transformer.from_crs(raster_crs, crs, always_xy=True).transform_bounds(*raster.bounds)

@@ -1,13 +1,13 @@
-"""Folders of pictures that a block file names: exemplar facades, photos of single facades, panoramas."""
+"""Folders of pictures in a block file: exemplar facades, photos of single facades and panoramas."""
 
 from __future__ import annotations
 
 import mmap
 from pathlib import Path
 
-from catalogs.broken import single_line
 from catalogs.features import Fault
-from catalogs.readers.pictures.opening import MIN_SIDE_PX, REMEDY, open_picture
+from catalogs.reader_errors import single_line
+from catalogs.readers.pictures.decoding import MIN_SIDE_PX, REMEDY, open_picture
 from facade_core.core.errors import InputError
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
@@ -17,13 +17,24 @@ _END_OF_IMAGE = b"\xff\xd9"
 
 
 def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
-    """The pictures of a folder by name, and a fault of `kind` by file name for each that cannot be used: cannot be opened, is
-    cut off, too large or too small.
+    """List the usable pictures of a folder by name, and a fault for each other one.
 
-    Raises InputError where no picture is left.
+    A picture is unusable where it cannot be opened, is truncated, too large or too small.
+
+    Parameters
+    ----------
+    folder : folder of pictures.
+    kind : kind of the faults.
+
+    Raises
+    ------
+    InputError
+        Where no picture is usable.
     """
     found = _list_pictures(folder)
-    damage = {path: _name_problem(path) or _missing_file_problem(path) or _find_damage(path, MIN_SIDE_PX) for path in found}
+    damage = {
+        path: _name_problem(path) or _missing_file_problem(path) or _find_damage(path, MIN_SIDE_PX) for path in found
+    }
     usable = tuple(path for path, problem in damage.items() if problem is None)
     if not usable:
         raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
@@ -33,16 +44,20 @@ def list_images(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
 
 
 def check_picture(path: Path) -> None:
-    """Raise InputError where a picture cannot be opened or is cut off."""
+    """Raise InputError where a picture cannot be opened or is truncated."""
     if problem := _find_damage(path, 1):
         raise InputError(f"{path.parent}: {problem}")
 
 
 def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
-    """Facade id -> photo; the id is the file's name without suffix. And a fault for each name behind which there is no file.
+    """Return the photo of each facade by id, the file name without suffix, and a fault for each missing file.
 
-    A photo that is cut off is among the first: it is its facade that fails when it comes to it. Raises InputError where two
-    files name one facade, or there is no picture.
+    Truncated photos are included: their facade fails when it is processed.
+
+    Raises
+    ------
+    InputError
+        Where two files name one facade, or there is no picture.
     """
     photos: dict[str, Path] = {}
     faults = []
@@ -70,26 +85,26 @@ def _list_pictures(folder: Path) -> list[Path]:
 
 
 def _name_problem(path: Path) -> str | None:
-    """Why a picture cannot be named in a report or a catalogue; None where it can."""
+    """Return the reason why a file name cannot be reported; None for a usable one."""
     name = single_line(path.name)
     return None if name == path.name else f"{name}: its name holds what is no letter, such as a line break; rename it"
 
 
 def _missing_file_problem(path: Path) -> str | None:
-    """Why a name leads to no file, such as a link into a folder that is not mounted; None where it does."""
+    """Return the reason why a name leads to no file, such as a broken link; None where it does."""
     if path.is_file():
         return None
     return f"{path.name} leads to no file; mend what it links to, or remove it"
 
 
 def label_map_path(picture: Path) -> Path | None:
-    """The label map of a picture, NAME.labels.png beside it; None where there is none."""
+    """Return the label map NAME.labels.png of a picture; None without one."""
     labels = picture.with_name(f"{picture.stem}{LABEL_MAP_SUFFIX}")
     return labels if labels.is_file() else None
 
 
 def picture_and_label_map(picture: Path) -> list[Path]:
-    """A picture, and its label map where there is one."""
+    """Return a picture, and its label map if there is one."""
     labels = label_map_path(picture)
     return [picture] if labels is None else [picture, labels]
 
@@ -100,12 +115,14 @@ def _is_image(path: Path) -> bool:
 
 
 def _find_damage(path: Path, min_side: int) -> str | None:
-    """What keeps a picture from being used, told without decoding it: that would take longer than the rest of reading."""
+    """Return the reason why a picture is unusable, without decoding, which would dominate the reading time."""
     try:
         with open_picture(path) as image:
             layout, (width, height) = image.format, image.size
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            whole = {"JPEG": _is_complete_jpeg, "MPO": _is_complete_jpeg, "PNG": _is_complete_png}.get(str(layout), bool)(content)
+            whole = {"JPEG": _is_complete_jpeg, "MPO": _is_complete_jpeg, "PNG": _is_complete_png}.get(
+                str(layout), bool
+            )(content)
     except InputError as error:
         return str(error)
     if min(width, height) < min_side:
@@ -118,7 +135,7 @@ def _is_complete_png(content: mmap.mmap) -> bool:
 
 
 def _is_complete_jpeg(content: mmap.mmap) -> bool:
-    """Whether an end marker follows the first scan; the segments before it may hold a thumbnail with one of its own."""
+    """Return True where an end marker follows the first scan; earlier segments may hold a thumbnail with its own."""
     position = 2
     while position + 4 <= len(content) and content[position] == 0xFF:
         if content[position + 1] == _START_OF_SCAN:

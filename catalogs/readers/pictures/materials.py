@@ -1,4 +1,4 @@
-"""A folder of pictures of materials, each named after what it shows."""
+"""Folder of material pictures, each named after its material."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.opening import open_picture
 from facade_core.core.errors import InputError
 from facade_core.core.types import MATERIALS
 
@@ -21,7 +21,7 @@ MAX_ASPECT_ERROR = 0.03
 
 
 class MaterialPicture(NamedTuple):
-    """A picture of a material of `MATERIALS`, and how wide it is, metres."""
+    """Picture of a material of `MATERIALS` and its width in metres."""
 
     name: str
     path: Path
@@ -29,9 +29,12 @@ class MaterialPicture(NamedTuple):
 
 
 def read_material_pictures(folder: Path) -> tuple[MaterialPicture, ...]:
-    """The pictures of a folder by what they show, each at most once, as MATERIALS has them.
+    """Return the pictures of a folder in the order of MATERIALS, at most one each.
 
-    Raises InputError where one has another name, is of a width that cannot be, cannot be laid or cannot be used.
+    Raises
+    ------
+    InputError
+        Where a picture has another name, an impossible width, cannot be tiled or cannot be used.
     """
     paths, faults = list_images(folder, "material")
     if faults:

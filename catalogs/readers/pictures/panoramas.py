@@ -1,4 +1,4 @@
-"""Street panoramas and where they were taken: equirectangular pictures posed by a poses file or by their own metadata."""
+"""Street panoramas: equirectangular pictures with poses from a poses file or from their metadata."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.broken import fault_reason, single_line
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
-from catalogs.readers.pictures.days import exif_capture_date
+from catalogs.reader_errors import fault_reason, single_line
+from catalogs.readers.pictures.capture_dates import exif_capture_date
+from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.opening import open_picture
 from catalogs.readers.pictures.poses import LONLAT, SourcePose, degrees_from_dms, find_implausible_value, read_poses
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
@@ -34,14 +34,21 @@ NEARBY_M, MAX_AGE_GAP_DAYS = 30.0, 400
 _MAX_FULL_SIDE_PX = 1e6
 _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
-    "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
+    "panoramas taken more than a year before others beside them; `is_changed` tells of facades, ground shows all of them"
 )
 
 
 @dataclass(frozen=True, slots=True)
 class PosedPanorama:
-    """An equirectangular picture and its pose in the block's frame; id is the file's name without suffix. captured: the day,
-    by its entry in the poses file, else by its EXIF; None where neither tells a day."""
+    """Equirectangular picture with its pose in the frame of a block.
+
+    Attributes
+    ----------
+    id : file name without suffix.
+    path : file.
+    pose : camera pose.
+    captured : date in the poses file, else in EXIF; None without one.
+    """
 
     id: str
     path: Path
@@ -51,7 +58,7 @@ class PosedPanorama:
 
 @dataclass(frozen=True, slots=True)
 class Panoramas:
-    """The posed pictures of a folder by name, those that are broken, and what the reader says of some."""
+    """Posed panoramas of a folder by name, with faults and remarks."""
 
     items: tuple[PosedPanorama, ...]
     faults: tuple[Fault, ...] = ()
@@ -61,14 +68,28 @@ class Panoramas:
 def read_panoramas(
     folder: Path, poses: Path | None, crs: CRS, bounds: tuple[float, float, float, float] | None = None
 ) -> Panoramas:
-    """The posed panoramas of a folder, in the block's frame `crs`.
+    """Read the posed panoramas of a folder in the frame of a block.
 
-    A picture's pose is the first that is found with place and heading: in the poses file (formats: read_poses), in GPano XMP
-    with EXIF GPS, in EXIF GPS alone. Headings from true north become grid headings. z is None unless the poses file gives one:
-    the height in a picture's GPS has another datum. The part of the full panorama that the picture holds is from GPano XMP.
-    Pictures more than FAR_M outside `bounds` (xmin, ymin, xmax, ymax in metres) are skipped with a remark. Pictures that are
-    unreadable, not equirectangular, without a pose or given twice become faults; of those taken long before others beside them
-    it is said. Raises InputError when no picture has a pose.
+    The pose is the first with position and heading of: the poses file, GPano XMP with EXIF GPS, EXIF GPS. Headings from true
+    north become grid headings. z is None unless the poses file states it, since GPS heights have another datum. GPano XMP states
+    the part of the full panorama. Panoramas farther than MAX_DISTANCE_M outside the bounds are skipped with a remark. Panoramas
+    much older than a nearby one get a remark.
+
+    Parameters
+    ----------
+    folder : folder of pictures.
+    poses : poses file in a format of read_poses, or None.
+    crs : frame of the block.
+    bounds : (xmin, ymin, xmax, ymax) in the frame, metres; None for no limit.
+
+    Returns
+    -------
+    Panoramas; unreadable pictures, other projections, missing poses and duplicates are faults.
+
+    Raises
+    ------
+    InputError
+        Where no picture has a pose.
     """
     paths, unreadable = list_images(folder, "panorama")
     sources = read_poses(poses) if poses else {}
@@ -120,7 +141,7 @@ def read_panoramas(
 
 
 def _outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
-    """The panoramas that were taken long before another one beside them."""
+    """Return remarks on panoramas that are much older than a nearby one."""
     import shapely
 
     dated = [(one, day) for one in items if (day := _parse_date(one.captured))]
@@ -151,7 +172,7 @@ def _find_entry(sources: Mapping[str, SourcePose | str], path: Path) -> SourcePo
 
 
 def _stated_pose(sources: Mapping[str, SourcePose | str], path: Path) -> SourcePose | None:
-    """The pose of a picture in the poses file, where that states a heading; ValueError where the entry is broken."""
+    """Return the pose of a picture in the poses file; None without a heading, ValueError for a broken entry."""
     found = _find_entry(sources, path)
     if isinstance(found, str):
         raise ValueError(found)
@@ -171,7 +192,20 @@ def _distance_outside(pose: Pose, bounds: Sequence[float]) -> float:
 def project_pose(
     source: SourcePose, view: tuple[float, float, float, float], crs: CRS, transformers: dict[str | None, Transformer]
 ) -> Pose:
-    """A pose in the block's frame: its north, true or of its grid, turns with the frame."""
+    """Project a pose into the frame of a block; north, true or of a grid, turns with the frame.
+
+    Parameters
+    ----------
+    source : pose in its own coordinate system.
+    view : part of the full panorama, (left, top, width, height) as shares.
+    crs : frame of the block.
+    transformers : cache of transformers by coordinate system.
+
+    Raises
+    ------
+    ValueError
+        For an impossible position.
+    """
     from pyproj import CRS, Transformer
 
     if problem := find_implausible_value(source):
@@ -195,15 +229,14 @@ def project_pose(
 
 
 def check_equirectangular(path: Path) -> None:
-    """ValueError, or ImageError, where a picture is no equirectangular panorama by what it says and by its shape, with
-    the remedy."""
+    """Raise ValueError or ImageError where a picture is no equirectangular panorama."""
     _read_metadata(path)
 
 
 def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool, str | None]:
-    """What a picture says of itself: its view, its pose, whether its heading is from magnetic north, and its day.
+    """Return the view, the pose, whether the heading is from magnetic north, and the date of a picture.
 
-    ValueError where it is not an equirectangular panorama, with the remedy.
+    ValueError with the remedy where the picture is no equirectangular panorama.
     """
     with open_picture(path) as image:
         pano, gps = _gpano_fields(image), _exif_gps(image)
@@ -226,8 +259,10 @@ def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], Sourc
 
 
 def read_exif_pose(path: Path) -> SourcePose | None:
-    """Where a picture of any kind was taken by its EXIF, and its heading where that tells it; None without a place. Headings
-    from magnetic north are taken as true."""
+    """Return the position, and the heading if stated, in the EXIF of a picture; None without a position.
+
+    Headings from magnetic north are taken as true.
+    """
     with open_picture(path) as image:
         return _embedded_pose({}, _exif_gps(image))[0]
 
@@ -258,9 +293,9 @@ def _finite_number(value: Any) -> float | None:
 
 
 def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
-    """The picture's part of the full panorama, (left, top, width, height) as shares; all of it where GPano does not say.
+    """Return the part (left, top, width, height) of the full panorama as shares; all without GPano.
 
-    ValueError where what it says is no part of a panorama.
+    ValueError where the part is impossible.
     """
     full = [_finite_number(pano.get(f"FullPano{side}Pixels")) for side in ("Width", "Height")]
     part = [_finite_number(pano.get(f"CroppedAreaImage{side}Pixels")) for side in ("Width", "Height")]
@@ -289,7 +324,7 @@ def _is_rotated(image: Image) -> bool:
 
 
 def _exif_gps(image: Image) -> dict[str, Any]:
-    """EXIF GPS tags by name; none where the EXIF block is damaged."""
+    """Return the EXIF GPS tags by name; none where the EXIF is damaged."""
     from PIL.ExifTags import GPSTAGS
 
     try:
@@ -300,7 +335,7 @@ def _exif_gps(image: Image) -> dict[str, Any]:
 
 
 def _gpano_fields(image: Image) -> dict[str, str]:
-    """The GPano fields of the picture's XMP, as text by name; none where the XMP is damaged."""
+    """Return the GPano fields of the XMP as text by name; none where the XMP is damaged."""
     try:
         waiting: list[Any] = [image.getxmp()]
     except Exception:  # damaged in any way

@@ -1,4 +1,4 @@
-"""Files that say where pictures were taken: a poses file of our own, or what capture and reconstruction tools write."""
+"""Readers of camera poses: Streetloom's poses file and the output of capture and reconstruction tools."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.broken import is_system_error, short_message, single_line
-from catalogs.frames import parse_crs, has_east_north_axes
-from catalogs.visible import short_repr
+from catalogs.crs import has_east_north_axes, parse_crs
+from catalogs.printable_text import short_repr
+from catalogs.reader_errors import is_system_error, short_message, single_line
 from facade_core.core.errors import InputError
 
 LONLAT = "EPSG:4326"
@@ -40,18 +40,18 @@ _FORMAT_HINT = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "pose
 
 @dataclass(frozen=True, slots=True)
 class SourcePose:
-    """A pose in its source's frame.
+    """Camera pose in the coordinate system of its source.
 
-    Args:
-        crs: of x and y; None is the block's own.
-        x: east, or longitude.
-        y: north, or latitude.
-        z: metres, None where only the place in plan is known.
-        heading: degrees clockwise from true north where crs is geographic, else from that frame's grid north; None where only
-            the place is known.
-        pitch: degrees up.
-        roll: degrees clockwise.
-        captured: the day, as "2024-05-17", where that is told.
+    Attributes
+    ----------
+    crs : of x and y; None for the frame of the block.
+    x : east, or longitude.
+    y : north, or latitude.
+    z : metres, None where it is unknown.
+    heading : degrees clockwise from true north for a geographic crs, else from its grid north; None where it is unknown.
+    pitch : degrees up.
+    roll : degrees clockwise.
+    captured : date as "2024-05-17", or None.
     """
 
     crs: str | None
@@ -65,19 +65,24 @@ class SourcePose:
 
 
 def read_poses(path: Path) -> dict[str, SourcePose | str]:
-    """Poses by the name of the picture (with or without suffix); in place of a pose that cannot be used, what is wrong with it.
+    """Read poses by the name of the picture, with or without suffix; a defect replaces an unusable pose.
 
-    Understood are
+    Formats:
     - CSV with a header: file, x, y or lon, lat; heading; optional z, pitch, roll. Separated by comma, semicolon or tab.
     - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll, captured}}}.
-      Without crs, x and y are in the block's frame; lon and lat are WGS 84.
-    - JSON {"crs": ..., "camera_positions": {"stem": [x, y, z]}}: pictures whose centre looks to grid north.
-    - a JSON list of {file, lat, lon, heading_deg, exif_gps: {GPSLatitude, GPSLatitudeRef, ..., GPSImgDirection}}, where the
-      GPS tags stand in for what is null.
-    - GeoJSON points, or Mapillary's image records (computed_geometry, computed_compass_angle, computed_rotation).
-    - OpenSfM's reconstruction.json: equirectangular shots with reference_lla.
+      Without crs, x and y are in the frame of the block; lon and lat are WGS 84.
+    - JSON {"crs": ..., "camera_positions": {"stem": [x, y, z]}}: pictures whose centre faces grid north.
+    - JSON list of {file, lat, lon, heading_deg, exif_gps: {GPSLatitude, GPSLatitudeRef, ..., GPSImgDirection}}, where GPS tags
+      replace nulls.
+    - GeoJSON points, or Mapillary image records (computed_geometry, computed_compass_angle, computed_rotation).
+    - OpenSfM reconstruction.json: equirectangular shots with reference_lla.
 
-    x is east or longitude, y north or latitude. Raises InputError for a file that is none of these.
+    x is east or longitude, y north or latitude.
+
+    Raises
+    ------
+    InputError
+        For a file of another format.
     """
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
@@ -119,7 +124,7 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
 
 
 def degrees_from_dms(value: Any, reference: Any) -> float:
-    """Degrees of an EXIF coordinate: a number, or degrees, minutes and seconds; negative for the references S and W."""
+    """Return the degrees of an EXIF coordinate: a number, or degrees, minutes and seconds; negative for S and W."""
     parts = value if isinstance(value, list | tuple) else [value]
     total = sum(float(part) / 60**power for power, part in enumerate(parts))
     letter = (reference.decode("ascii", "ignore") if isinstance(reference, bytes) else str(reference or "")).strip(
@@ -167,7 +172,7 @@ def _first_value(record: Mapping[str, Any], key: str) -> Any:
 
 
 def _flatten_record(record: dict[str, Any]) -> dict[str, Any]:
-    """A GeoJSON feature or Mapillary record with its coordinates and properties as plain fields."""
+    """Return a GeoJSON feature or Mapillary record with coordinates and properties as plain fields."""
     flat = {**record, **(record.get("properties") or {})}
     place = flat.get("computed_geometry") or flat.get("geometry")
     if place:
@@ -178,7 +183,7 @@ def _flatten_record(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def _parse_pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
-    """A record as a pose; ValueError saying what is missing or not a number."""
+    """Return a record as a pose; ValueError with the missing or invalid field."""
     value = {key: _finite_number(_first_value(record, key), key) for key in _FIELD_NAMES if key != "file"}
     x, y, heading = value["x"], value["y"], value["heading"]
     lon, lat = value["lon"], value["lat"]
@@ -200,7 +205,7 @@ def _parse_pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
 
 
 def parse_day(time: Any) -> str | None:
-    """The day of a time as "2024-05-17T10:15:00Z" states it; None where it states none."""
+    """Return the date of a time such as "2024-05-17T10:15:00Z"; None without one."""
     try:
         return date.fromisoformat(time[:10]).isoformat() if isinstance(time, str) and time[4:5] == "-" else None
     except ValueError:
@@ -220,7 +225,7 @@ def _finite_number(value: Any, key: str) -> float | None:
 
 
 def find_implausible_value(pose: SourcePose) -> str | None:
-    """What of a pose no camera can have; None where all of it may be."""
+    """Return a value of a pose that no camera can have; None where all are plausible."""
     for key, most in MAX_MAGNITUDES.items():
         value = getattr(pose, key)
         if value is not None and not abs(value) <= most:
@@ -229,7 +234,7 @@ def find_implausible_value(pose: SourcePose) -> str | None:
 
 
 def _reconstruction_shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
-    """Equirectangular shots of an OpenSfM reconstruction, whose world is east, north, up around reference_lla."""
+    """Yield the equirectangular shots of an OpenSfM reconstruction (east, north, up around reference_lla)."""
     from pyproj import Transformer
 
     reference = reconstruction["reference_lla"]
@@ -268,20 +273,29 @@ def _parse_vector(values: Iterable[float]) -> np.ndarray:
 
 
 def camera_angles(axis_angle: Iterable[float]) -> tuple[float, float, float]:
-    """Heading, pitch and roll in degrees of a camera by its rotation in a world of east, north, up: an axis-angle vector in
-    radians, camera from world. ValueError where it is none."""
+    """Return heading, pitch and roll of a camera in degrees by its rotation.
+
+    Parameters
+    ----------
+    axis_angle : camera_from_world rotation vector in radians; the world is east, north, up.
+
+    Raises
+    ------
+    ValueError
+        For an invalid vector.
+    """
     return _angles(_rotation_matrix(axis_angle))
 
 
 def _rotation_matrix(axis_angle: Iterable[float]) -> np.ndarray:
-    """The rotation (3, 3), camera_from_world, of an axis-angle vector in radians."""
+    """Return the camera_from_world rotation (3, 3) of an axis-angle vector in radians."""
     import cv2
 
     return cv2.Rodrigues(_parse_vector(axis_angle).reshape(3, 1))[0]
 
 
 def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
-    """Heading, pitch and roll in degrees of a camera with x right, y down, z forward in a world of east, north, up."""
+    """Return heading, pitch and roll in degrees of a camera: x right, y down, z forward; world east, north, up."""
     right, _, forward = camera_from_world
     heading = math.atan2(forward[0], forward[1])
     pitch = math.asin(min(max(forward[2], -1.0), 1.0))
@@ -291,7 +305,7 @@ def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
 
 
 def _check_crs(path: Path, crs: Any) -> str | None:
-    """The frame that a file names, as text; InputError where none of the Earth is of that name."""
+    """Return the coordinate system of a file as text; InputError for an unusable one."""
     if crs is None:
         return None
     text = str(crs) if isinstance(crs, int) and not isinstance(crs, bool) else crs
@@ -310,7 +324,7 @@ def _check_crs(path: Path, crs: Any) -> str | None:
 
 
 def _reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """JSON lets the last of two equal names win in silence."""
+    """Raise ValueError for repeated keys, of which JSON would keep the last."""
     found = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]

@@ -1,4 +1,4 @@
-"""Rasters opened: by the driver that a file's first bytes name, placed on the ground, without any other file or address."""
+"""Opening of rasters: driver by the first bytes, georeference checks, no access to other files or addresses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.broken import single_line, wrap_reader_errors
-from catalogs.frames import parse_crs, has_east_north_axes
+from catalogs.crs import has_east_north_axes, parse_crs
+from catalogs.reader_errors import single_line, wrap_reader_errors
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ _OFFLINE_OPTIONS = {
 
 
 def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
-    """GDAL's driver for a file by its first bytes; None where it is none of `drivers`."""
+    """Return GDAL's driver of a file by its first bytes; None where it is none of `drivers`."""
     with path.open("rb") as file:
         start = file.read(32)
     return next((name for magic, name in drivers.items() if start.startswith(magic)), None)
@@ -54,7 +54,20 @@ def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
 
 @contextmanager
 def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
-    """A raster opened by a driver, `kind` as "a raster". Raises InputError where it cannot be read, then or within."""
+    """Open a raster with a driver.
+
+    Parameters
+    ----------
+    path : file.
+    driver : GDAL driver.
+    kind : text such as "a raster" for messages.
+    remedy : advice at the end of messages.
+
+    Raises
+    ------
+    InputError
+        Where the raster cannot be read, on opening or later.
+    """
     import rasterio
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
@@ -73,7 +86,10 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any
 
 @contextmanager
 def _silence_unraisable() -> Iterator[None]:
-    """Of a broken file GDAL quotes bytes; for those that are no text rasterio, which logs them, prints a traceback."""
+    """Log errors of rasterio's log callback instead of printing them.
+
+    GDAL quotes bytes of a broken file, and rasterio fails to decode them as text.
+    """
     before, sys.unraisablehook = sys.unraisablehook, lambda error: log.debug("%s: %s", error.object, error.exc_value)
     try:
         yield
@@ -82,7 +98,14 @@ def _silence_unraisable() -> Iterator[None]:
 
 
 def check_georeference(raster: Any, path: Path, remedy: str) -> None:
-    """InputError where a raster's cells are no parallelograms on the ground."""
+    """Raise InputError where the cells of a raster are no parallelograms on the ground.
+
+    Parameters
+    ----------
+    raster : open raster.
+    path : file, for messages.
+    remedy : advice for a raster without a georeference.
+    """
     cell = raster.transform
     if cell.is_identity:
         stated = "control points only; warp it with gdalwarp" if raster.gcps[0] else f"no place on the ground; {remedy}"
@@ -97,7 +120,19 @@ def check_georeference(raster: Any, path: Path, remedy: str) -> None:
 
 
 def read_raster_crs(raster: Any, path: Path, crs: str | None = None) -> CRS | None:
-    """The horizontal frame that is named, or that a raster states; None where there is neither."""
+    """Return the horizontal coordinate system that is given, or that a raster states; None without either.
+
+    Parameters
+    ----------
+    raster : open raster.
+    path : file, for messages.
+    crs : coordinate system that replaces that of the raster.
+
+    Raises
+    ------
+    InputError
+        For an unknown system, or one with axes other than east and north.
+    """
     text = crs or (raster.crs.to_wkt() if raster.crs else None)
     if not text:
         return None
@@ -127,7 +162,7 @@ def _check_size(raster: Any, path: Path) -> None:
 
 
 def _count_words(path: Path) -> int:
-    """How many words a text has, read a piece at a time; none where it is no text, of which GDAL finds no end either."""
+    """Return the number of words of a text, read in pieces; 0 for binary data, in which GDAL finds no end."""
     import numpy as np
 
     total, within = 0, np.zeros(1, bool)
@@ -151,7 +186,7 @@ def _value_bytes(kind: str) -> int:
 
 
 def _check_sidecar(path: Path) -> None:
-    """Beside a raster GDAL reads FILE.aux.xml, which can name another file to be read in its place."""
+    """Raise InputError where FILE.aux.xml makes GDAL read another file in place of a raster."""
     beside = path.with_name(path.name + ".aux.xml")
     if beside.is_file():
         with beside.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Virtual rasters of GDAL (VRT): XML that puts a raster together from files. Only mosaics of files beside them are read."""
+"""Checks of GDAL virtual rasters (VRT): only mosaics of files in the same folder are accepted."""
 
 from __future__ import annotations
 
@@ -40,7 +40,13 @@ _ALLOWED_ELEMENTS = {
 
 
 def check_virtual_raster(path: Path, check_source: Callable[[Path], object]) -> None:
-    """InputError unless a file is a virtual raster of files in its folder or below, which pass check_source each."""
+    """Raise InputError unless a file is a virtual raster of files in its folder or below.
+
+    Parameters
+    ----------
+    path : VRT file.
+    check_source : called with each source file.
+    """
     from defusedxml import ElementTree
     from defusedxml.common import DefusedXmlException
 

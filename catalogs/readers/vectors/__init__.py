@@ -1,1 +1,1 @@
-"""Vector files and OpenStreetMap extracts: footprints and centrelines with their tags."""
+"""Readers of vector files and OpenStreetMap extracts: footprints and centrelines with tags."""

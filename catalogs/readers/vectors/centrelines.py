@@ -1,4 +1,4 @@
-"""Lines of any source into centrelines: one per part and street, the broken ones set aside."""
+"""Centrelines from the lines of any source, one per part and street."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.broken import fault_reason
 from catalogs.features import Centreline, Centrelines, Fault
+from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 
 _DUPLICATE_TOLERANCE = 1e-7  # lines that differ by less, in degrees or metres, are one
 
 
 def build_centrelines(crs: str | None, features: Iterable[tuple[str, Any, str | None]]) -> Centrelines:
-    """Centrelines of (id, geometry, name): parts of one geometry are id-0, id-1, ...; both directions of a street are one.
+    """Build centrelines from (id, geometry, name).
 
-    What has no geometry, no length or a coordinate that is no finite number is a fault.
+    Parts of one geometry become id-0, id-1, ...; the two directions of a street are merged. Features without a geometry, a
+    length or finite coordinates are faults.
     """
     items, faults = [], []
     known: set[bytes] = set()
@@ -54,7 +55,7 @@ def _find_defect(part: Any) -> str | None:
 
 
 def finite_points(geometry: Any) -> Any:
-    """Where a geometry is, as far as its coordinates are finite; None where none is."""
+    """Return the vertices of a geometry with finite coordinates; None without any."""
     points = shapely.get_coordinates(geometry)
     points = points[np.isfinite(points).all(axis=1)]
     return shapely.multipoints(points) if len(points) else None

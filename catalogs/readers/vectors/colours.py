@@ -1,4 +1,4 @@
-"""Colours and materials of walls and roofs, as OpenStreetMap tags them."""
+"""Colours and materials of walls and roofs from OpenStreetMap tags."""
 
 from __future__ import annotations
 
@@ -60,10 +60,11 @@ _MIN_CHANNEL, _MAX_CHANNEL = 24, 238
 
 
 def parse_finish(tags: Mapping[str, str]) -> Finish:
-    """What the tags state of walls and roof; a colour that is not understood is none."""
+    """Return the finish of walls and roof by the tags; unknown colours are None."""
     wall, roof = _material_name(tags.get("building:material", "")), _material_name(tags.get("roof:material", ""))
     return Finish(
-        parse_colour(tags.get("building:colour") or tags.get("building:color") or "") or WALL_MATERIAL_COLOURS.get(wall or ""),
+        parse_colour(tags.get("building:colour") or tags.get("building:color") or "")
+        or WALL_MATERIAL_COLOURS.get(wall or ""),
         parse_colour(tags.get("roof:colour") or tags.get("roof:color") or "") or ROOF_MATERIAL_COLOURS.get(roof or ""),
         wall,
         roof,
@@ -71,7 +72,7 @@ def parse_finish(tags: Mapping[str, str]) -> Finish:
 
 
 def parse_colour(text: str) -> Colour | None:
-    """Red, green and blue of "#a0522d", "a0522d", "#a52" or a name in English, of a list the first; None where it is none."""
+    """Return RGB of "#a0522d", "a0522d", "#a52" or an English name, of a list the first; None for others."""
     from PIL import ImageColor
 
     text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower().replace(" ", "").replace("_", "").replace("-", "")
@@ -89,6 +90,6 @@ def parse_colour(text: str) -> Colour | None:
 
 
 def _material_name(text: str) -> str | None:
-    """A material, as it is written; of a list the first."""
+    """Return a material as written, of a list the first."""
     text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower()
     return text if text and text not in ("yes", "no", "unknown") else None

@@ -1,4 +1,4 @@
-"""Columns of vector files, whatever they are called, as the OpenStreetMap tags that mean the same."""
+"""Columns of vector files as the equivalent OpenStreetMap tags."""
 
 from __future__ import annotations
 
@@ -120,16 +120,33 @@ _BY_ROW_REMARK = "named by their row, since too few have an id of their own"
 _INEXACT_REMARK = "whose id is a number too large to be held whole; write it as text"
 
 _KNOWN_COLUMNS = frozenset(
-    name for names in (*TAG_COLUMNS.values(), ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS, CLASS_COLUMNS, ID_COLUMNS, _EXTRA_TAG_COLUMNS, _ELEMENT_TYPE_COLUMNS) for name in names
+    name
+    for names in (
+        *TAG_COLUMNS.values(),
+        ROOF_LEVEL_COLUMNS,
+        GROUND_LEVEL_COLUMNS,
+        CLASS_COLUMNS,
+        ID_COLUMNS,
+        _EXTRA_TAG_COLUMNS,
+        _ELEMENT_TYPE_COLUMNS,
+    )
+    for name in names
 )
 
 
 def match_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[str, str]:
-    """Known name -> field, of the fields that mean something here. `cut`: the file holds 10 characters of a name (.shp)."""
+    """Return the field of each known column name.
+
+    has_truncated_names: True where the file cuts names to 10 characters (.shp).
+    """
     found: dict[str, str] = {}
     for field in fields:
         name = re.sub(r"[\s:.\-/]+", "_", field.strip().lower()).lstrip("@_")
-        names = [known for known in _KNOWN_COLUMNS if known[:10] == name[:10]] if has_truncated_names and len(name) == 10 else [name]
+        names = (
+            [known for known in _KNOWN_COLUMNS if known[:10] == name[:10]]
+            if has_truncated_names and len(name) == 10
+            else [name]
+        )
         for known in names:
             if known in _KNOWN_COLUMNS:
                 found.setdefault(known, field)
@@ -137,12 +154,21 @@ def match_columns(fields: Iterable[str], *, has_truncated_names: bool) -> dict[s
 
 
 def record_tags(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[dict[str, str]]:
-    """The tags of each record: texts, only those that are stated; `ground` is the height of the ground above the datum, `class`
-    the values of all columns of classes, a line each."""
+    """Return the stated tags of each record as text.
+
+    `ground` is the height of the ground above the datum; `class` has the values of all class columns, one per line.
+
+    Parameters
+    ----------
+    records : rows of a layer.
+    columns : field by known column name.
+    """
     present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in TAG_COLUMNS.items()}
     more = [columns[name] for name in _EXTRA_TAG_COLUMNS if name in columns]
     classes = [columns[name] for name in CLASS_COLUMNS if name in columns]
-    levels = [[columns[name] for name in names if name in columns] for names in (ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS)]
+    levels = [
+        [columns[name] for name in names if name in columns] for names in (ROOF_LEVEL_COLUMNS, GROUND_LEVEL_COLUMNS)
+    ]
     levels = levels if all(levels) else []
     result = []
     for record in records:
@@ -165,9 +191,9 @@ def record_tags(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]
 
 
 def cell_text(value: Any) -> str:
-    """What a cell states, empty where it states nothing: null, NaN, blanks. Whole numbers are written without a point.
+    """Return the text of a cell, empty for null, NaN and blanks; integers have no decimal point.
 
-    A list of one value is that value: GDAL makes lists of a whole column where one cell of it is one.
+    A list of one value counts as the value, since GDAL converts a column to lists where one cell is a list.
     """
     if isinstance(value, np.ndarray):
         value = value.tolist()
@@ -178,17 +204,32 @@ def cell_text(value: Any) -> str:
     if isinstance(value, dict):  # Overture: {"primary": name, ...}, {"value": surface, ...}
         return cell_text(value.get("primary", value.get("value")))
     if isinstance(value, float):
-        return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < MIN_INEXACT_INTEGER else str(value)
+        return (
+            ""
+            if value != value
+            else str(int(value))
+            if value.is_integer() and abs(value) < MIN_INEXACT_INTEGER
+            else str(value)
+        )
     text = "" if value is None else str(value[:_MAX_CELL_LENGTH] if isinstance(value, str) else value).strip()
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 
 def assign_ids(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
-    """An id for each record: from the first column whose values are all there and different, else nearly all, else the row's
-    number. And what is to be said of those that are not what the column states, by id.
+    """Assign an id to each record, and return the remarks on ids that differ from the column.
 
-    In a column with gaps a missing one is row-N, a second one of a kind gets -2. Those of OpenStreetMap are written w12 and r12
-    where the kind is known.
+    The ids are from the first column with complete and unique values, else nearly so, else row numbers. In an incomplete column
+    a missing id is row-N and a repeated one gets -2. OpenStreetMap ids become w12 and r12 where the type is known.
+
+    Parameters
+    ----------
+    records : rows of a layer.
+    columns : field by known column name.
+
+    Returns
+    -------
+    ids : id of each record.
+    remarks : remark by id.
     """
     kind = next((columns[name] for name in _ELEMENT_TYPE_COLUMNS if name in columns), None)
     nearly: tuple[list[str], str] | None = None
@@ -222,7 +263,7 @@ def assign_ids(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tup
 
 
 def _inexact_ids(ids: list[str], records: Iterable[Mapping[str, Any]], field: str) -> dict[str, str]:
-    """The ids that stand for a number of which a float, or GDAL's text of one, holds the first digits only."""
+    """Return the remark by id of numbers that a float, or its text by GDAL, cannot hold exactly."""
     cells = [record[field] for record in records]
     return {id: _INEXACT_REMARK for id, cell in zip(ids, cells, strict=True) if _is_inexact(cell)}
 
@@ -234,7 +275,7 @@ def _is_inexact(cell: Any) -> bool:
 
 
 def _make_unique(texts: list[str]) -> list[str]:
-    """The same ids, each but once: what is missing or there before is numbered."""
+    """Return unique ids: missing and repeated ones are numbered."""
     ids: list[str] = []
     known = set(texts)
     seen: set[str] = set()
@@ -250,7 +291,7 @@ def _make_unique(texts: list[str]) -> list[str]:
 
 
 def _height_above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
-    """Height above the ground and height of the ground, from heights above the datum."""
+    """Return the height above the ground and the height of the ground, from heights above the datum."""
     roof, ground = (
         next((text for field in fields if (text := cell_text(record[field]))), "") for fields in (roofs, grounds)
     )
@@ -261,7 +302,7 @@ def _height_above_ground(record: Mapping[str, Any], roofs: list[str], grounds: l
 
 
 def _parse_tags(value: Any) -> dict[str, str]:
-    """Tags in one cell: JSON, a mapping, or "key"=>"value" pairs."""
+    """Return the tags of one cell: JSON, a mapping, or "key"=>"value" pairs."""
     if isinstance(value, str) and value.startswith("{"):
         try:
             value = json.loads(value)
@@ -273,7 +314,7 @@ def _parse_tags(value: Any) -> dict[str, str]:
 
 
 def _primary_name(text: str) -> str:
-    """A name; where it is a JSON object of names (Overture in GeoJSON), the primary one."""
+    """Return a name; of a JSON object of names (Overture in GeoJSON) the primary one."""
     if text.startswith("{"):
         try:
             return str(json.loads(text).get("primary") or text)

@@ -1,4 +1,4 @@
-"""Street centrelines out of GraphML as OSMnx writes it."""
+"""Street centrelines of GraphML as OSMnx writes it."""
 
 from __future__ import annotations
 
@@ -12,21 +12,28 @@ from typing import Any
 import shapely
 from shapely import LineString
 
-from catalogs.broken import is_system_error
 from catalogs.features import Centrelines, Fault, GroundFeature
+from catalogs.reader_errors import is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines
 from catalogs.readers.vectors.osm import is_street, split_values
 from facade_core.core.errors import InputError
 
 
 def read_graphml(path: Path) -> Centrelines:
-    """Every edge of a street graph as a centreline, both directions of a street once; an edge without a geometry is a
-    straight line between its nodes. Where edges state `highway`, only the streets that catalogs.readers.vectors.osm reads.
+    """Read the edges of a street graph as centrelines, one for both directions.
 
-    Raises InputError where the file is no GraphML of a graph.
+    An edge without a geometry is a straight line between its nodes. With `highway` attributes only streets of
+    catalogs.readers.vectors.osm.is_street are read.
+
+    Raises
+    ------
+    InputError
+        Where the file is no GraphML of a graph.
     """
     graph = _load_graph(path)
-    places = {node: place for node, attributes in graph.nodes(data=True) if (place := _node_position(attributes)) is not None}
+    places = {
+        node: place for node, attributes in graph.nodes(data=True) if (place := _node_position(attributes)) is not None
+    }
     edges = [(start, end, _attribute_texts(attributes)) for start, end, attributes in graph.edges(data=True)]
     from_osm = any("highway" in tags for _, _, tags in edges)
     nowhere: dict[str, None] = {}
@@ -89,7 +96,7 @@ def _node_position(attributes: dict[str, Any]) -> tuple[float, float] | None:
 
 
 def _graph_crs(path: Path, stated: Any) -> str | None:
-    """EPSG:n or WKT of the graph's attribute `crs`, which old versions write as {'init': 'epsg:n'}."""
+    """Return EPSG:n or WKT of the graph's attribute `crs`, which old versions write as {'init': 'epsg:n'}."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 

@@ -1,4 +1,4 @@
-"""Vector files opened: the layer that is meant, its frame, and of its columns the known ones."""
+"""Layers of vector files: selection, coordinate system and known columns."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from catalogs.broken import is_system_error
+from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_FEATURES
-from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, match_columns, assign_ids, record_tags
+from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_columns, record_tags
+from catalogs.readers.vectors.geopackage_tables import check_geopackage_tables
 from catalogs.readers.vectors.shapefile_tables import check_shapefile_table
-from catalogs.readers.vectors.tables import check_geopackage_tables
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,26 +43,44 @@ _GEOMETRY_TYPES = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "
 
 @dataclass(frozen=True, slots=True)
 class LayerFeatures:
-    """A layer's features row by row: ids, geometries and tags.
+    """Features of a layer, row by row.
 
-    renamed: what is to be said of ids that are not what the file states. others: its layers that were left alone.
+    Attributes
+    ----------
+    crs : None where it is unknown.
+    ids : unique ids.
+    geometries : geometry of each row.
+    tags : OpenStreetMap tags of each row.
+    id_remarks : remark by id, for ids that differ from the file.
+    layer : name of the layer.
+    other_layers : names of the layers that were not read.
     """
 
     crs: str | None
     ids: Sequence[str]
     geometries: Sequence[Any]
     tags: Sequence[dict[str, str]]
-    renamed: Mapping[str, str]
+    id_remarks: Mapping[str, str]
     layer: str
-    others: Sequence[str]
+    other_layers: Sequence[str]
 
 
 def read_layer_features(path: Path, kind: str, name_hints: Sequence[str]) -> LayerFeatures:
-    """The features of one kind, "outlines" or "lines", of a vector file.
+    """Read the features of one kind from a vector file.
 
-    Of several layers the one of that kind is taken, with one of the `words` in its name if possible. The frame is None where
-    the file states none, or degrees that its coordinates cannot be. Raises InputError where the file cannot be read, or
-    where it holds nothing of that kind.
+    Of several layers one of that kind is read, preferably with a hint in its name. The crs is None where the file states none,
+    or degrees that its coordinates cannot be.
+
+    Parameters
+    ----------
+    path : file.
+    kind : "outlines" or "lines".
+    name_hints : words in the name of the preferred layer.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or holds nothing of that kind.
     """
     with _wrap_library_errors(path):
         _check_file(path)
@@ -78,9 +96,17 @@ def read_layer_features(path: Path, kind: str, name_hints: Sequence[str]) -> Lay
 
 
 def read_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -> list[LayerFeatures]:
-    """The features of all layers of a vector file that are wanted by their names and the known columns that they have.
+    """Read the features of all layers that are wanted.
 
-    Raises InputError where the file cannot be read.
+    Parameters
+    ----------
+    path : file.
+    is_wanted : called with the name and the known columns of a layer.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read.
     """
     with _wrap_library_errors(path):
         _check_file(path)
@@ -92,7 +118,12 @@ def read_layers(path: Path, is_wanted: Callable[[str, Collection[str]], bool]) -
         return [
             _read_table(path, layer, ())
             for layer in layers
-            if is_wanted(layer, match_columns(pyogrio.read_info(path, layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)))
+            if is_wanted(
+                layer,
+                match_columns(
+                    pyogrio.read_info(path, layer=layer)["fields"], has_truncated_names=_has_truncated_names(path)
+                ),
+            )
         ]
 
 
@@ -109,7 +140,7 @@ def _read_table(path: Path, layer: str, others: Sequence[str]) -> LayerFeatures:
 
 @contextmanager
 def _wrap_library_errors(path: Path) -> Iterator[None]:
-    """What GDAL, Arrow and GEOS say of a broken file, each by errors of its own, as an InputError."""
+    """Raise errors of GDAL, Arrow and GEOS as InputError."""
     try:
         yield
     except InputError:
@@ -130,7 +161,7 @@ def _check_file(path: Path) -> None:
 
 
 def _has_truncated_names(path: Path) -> bool:
-    """Whether a file holds 10 characters of a column's name."""
+    """Return True where a file cuts column names to 10 characters."""
     return path.suffix.lower() == ".shp"
 
 
@@ -182,9 +213,9 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
 
 
 def _restore_integers(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], Any]) -> GeoDataFrame:
-    """The frame with integers of over 53 bits as they are: a column with gaps comes as floats.
+    """Return the table with exact integers of over 53 bits: a column with gaps is read as floats.
 
-    whole: the fields that hold integers. read: an Arrow table of some of them.
+    whole: fields that hold integers. read: returns an Arrow table of some of them.
     """
     floats = [name for name in whole if name in frame and frame[name].dtype.kind == "f"]
     if lossy := [name for name in floats if (frame[name].abs() >= MIN_INEXACT_INTEGER).any()]:
@@ -228,7 +259,7 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
 
 
 def _crs_name(crs: Any) -> str | None:
-    """EPSG:n where the frame has a number, else WKT; only its horizontal part. None where it is not of this Earth."""
+    """Return EPSG:n of the horizontal part, else WKT; None for a local system."""
     if crs is None:
         return None
     if crs.is_compound:

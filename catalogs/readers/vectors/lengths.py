@@ -1,4 +1,4 @@
-"""Lengths and storeys as OpenStreetMap writes them: numbers with or without a unit."""
+"""Lengths and floor counts as OpenStreetMap tags write them, with or without a unit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _FOOT_M, _INCH_M = 0.3048, 0.0254
 
 
 def parse_length(text: str) -> float | None:
-    """Metres from an OSM length: "12", "12.5 m", "40 ft", 7'4"; None where it is not understood."""
+    """Return the metres of an OpenStreetMap length: "12", "12.5 m", "40 ft", 7'4"; None for others."""
     text = text.strip()
     if match := _FEET_INCHES_TEXT.fullmatch(text):
         return _finite_or_none(float(match[1]) * _FOOT_M + float(match[2].replace(",", ".")) * _INCH_M)
@@ -26,7 +26,7 @@ def _finite_or_none(value: float) -> float | None:
 
 
 def parse_levels(text: str) -> float | None:
-    """Storeys from building:levels: "5", "3.5"; of a list such as "4;5" the largest; None where not understood."""
+    """Return the floor count of building:levels: "5", "3.5", of a list such as "4;5" the largest; None for others."""
     try:
         levels = max(float(part.replace(",", ".")) for part in text.split(";"))
     except ValueError:

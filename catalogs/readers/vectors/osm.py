@@ -1,4 +1,4 @@
-"""Buildings and streets out of an OpenStreetMap .pbf extract, read with pyrosm.
+"""Buildings and streets of an OpenStreetMap .pbf extract, read with pyrosm.
 
 Tag meanings are those of the OSM wiki ("Simple 3D Buildings", "Key:highway").
 """
@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.broken import fault_reason, is_system_error
 from catalogs.features import Centrelines, Fault, Footprint, Footprints, GroundFeature, Remark
+from catalogs.reader_errors import fault_reason, is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.colours import parse_finish
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
@@ -44,11 +44,20 @@ _MAX_LIST_LENGTH = 10_000  # letters
 
 
 def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
-    """Every building outline of a .pbf, in lon/lat (EPSG:4326); outlines have no level of detail, `lod` is not looked at.
+    """Read the building outlines and building parts of a .pbf in lon/lat (EPSG:4326).
 
-    Parts of buildings (`building:part`) are among them. The height is the one to the eaves: `height` less that of the roof.
-    Roofs without walls and buildings under ground are set aside, since extruding them from the ground would put walls where
-    there are none. Raises InputError where the file is no readable .pbf.
+    The height reaches to the eaves: `height` less that of the roof. Roofs without walls and underground buildings are set aside,
+    since extrusion from the ground would add walls.
+
+    Parameters
+    ----------
+    path : file.
+    lod : ignored, since outlines have no level of detail.
+
+    Raises
+    ------
+    InputError
+        Where the file is no readable .pbf.
     """
     remarks: list[Remark] = []
     items = []
@@ -71,7 +80,16 @@ def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
 def parse_footprint(
     feature: str, geometry: Any, tags: Mapping[str, str], remarks: list[Remark], *, is_lonlat: bool
 ) -> Footprint | None:
-    """A building with its tags understood; None where it cannot be extruded. `remarks` takes what there is to say of it."""
+    """Return the footprint of a tagged building; None where it cannot be extruded.
+
+    Parameters
+    ----------
+    feature : id.
+    geometry : outline.
+    tags : OpenStreetMap tags.
+    remarks : receives remarks on the building.
+    is_lonlat : True for an outline in degrees, False for metres.
+    """
     if reason := _exclusion_reason(geometry, tags):
         remarks.append(Remark(feature, f"{reason} set aside", geometry))
         return None
@@ -103,7 +121,7 @@ def parse_footprint(
 
 
 def is_building_part(tags: Mapping[str, str]) -> bool:
-    """Whether a feature is tagged as a part of a building; it may be tagged as a building too."""
+    """Return True where a feature is tagged as a building part; it may be tagged as a building too."""
     return tags.get("building:part", "no") != "no"
 
 
@@ -113,15 +131,15 @@ def _query_parts(osm: Any) -> Any:
 
 
 def _parse_year(text: str) -> int | None:
-    """The latest year that a date states, such as "1936", "1890s", "1908..1939" and "after 1981"."""
+    """Return the latest year of a date such as "1936", "1890s", "1908..1939" and "after 1981"."""
     years = [int(found) for found in re.findall(r"(?<!\d)(1\d{3}|20\d{2})(?!\d)", text[:100])]
     return max(years, default=None)
 
 
 def _wall_height(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[float, Roof | None]:
-    """Height of the walls under a roof: `height` is tagged from the ground to the ridge.
+    """Return the height of the walls and the roof; `height` is tagged from the ground to the ridge.
 
-    A roof whose tagged height leaves no storey under it is not believed; one whose height is only assumed is made lower.
+    A tagged roof height that leaves no floor below is ignored; an assumed one is reduced.
     """
     tagged = tagged_roof_height(tags)
     rise = roof.height if roof else tagged or 0.0
@@ -152,10 +170,12 @@ _GROUND_FILTER = {
 
 
 def read_osm_centrelines(path: Path) -> Centrelines:
-    """Every street centreline of a .pbf that a camera can travel above ground, and what lies on the ground, in lon/lat
-    (EPSG:4326).
+    """Read the street centrelines and ground features of a .pbf in lon/lat (EPSG:4326).
 
-    Raises InputError where the file is no readable .pbf.
+    Raises
+    ------
+    InputError
+        Where the file is no readable .pbf.
     """
     ground: list[GroundFeature] = []
 
@@ -178,7 +198,7 @@ def read_osm_centrelines(path: Path) -> Centrelines:
 
 
 def is_street(line: Any, tags: Mapping[str, str]) -> bool:
-    """Whether a way with a `highway` tag is one that a camera can travel above ground between facades."""
+    """Return True where a camera can travel a `highway` above ground between facades."""
     above = tags.get("tunnel") not in ("yes", "T") and _number_tag(tags, "layer") >= 0
     # a closed pedestrian way is the outline of a square, with or without area=yes
     square = line.is_ring and ("pedestrian" in tags["highway"] or tags.get("area") == "yes")
@@ -186,7 +206,7 @@ def is_street(line: Any, tags: Mapping[str, str]) -> bool:
 
 
 def split_values(text: str) -> list[str]:
-    """The values of an attribute of a merged street, which OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
+    """Return the values of an attribute that OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
     if text.startswith("[") and len(text) < _MAX_LIST_LENGTH:
         try:
             return [str(value) for value in ast.literal_eval(text)] or [""]
@@ -196,7 +216,7 @@ def split_values(text: str) -> list[str]:
 
 
 def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
-    """(id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
+    """Yield (id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
     with path.open("rb") as file:
         if b"OSMHeader" not in file.read(64):
             raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
@@ -219,7 +239,7 @@ def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[
 
 
 def _record_tags(record: dict[str, Any]) -> dict[str, str]:
-    """All tags of a feature; pyrosm keeps the common ones as columns and the others as JSON in `tags`."""
+    """Return all tags of a feature; pyrosm keeps common ones as columns and others as JSON in `tags`."""
     rest = record.pop("tags", None)
     if isinstance(rest, str):
         rest = json.loads(rest)
@@ -228,7 +248,7 @@ def _record_tags(record: dict[str, Any]) -> dict[str, str]:
 
 
 def _exclusion_reason(geometry: Any, tags: Mapping[str, str]) -> str | None:
-    """Why a building cannot be extruded; None where it can."""
+    """Return the reason why a building cannot be extruded; None where it can."""
     if geometry is None or geometry.is_empty:
         return "buildings with an empty geometry"
     if geometry.geom_type not in ("Polygon", "MultiPolygon"):

@@ -1,4 +1,4 @@
-"""Roofs from the tags of OpenStreetMap's "Simple 3D Buildings"; other sources' columns are first called as those are."""
+"""Roofs from the tags of OpenStreetMap's "Simple 3D Buildings" scheme."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from catalogs.readers.vectors.lengths import parse_length, parse_levels
 from facade_core.core.types import Roof
 
 # Other spellings of shapes in use; what is not listed is passed on as it is written.
-_SHAPE_SYNONYMS = {"shed": "skillion", "lean-to": "skillion", "monopitch": "skillion", "pent": "skillion", "pitched": "gabled"}
+_SHAPE_SYNONYMS = {
+    "shed": "skillion",
+    "lean-to": "skillion",
+    "monopitch": "skillion",
+    "pent": "skillion",
+    "pitched": "gabled",
+}
 _SHAPE_SYNONYMS |= {"gable": "gabled", "hip": "hipped", "half-hip": "half-hipped", "pyramid": "pyramidal"}
 _SHAPELESS_VALUES = frozenset(("", "yes", "no", "many", "unknown", "none", "other"))
 _COMPASS_POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
@@ -25,10 +31,16 @@ _MAX_HEIGHT_M = 100.0  # m; taller ones are slips
 
 
 def parse_roof(tags: Mapping[str, str], outline: Any, *, is_lonlat: bool) -> Roof | None:
-    """The roof that is tagged over an outline, which is in metres, or in lon/lat where `degrees`; None where no shape is.
+    """Return the roof of the tags; None without a shape.
 
-    Its height: roof:height, else roof:levels x ROOF_STOREY, else from roof:angle and the outline's width, else from a usual
-    pitch. Directions are taken as they are tagged: clockwise from north.
+    The height is roof:height, else roof:levels x ROOF_FLOOR_HEIGHT_M, else from roof:angle and the width of the outline, else
+    from a default pitch. Directions are clockwise from north, as tagged.
+
+    Parameters
+    ----------
+    tags : OpenStreetMap tags.
+    outline : outline of the building.
+    is_lonlat : True for an outline in degrees, False for metres.
     """
     shape = tags.get("roof:shape", "").strip().lower().replace("_", "-").replace(" ", "-")
     if shape in _SHAPELESS_VALUES or not shape.replace("-", "").isalpha():
@@ -46,7 +58,7 @@ def parse_roof(tags: Mapping[str, str], outline: Any, *, is_lonlat: bool) -> Roo
 
 
 def tagged_roof_height(tags: Mapping[str, str]) -> float | None:
-    """Metres from the eaves to the ridge, as far as they are tagged."""
+    """Return the tagged metres from the eaves to the ridge; None without a tag."""
     height = parse_length(tags.get("roof:height", ""))
     if height is not None and 0 < height <= _MAX_HEIGHT_M:
         return height
@@ -57,7 +69,16 @@ def tagged_roof_height(tags: Mapping[str, str]) -> float | None:
 def estimate_roof_height(
     outline: Any, shape: str, is_across: bool = False, is_lonlat: bool = False, pitch_deg: float | None = None
 ) -> float:
-    """Height of a roof of a pitch over the smallest rectangle around an outline, in metres, or in lon/lat where `degrees`."""
+    """Return the height in metres of a pitched roof over the minimum rotated rectangle of an outline.
+
+    Parameters
+    ----------
+    outline : outline of the building.
+    shape : roof shape.
+    is_across : True where the ridge runs along the shorter side.
+    is_lonlat : True for an outline in degrees, False for metres.
+    pitch_deg : pitch, None for a default.
+    """
     flat = shapely.force_2d(outline)
     if is_lonlat:  # lengths of a degree; the sphere is exact enough for a roof
         north = 111_200.0
@@ -69,11 +90,14 @@ def estimate_roof_height(
     run = span if shape == "skillion" else span / 2
     if pitch_deg is not None:
         return min(run * math.tan(math.radians(pitch_deg)), _MAX_HEIGHT_M)
-    return min(run * math.tan(math.radians(_SKILLION_PITCH_DEG if shape == "skillion" else _DEFAULT_PITCH_DEG)), _MAX_DEFAULT_HEIGHT_M)
+    return min(
+        run * math.tan(math.radians(_SKILLION_PITCH_DEG if shape == "skillion" else _DEFAULT_PITCH_DEG)),
+        _MAX_DEFAULT_HEIGHT_M,
+    )
 
 
 def _parse_direction(text: str) -> float | None:
-    """Degrees clockwise from north of "135", "135°" or "SE"; None where it is not understood."""
+    """Return the degrees clockwise from north of "135", "135°" or "SE"; None for others."""
     text = text.strip().strip("°").upper()
     if text in _COMPASS_POINTS:
         return 360.0 / len(_COMPASS_POINTS) * _COMPASS_POINTS.index(text)

@@ -1,4 +1,4 @@
-"""The table beside a Shapefile looked at before GDAL opens it: without it GDAL reads bare shapes, and says nothing."""
+"""Checks of the attribute table of a Shapefile, without which GDAL silently reads bare shapes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _HEADER_BYTES = 32  # bytes of a table's header before its fields
 
 
 def check_shapefile_table(path: Path) -> None:
-    """InputError where the .dbf of a Shapefile is missing or cut, or holds another number of rows than there are shapes."""
+    """Raise InputError where the .dbf is missing, truncated, or has another number of rows than shapes."""
     table, index = _sibling_file(path, ".dbf"), _sibling_file(path, ".shx")
     remedy = "copy it again from where the Shapefile came from, or export that as GeoPackage"
     if not table.is_file():
@@ -33,7 +33,7 @@ def check_shapefile_table(path: Path) -> None:
 
 
 def _count_shapes(index: Path) -> int | None:
-    """How many shapes an .shx says there are; None where it does not, of which GDAL says what is wrong."""
+    """Return the number of shapes of an .shx; None where it is unreadable, which GDAL reports."""
     try:
         with index.open("rb") as file:
             start = file.read(28)
@@ -43,6 +43,6 @@ def _count_shapes(index: Path) -> int | None:
 
 
 def _sibling_file(path: Path, suffix: str) -> Path:
-    """A file of the Shapefile, in small letters or capitals, as GDAL looks for it."""
+    """Return a file of the Shapefile with a lower- or upper-case suffix, as GDAL looks for it."""
     small, capitals = path.with_suffix(suffix), path.with_suffix(suffix.upper())
     return capitals if capitals.exists() and not small.exists() else small

@@ -12,18 +12,18 @@ from shapely import Polygon
 from facade_core.core.types import Element
 
 # A balcony stands out so far; one narrower than the third figure, before one window, as far as the second.
-DEPTH_M, SHALLOW_M, NARROW_M = 0.9, 0.35, 1.8
+BALCONY_DEPTH_M, NARROW_BALCONY_DEPTH_M, MIN_WIDE_BALCONY_M = 0.9, 0.35, 1.8
 # Its floor and its railing are so thick; no smaller one is built.
-FLOOR_M, RAILING_M, LEAST_M = 0.15, 0.06, 0.5
+FLOOR_THICKNESS_M, RAILING_THICKNESS_M, MIN_BALCONY_M = 0.15, 0.06, 0.5
 # A window that ends no farther than this above a railing, or anywhere below its top, goes on behind it, and ends so far above
 # the floor.
-ABOVE_RAILING_M, SILL_M = 0.25, 0.1
+MAX_ABOVE_RAILING_M, SILL_ABOVE_FLOOR_M = 0.25, 0.1
 # A face of it: corners (k, 3) as metres right and down in the wall's frame and out of it, where on the wall (k, 2) its look is
 # taken from, and what it is.
-BalconyFace = tuple[list[np.ndarray], list[np.ndarray], str]
+WallFrameFace = tuple[list[np.ndarray], list[np.ndarray], str]
 
 
-def balconies_on(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
+def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
     """The balconies of a wall in its chart's frame, as rectangles within it that are free of each other."""
     found: list[Polygon] = []
     wanted = [e for e in elements if e.label == "balcony"]
@@ -31,14 +31,14 @@ def balconies_on(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Pol
         west, north, east, south = wall.bounds
         box = shapely.box(max(element.x0, west), max(element.y0, north), min(element.x1, east), min(element.y1, south))
         x0, y0, x1, y1 = box.bounds if not box.is_empty else (0.0, 0.0, 0.0, 0.0)
-        if min(x1 - x0, y1 - y0) < LEAST_M or not wall.buffer(RAILING_M).contains(box):
+        if min(x1 - x0, y1 - y0) < MIN_BALCONY_M or not wall.buffer(RAILING_THICKNESS_M).contains(box):
             continue
         if not any(box.intersects(other) for other in found):
             found.append(box)
     return found
 
 
-def behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
+def extend_windows_behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
     """Elements of a wall, windows of which a balcony hides the foot gone on to its floor.
 
     A picture shows the railing there, and the parse calls it balcony; one steps out through what is behind. Only a window that
@@ -47,23 +47,23 @@ def behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -
     found = []
     for element in elements:
         for x0, y0, x1, y1 in (box.bounds for box in balconies if element.label == "window"):
-            floor = y1 - min(FLOOR_M, (y1 - y0) / 3) - SILL_M
-            between = x0 + RAILING_M <= element.x0 and element.x1 <= x1 - RAILING_M
-            if between and element.y0 < y0 and y0 - ABOVE_RAILING_M <= element.y1 < floor:
+            floor = y1 - min(FLOOR_THICKNESS_M, (y1 - y0) / 3) - SILL_ABOVE_FLOOR_M
+            between = x0 + RAILING_THICKNESS_M <= element.x0 and element.x1 <= x1 - RAILING_THICKNESS_M
+            if between and element.y0 < y0 and y0 - MAX_ABOVE_RAILING_M <= element.y1 < floor:
                 element = replace(element, y1=floor)
         found.append(element)
     return found
 
 
-def balcony(box: Polygon) -> list[BalconyFace]:
+def balcony_faces(box: Polygon) -> list[WallFrameFace]:
     """The closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
     x0, y0, x1, y1 = box.bounds
-    far = DEPTH_M if x1 - x0 >= NARROW_M else SHALLOW_M
-    floor = y1 - min(FLOOR_M, (y1 - y0) / 3)
-    a, b, c = x0 + RAILING_M, x1 - RAILING_M, far - RAILING_M
+    far = BALCONY_DEPTH_M if x1 - x0 >= MIN_WIDE_BALCONY_M else NARROW_BALCONY_DEPTH_M
+    floor = y1 - min(FLOOR_THICKNESS_M, (y1 - y0) / 3)
+    a, b, c = x0 + RAILING_THICKNESS_M, x1 - RAILING_THICKNESS_M, far - RAILING_THICKNESS_M
 
-    def face(corners: list[tuple[float, float, float]], kind: str, side: str = "") -> BalconyFace:
-        return [np.array(corners)], [_look(corners, side, (x0, y0, x1, y1), floor)], kind
+    def face(corners: list[tuple[float, float, float]], kind: str, side: str = "") -> WallFrameFace:
+        return [np.array(corners)], [_texture_places(corners, side, (x0, y0, x1, y1), floor)], kind
 
     faces = [
         face([(x0, y1, far), (x1, y1, far), (x1, y0, far), (x0, y0, far)], "WallSurface", "front"),
@@ -89,7 +89,7 @@ def balcony(box: Polygon) -> list[BalconyFace]:
     return faces
 
 
-def _look(
+def _texture_places(
     corners: Sequence[tuple[float, float, float]], side: str, box: tuple[float, float, float, float], floor: float
 ) -> np.ndarray:
     """Where on the wall corners of a face take their look from: the front from what the wall shows there, sides from its ends,

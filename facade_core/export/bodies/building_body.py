@@ -8,76 +8,76 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from facade_core.export.bodies.curtains import curtained
-from facade_core.export.bodies.footprints import footprint
-from facade_core.export.bodies.openings import outlines
+from facade_core.export.bodies.curtains import add_curtain_walls
+from facade_core.export.bodies.footprints import building_footprint
+from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.bodies.patches import (
-    PLANE_M,
+    MAX_OFF_PLANE_M,
     Patch,
-    Patches,
-    components,
-    edge_counts,
-    flattened,
+    PolygonMesh,
+    connected_patches,
+    count_edges,
     is_closed,
-    joined,
-    loops,
+    make_planar,
     open_edges,
     plane_axes,
-    ring_normal,
-    split,
+    ring_area_vector,
+    split_edges,
+    trace_loops,
+    weld_polygons,
 )
-from facade_core.export.models.textured_mesh import Textured
+from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
 
 # What is open no higher above the lowest corner is the foot of a building.
-FOOT_M = 2.0
+MAX_FOOT_HEIGHT_M = 2.0
 # What of a roof lies this far outside of the walls stands out of them.
-OUTSIDE_M = 0.02
+WALL_MARGIN_M = 0.02
 # Holes of so many metres around are closed; edges of half of that may be drawn together.
-SMALL_M = 0.4
+MAX_HOLE_PERIMETER_M = 0.4
 # A body has at least this share of the area of what hangs together; no more, seen from above, is closed where nothing was.
-LEAST, MOST_CLOSED = 0.4, 0.1
+MIN_AREA_SHARE, MAX_ADDED_AREA_SHARE = 0.4, 0.1
 
 
 @dataclass(frozen=True)
-class Body:
+class BuildingBody:
     """shell: the polygons of the body, all of the building where it cannot be closed; closed: whether it can; beside: what
     stands out of it, in pieces that hang together."""
 
-    shell: Patches
-    closed: bool
-    beside: tuple[Patches, ...]
+    shell: PolygonMesh
+    is_closed: bool
+    attachments: tuple[PolygonMesh, ...]
 
 
-def body_of(
-    source: Textured, triangles: np.ndarray, semantics: dict[int, int], ground: int, origin: np.ndarray
-) -> Body:
+def build_body(
+    source: TexturedMesh, triangles: np.ndarray, chart_surfaces: dict[int, int], ground_surface: int, origin: np.ndarray
+) -> BuildingBody:
     """The body of one building of the mesh. semantics: chart -> its surface; ground: that of what closes it below, on a level
     with its lowest corner; origin: of the grid of corners. What of a roof reaches beyond the walls, and what stands beside or
     on the body (parapets, chimneys, dormers), is beside it."""
-    standing = shapely.union_all(footprint(source, triangles)).buffer(OUTSIDE_M, join_style="mitre")
+    standing = shapely.union_all(building_footprint(source, triangles)).buffer(WALL_MARGIN_M, join_style="mitre")
     corners = source.mesh.vertices[source.mesh.triangles[triangles]].reshape(-1, 3)
     out = ~shapely.contains_xy(standing, *corners[:, :2].T).reshape(-1, 3).all(axis=1)
     found = []
     for apart in (out, np.zeros(len(out), bool)) if out.any() else (out,):
-        whole = _surfaces(source, triangles, apart, semantics, origin)
+        whole = _chart_polygons(source, triangles, apart, chart_surfaces, origin)
         for peel in (False, True):
-            tried = _closed(whole, ground, origin, peel)
+            tried = _close_shell(whole, ground_surface, origin, peel)
             if tried is not None:
                 found.append(tried)
                 break
         if found:
             break
     if not found:
-        return Body(flattened(whole), False, ())
+        return BuildingBody(make_planar(whole), False, ())
     _, shell, left = min(found, key=lambda one: one[0])
-    beside = left.patches
-    return Body(shell, True, tuple(flattened(left.only(piece)) for piece in components(beside)))
+    attachments = left.patches
+    return BuildingBody(shell, True, tuple(make_planar(left.subset(piece)) for piece in connected_patches(attachments)))
 
 
-def _surfaces(
-    source: Textured, triangles: np.ndarray, apart: np.ndarray, semantics: dict[int, int], origin: np.ndarray
-) -> Patches:
+def _chart_polygons(
+    source: TexturedMesh, triangles: np.ndarray, apart: np.ndarray, chart_surfaces: dict[int, int], origin: np.ndarray
+) -> PolygonMesh:
     """The charts of a building as polygons; triangles that stand `apart` (t,) bool make up polygons of their own."""
     charts, mesh = source.charts, source.mesh
     polygons, of = [], []
@@ -91,7 +91,7 @@ def _surfaces(
                 continue
             corners = np.unique(own)
             known = dict(zip(map(tuple, source.coordinates[corners].tolist()), corners.tolist(), strict=True))
-            for part in outlines(source.coordinates[own]):
+            for part in chart_outlines(source.coordinates[own]):
                 rings = []
                 for ring in (part.exterior, *part.interiors):
                     flat = np.asarray(ring.coords)[:-1]
@@ -102,71 +102,71 @@ def _surfaces(
                     rings.append(points)
                 polygons.append(rings)
                 of.append(chart)
-    return joined(polygons, of, [semantics[chart] for chart in of], origin)
+    return weld_polygons(polygons, of, [chart_surfaces[chart] for chart in of], origin)
 
 
-def _closed(whole: Patches, ground: int, origin: np.ndarray, peel: bool) -> tuple[float, Patches, Patches] | None:
+def _close_shell(whole: PolygonMesh, ground: int, origin: np.ndarray, peel: bool) -> tuple[float, PolygonMesh, PolygonMesh] | None:
     """The body among some polygons as a closed shell, with the area in m2 that was left beside it or closed without a surface
     there, and what is beside it; None where it cannot be closed. peel: polygons with edges open over the foot are beside."""
-    pieces = components(whole.patches)
+    pieces = connected_patches(whole.patches)
     if not pieces:
         return None
-    area = [float(np.linalg.norm(whole.normal(patch))) for patch in whole.patches]
+    area = [float(np.linalg.norm(whole.area_vector(patch))) for patch in whole.patches]
     main = max(pieces, key=lambda piece: sum(area[i] for i in piece))
-    whole, main = _mended(whole, main)
-    area = [float(np.linalg.norm(whole.normal(patch))) for patch in whole.patches]
-    kept = _peeled(whole, main) if peel else main
-    if sum(area[i] for i in kept) < LEAST * sum(area[i] for i in main):
+    whole, main = _close_small_holes(whole, main)
+    area = [float(np.linalg.norm(whole.area_vector(patch))) for patch in whole.patches]
+    kept = _peel_open_patches(whole, main) if peel else main
+    if sum(area[i] for i in kept) < MIN_AREA_SHARE * sum(area[i] for i in main):
         return None
     if peel and kept:
-        parts = components([whole.patches[i] for i in kept])
+        parts = connected_patches([whole.patches[i] for i in kept])
         largest = max(parts, key=lambda part: sum(area[kept[i]] for i in part))
         kept = [kept[i] for i in largest]
-    shell = split(whole.only(kept))
-    covers = _covers(curtained(shell, origin), ground)
+    shell = split_edges(whole.subset(kept))
+    covers = _cover_open_loops(add_curtain_walls(shell, origin), ground)
     if covers is None:
         return None
-    done = flattened(_unpinched(flattened(covers)))
+    done = make_planar(_collapse_pinched_edges(make_planar(covers)))
     if not is_closed(done.patches):
         return None
-    closing = [done.normal(p) for p in done.patches if p.chart < 0 and p.semantic != ground]
+    closing = [done.area_vector(p) for p in done.patches if p.chart < 0 and p.semantic != ground]
     added = sum(float(np.linalg.norm(one)) for one in closing)
-    if sum(abs(float(one[2])) for one in closing) > MOST_CLOSED * sum(area[i] for i in kept):
+    if sum(abs(float(one[2])) for one in closing) > MAX_ADDED_AREA_SHARE * sum(area[i] for i in kept):
         return None
     left = [i for i in sorted(set(range(len(whole.patches))) - set(kept)) if whole.patches[i].chart >= 0]
-    return added + sum(area[i] for i in left), done, whole.only(left)
+    return added + sum(area[i] for i in left), done, whole.subset(left)
 
 
-def _mended(whole: Patches, main: Sequence[int]) -> tuple[Patches, list[int]]:
+def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[PolygonMesh, list[int]]:
     """The polygons with holes of the chosen ones closed that are smaller than SMALL_M around, and the chosen with these."""
-    chosen = whole.only(main)
+    chosen = whole.subset(main)
     rings = []
-    for ring in loops([(b, a) for a, b in open_edges(chosen.patches)]):
+    for ring in trace_loops([(b, a) for a, b in open_edges(chosen.patches)]):
         points = whole.points[list(ring)]
-        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < SMALL_M:
+        if np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1).sum() < MAX_HOLE_PERIMETER_M:
             rings.append(Patch((ring,)))
-    return Patches(whole.points, (*whole.patches, *rings)), [
+    return PolygonMesh(whole.points, (*whole.patches, *rings)), [
         *main,
         *range(len(whole.patches), len(whole.patches) + len(rings)),
     ]
 
 
-def _unpinched(shell: Patches) -> Patches:
+def _collapse_pinched_edges(shell: PolygonMesh) -> PolygonMesh:
     """A shell with short edges at which more than two polygons meet drawn together into a corner."""
-    count = edge_counts(shell.patches)
+    count = count_edges(shell.patches)
     to: dict[int, int] = {}
     for (a, b), n in sorted(count.items()):
-        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < SMALL_M / 2:
+        if n > 1 and a < b and np.linalg.norm(shell.points[a] - shell.points[b]) < MAX_HOLE_PERIMETER_M / 2:
             to[b] = to.get(a, a)
     if not to:
         return shell
     moved = [replace(p, rings=tuple(tuple(to.get(c, c) for c in ring) for ring in p.rings)) for p in shell.patches]
-    return split(Patches(shell.points, tuple(moved)))
+    return split_edges(PolygonMesh(shell.points, tuple(moved)))
 
 
-def _peeled(whole: Patches, chosen: Sequence[int]) -> list[int]:
+def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
     """The patches left when those with an edge that is open above the foot are taken off, again and again."""
-    low = min(whole.points[c, 2] for i in chosen for ring in whole.patches[i].rings for c in ring) + FOOT_M
+    low = min(whole.points[c, 2] for i in chosen for ring in whole.patches[i].rings for c in ring) + MAX_FOOT_HEIGHT_M
     kept = list(chosen)
     while True:
         there = {edge for i in kept for edge in whole.patches[i].edges()}
@@ -180,16 +180,16 @@ def _peeled(whole: Patches, chosen: Sequence[int]) -> list[int]:
         kept = left
 
 
-def _covers(shell: Patches, ground: int) -> Patches | None:
+def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
     """A shell with its open loops closed by polygons: `ground` where they face down at its foot; None where loops are left
     that are no plane polygons."""
-    rings = loops([(b, a) for a, b in open_edges(shell.patches)])
+    rings = trace_loops([(b, a) for a, b in open_edges(shell.patches)])
     planes: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
     for ring in rings:
         points = shell.points[list(ring)]
-        normal = ring_normal(points)
+        normal = ring_area_vector(points)
         size = float(np.linalg.norm(normal))
-        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > PLANE_M * size:
+        if size < 1e-9 or np.abs((points - points.mean(axis=0)) @ normal).max() > MAX_OFF_PLANE_M * size:
             return None
         normal = normal * np.sign(normal[np.argmax(np.abs(normal))]) / size
         # heights on the grid are never between two of these, so rings of one level plane are together
@@ -197,27 +197,27 @@ def _covers(shell: Patches, ground: int) -> Patches | None:
         planes.setdefault(key, []).append(ring)
     covers: list[Patch] = []
     for own in planes.values():
-        covers += _nested(shell.points, own)
+        covers += _nest_rings(shell.points, own)
     low = min((shell.points[c, 2] for p in shell.patches for r in p.rings for c in r), default=0.0)
 
     def named(patch: Patch) -> Patch:
-        down = ring_normal(shell.points[list(patch.rings[0])])
+        down = ring_area_vector(shell.points[list(patch.rings[0])])
         level = down[2] < -0.9 * np.linalg.norm(down)
-        return replace(patch, semantic=ground) if level and shell.points[patch.rings[0][0], 2] < low + FOOT_M else patch
+        return replace(patch, semantic=ground) if level and shell.points[patch.rings[0][0], 2] < low + MAX_FOOT_HEIGHT_M else patch
 
-    return Patches(shell.points, (*shell.patches, *map(named, covers)))
+    return PolygonMesh(shell.points, (*shell.patches, *map(named, covers)))
 
 
-def _nested(points: np.ndarray, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
+def _nest_rings(points: np.ndarray, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
     """Rings of one plane as polygons with holes: those that run against the largest are holes of the smallest around them."""
-    normal = max((ring_normal(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
+    normal = max((ring_area_vector(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
     axes = plane_axes(normal / np.linalg.norm(normal))
     flat = [shapely.Polygon(points[list(ring)] @ axes.T) for ring in rings]
-    outer = [i for i, ring in enumerate(rings) if ring_normal(points[list(ring)]) @ normal > 0]
+    outer = [i for i, ring in enumerate(rings) if ring_area_vector(points[list(ring)]) @ normal > 0]
     holes: dict[int, list[tuple[int, ...]]] = {i: [] for i in outer}
     for i in set(range(len(rings))) - set(outer):
         corner = shapely.Point(flat[i].exterior.coords[0])
-        around = [k for k in outer if flat[k].buffer(PLANE_M).covers(corner)]
+        around = [k for k in outer if flat[k].buffer(MAX_OFF_PLANE_M).covers(corner)]
         if around:
             holes[min(around, key=lambda k: flat[k].area)].append(rings[i])
     return [Patch((rings[i], *holes[i])) for i in outer]

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from facade_core.export.bodies.patches import GRID_M, WELD_M, Patches, joined, open_edges
+from facade_core.export.bodies.patches import GRID_M, MAX_WELD_M, PolygonMesh, open_edges, weld_polygons
 
 # Edges whose ends lie this near a line, seen from above, are over it.
-SAME_LINE_M = 0.02
+MAX_OFF_LINE_M = 0.02
 
 Edge = tuple[np.ndarray, np.ndarray]
 
 
-def curtained(shell: Patches, origin: np.ndarray) -> Patches:
+def add_curtain_walls(shell: PolygonMesh, origin: np.ndarray) -> PolygonMesh:
     """A shell whose open edges all lie on a level with its lowest corner: walls from those that lie higher down to there.
 
     Models without party walls get these, a foot on a slope a plinth; between the top and the foot of a hole is none. origin
@@ -25,24 +25,24 @@ def curtained(shell: Patches, origin: np.ndarray) -> Patches:
     base = float(shell.points[used, 2].min())
     # the wall's own edge runs the other way
     edges = [(shell.points[b], shell.points[a]) for a, b in open_edges(shell.patches)]
-    edges = [(a, b) for a, b in edges if max(a[2], b[2]) > base and np.hypot(*(b - a)[:2]) > WELD_M]
-    polygons = [polygon for own in _lines(edges) for polygon in _walls(own, base)]
+    edges = [(a, b) for a, b in edges if max(a[2], b[2]) > base and np.hypot(*(b - a)[:2]) > MAX_WELD_M]
+    polygons = [polygon for own in _group_collinear_edges(edges) for polygon in _curtain_polygons(own, base)]
     if not polygons:
         return shell
     before = [[shell.points[list(ring)] for ring in patch.rings] for patch in shell.patches]
     charts = [patch.chart for patch in shell.patches] + [-1] * len(polygons)
     semantics = [patch.semantic for patch in shell.patches] + [-1] * len(polygons)
-    return joined([*before, *polygons], charts, semantics, origin)
+    return weld_polygons([*before, *polygons], charts, semantics, origin)
 
 
-def _lines(edges: Sequence[Edge]) -> list[list[Edge]]:
+def _group_collinear_edges(edges: Sequence[Edge]) -> list[list[Edge]]:
     """Edges that lie over one line, seen from above, the longest first."""
     lines: list[list[Edge]] = []
     for edge in sorted(edges, key=lambda edge: -float(np.hypot(*(edge[1] - edge[0])[:2]))):
         for own in lines:
             start, run = own[0][0][:2], (own[0][1] - own[0][0])[:2]
             across = np.array([-run[1], run[0]]) / np.hypot(*run)
-            if all(abs((end[:2] - start) @ across) < SAME_LINE_M for end in edge):
+            if all(abs((end[:2] - start) @ across) < MAX_OFF_LINE_M for end in edge):
                 own.append(edge)
                 break
         else:
@@ -50,7 +50,7 @@ def _lines(edges: Sequence[Edge]) -> list[list[Edge]]:
     return lines
 
 
-def _walls(edges: Sequence[Edge], base: float) -> list[list[np.ndarray]]:
+def _curtain_polygons(edges: Sequence[Edge], base: float) -> list[list[np.ndarray]]:
     """Walls below edges over one line, the first the longest, down to a height, as polygons: what lies below edges of both
     directions, as the top and the foot of a hole have them, is none."""
     origin, along = edges[0][0][:2], (edges[0][1] - edges[0][0])[:2]
@@ -64,7 +64,7 @@ def _walls(edges: Sequence[Edge], base: float) -> list[list[np.ndarray]]:
     polygons = []
     for way in (True, False):
         for part in shapely.get_parts(shapely.difference(walls[way], walls[not way], grid_size=GRID_M)):
-            if part.geom_type != "Polygon" or part.area < WELD_M**2:
+            if part.geom_type != "Polygon" or part.area < MAX_WELD_M**2:
                 continue
             # the edge on top runs along the line where `way`: clockwise in its plane
             part = shapely.orient_polygons(part, exterior_cw=way)

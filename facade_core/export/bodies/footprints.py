@@ -7,40 +7,40 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.core.grouping import group_rows
-from facade_core.export.models.textured_mesh import Textured
+from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
 
 # Corners are put on a grid of this many metres, so that edges that nearly meet do.
-GRID_M = 0.001
+SNAP_GRID_M = 0.001
 # Nothing smaller is a part of a footprint, m2.
-SMALLEST_M2 = 0.1
+MIN_PART_M2 = 0.1
 
 
-def footprint(source: Textured, triangles: np.ndarray) -> list[Polygon]:
+def building_footprint(source: TexturedMesh, triangles: np.ndarray) -> list[Polygon]:
     """What the roofs among some triangles of the mesh cover, from above, where no ceiling faces down below them as under eaves;
     all of it where one does everywhere, and that of all triangles where none is a roof."""
     kind = source.charts.kind[source.mesh.chart[triangles]]
     roof = triangles[kind == ChartKind.ROOF]
-    covered = _covered(source, roof if len(roof) else triangles)
-    open_below = _covered(source, triangles[kind == ChartKind.CEILING])
-    standing = _parts(shapely.difference(covered, open_below, grid_size=GRID_M)) if len(roof) else []
-    return standing or _parts(covered)
+    covered = _covered_area(source, roof if len(roof) else triangles)
+    open_below = _covered_area(source, triangles[kind == ChartKind.CEILING])
+    standing = _polygon_parts(shapely.difference(covered, open_below, grid_size=SNAP_GRID_M)) if len(roof) else []
+    return standing or _polygon_parts(covered)
 
 
-def _covered(source: Textured, triangles: np.ndarray) -> shapely.Geometry:
+def _covered_area(source: TexturedMesh, triangles: np.ndarray) -> shapely.Geometry:
     flat = shapely.polygons(source.mesh.vertices[source.mesh.triangles[triangles]][..., :2])
-    return shapely.union_all(flat[shapely.area(flat) > GRID_M**2], grid_size=GRID_M)
+    return shapely.union_all(flat[shapely.area(flat) > SNAP_GRID_M**2], grid_size=SNAP_GRID_M)
 
 
-def _parts(covered: shapely.Geometry) -> list[Polygon]:
+def _polygon_parts(covered: shapely.Geometry) -> list[Polygon]:
     parts = shapely.get_parts(covered)
-    return [part for part in parts if part.geom_type == "Polygon" and part.area >= SMALLEST_M2]
+    return [part for part in parts if part.geom_type == "Polygon" and part.area >= MIN_PART_M2]
 
 
-def footprints(source: Textured) -> dict[int, MultiPolygon]:
+def building_footprints(source: TexturedMesh) -> dict[int, MultiPolygon]:
     """The footprint of every building that has one."""
     parts = {
-        building: footprint(source, triangles)
+        building: building_footprint(source, triangles)
         for building, triangles in group_rows(source.charts.building[source.mesh.chart]).items()
         if building >= 0
     }

@@ -9,67 +9,67 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.types import Element
-from facade_core.export.bodies.balconies import BalconyFace
-from facade_core.export.bodies.mouldings import Band, bands_of, free_of
+from facade_core.export.bodies.balconies import WallFrameFace
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, segment_bands
 
 # A ledge stands out so far; it is so high at least and at most, and so long at least, metres.
-DEPTH_M, LOW_M, HIGH_M, SHORT_M = 0.08, 0.08, 0.6, 0.8
+LEDGE_DEPTH_M, MIN_LEDGE_HEIGHT_M, MAX_LEDGE_HEIGHT_M, MIN_LEDGE_LENGTH_M = 0.08, 0.08, 0.6, 0.8
 # It is lighter than the wall by this share of the wall's light at least.
-LIGHTER = 0.06
+MIN_LIGHTER_SHARE = 0.06
 # It ends so far from openings and balconies, metres.
-APART_M = 0.06
-LABEL = "ledge"
+ELEMENT_CLEARANCE_M = 0.06
+LEDGE_LABEL = "ledge"
 
 
-def ledges_of(image: np.ndarray, labels: np.ndarray, elements: Sequence[Element], density: float) -> list[Element]:
+def detect_ledges(image: np.ndarray, labels: np.ndarray, elements: Sequence[Element], density: float) -> list[Element]:
     """The ledges of a facade, image (h, w, 3) uint8 with labels (h, w), both before light fell on it, and its elements in
     metres, as elements of its whole width."""
-    free = free_of(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
-    bands = bands_of(image, free, density)
+    free = free_wall_mask(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
+    bands = segment_bands(image, free, density)
     width = image.shape[1] / density
     return [
-        Element(LABEL, 0.0, band.top, width, band.foot)
+        Element(LEDGE_LABEL, 0.0, band.top, width, band.foot)
         for above, band, below in zip([None, *bands], bands, [*bands[1:], None], strict=False)
-        if band.moulding and LOW_M <= band.height <= HIGH_M and below is not None and _stands_out(band, above, below)
+        if band.is_moulding and MIN_LEDGE_HEIGHT_M <= band.height <= MAX_LEDGE_HEIGHT_M and below is not None and _is_lighter(band, above, below)
     ]
 
 
-def _stands_out(band: Band, above: Band | None, below: Band) -> bool:
+def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand) -> bool:
     """Whether a band is lighter than what is beside it; at the wall's top below it alone."""
     light = float(band.colour.mean())
-    return all(light >= (1 + LIGHTER) * float(one.colour.mean()) for one in (above, below) if one is not None)
+    return all(light >= (1 + MIN_LIGHTER_SHARE) * float(one.colour.mean()) for one in (above, below) if one is not None)
 
 
-def ledges_on(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
+def place_ledges(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
     """The ledges of a wall in its chart's frame, as rectangles within it that cross no other element."""
     west, north, east, south = wall.bounds
     others = [
-        shapely.box(e.x0 - APART_M, e.y0 - APART_M, e.x1 + APART_M, e.y1 + APART_M)
+        shapely.box(e.x0 - ELEMENT_CLEARANCE_M, e.y0 - ELEMENT_CLEARANCE_M, e.x1 + ELEMENT_CLEARANCE_M, e.y1 + ELEMENT_CLEARANCE_M)
         for e in elements
-        if e.label != LABEL
+        if e.label != LEDGE_LABEL
     ]
     found: list[Polygon] = []
-    for ledge in sorted((e for e in elements if e.label == LABEL), key=lambda e: (e.y0, e.x0)):
+    for ledge in sorted((e for e in elements if e.label == LEDGE_LABEL), key=lambda e: (e.y0, e.x0)):
         top, foot = max(ledge.y0, north), min(ledge.y1, south)
-        if foot - top < LOW_M:
+        if foot - top < MIN_LEDGE_HEIGHT_M:
             continue
         crossing = [box.bounds for box in others if box.bounds[1] < foot and box.bounds[3] > top]
         # where the wall is lower than the ledge, its end or a gable cuts it
         start = west
         for left, _, right, _ in [*sorted(crossing), (east, 0, east, 0)]:
             box = shapely.box(start, top, max(start, min(left, east)), foot)
-            if left - start >= SHORT_M and wall.buffer(APART_M / 2).contains(box):
+            if left - start >= MIN_LEDGE_LENGTH_M and wall.buffer(ELEMENT_CLEARANCE_M / 2).contains(box):
                 found.append(box)
             start = max(start, right)
     return found
 
 
-def ledge(box: Polygon) -> list[BalconyFace]:
+def ledge_faces(box: Polygon) -> list[WallFrameFace]:
     """The closed body of a ledge over a rectangle of its wall."""
     x0, y0, x1, y1 = box.bounds
-    out = DEPTH_M
+    out = LEDGE_DEPTH_M
 
-    def face(corners: list[tuple[float, float, float]], places: list[tuple[float, float]], kind: str) -> BalconyFace:
+    def face(corners: list[tuple[float, float, float]], places: list[tuple[float, float]], kind: str) -> WallFrameFace:
         return [np.array(corners)], [np.array(places)], kind
 
     edge = min(out, (y1 - y0) / 2)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from shapely import MultiPolygon, Polygon
 
-from facade_core.export.bodies.openings import outlines
-from facade_core.export.models.textured_mesh import Textured
+from facade_core.export.bodies.openings import chart_outlines
+from facade_core.export.models.textured_mesh import TexturedMesh
 
 
-def surface_polygons(source: Textured, charts: np.ndarray) -> dict[int, MultiPolygon]:
+def surface_polygons(source: TexturedMesh, charts: np.ndarray) -> dict[int, MultiPolygon]:
     """The outline of each of some charts (k,) that has triangles, in world metres with heights."""
     found = {}
     for chart in charts.tolist():
         parts = []
-        for flat in outlines(source.coordinates[source.mesh.triangles[source.mesh.triangles_of(chart)]]):
+        for flat in chart_outlines(source.coordinates[source.mesh.triangles[source.mesh.chart_triangles(chart)]]):
             rings = [
                 source.charts.points(chart, *np.asarray(ring.coords).T) for ring in (flat.exterior, *flat.interiors)
             ]
@@ -24,7 +24,7 @@ def surface_polygons(source: Textured, charts: np.ndarray) -> dict[int, MultiPol
     return found
 
 
-def heights(source: Textured, triangles: np.ndarray) -> tuple[float, float]:
+def height_range(source: TexturedMesh, triangles: np.ndarray) -> tuple[float, float]:
     """The lowest and the highest corner of some triangles (t,) of the mesh, metres."""
     corners = source.mesh.vertices[source.mesh.triangles[triangles], 2]
     return float(corners.min()), float(corners.max())

@@ -11,16 +11,16 @@ from shapely import Polygon
 from facade_core.core.types import Element
 
 # A polygon is taken for its triangles when their areas differ by no more than this share.
-SAME_AREA = 1e-3
+MAX_AREA_DIFFERENCE = 1e-3
 # No smaller opening is cut, m2, and none narrower.
-SMALLEST_OPENING_M2, NARROWEST_M = 0.05, 0.15
+MIN_OPENING_M2, MIN_OPENING_WIDTH_M = 0.05, 0.15
 # So far openings stay from the wall's border, and from each other.
-EDGE_M, APART_M = 0.05, 0.06
+WALL_EDGE_M, OPENING_GAP_M = 0.05, 0.06
 # Doors are cut before windows: where both are stated, people walk through.
-OPENINGS = ("door", "window")
+OPENING_ORDER = ("door", "window")
 
 
-def outlines(corners: np.ndarray) -> list[Polygon]:
+def chart_outlines(corners: np.ndarray) -> list[Polygon]:
     """The polygons that triangles (t, 3, 2) of one chart make up, corners kept; the triangles where they overlap or gape.
 
     Coordinates are the chart's, y down; exterior rings run counter-clockwise as seen from outside.
@@ -34,35 +34,35 @@ def outlines(corners: np.ndarray) -> list[Polygon]:
         union = shapely.coverage_union_all(triangles)
     except shapely.GEOSException:  # the triangles are no coverage
         union = shapely.MultiPolygon()
-    if abs(union.area - whole) > SAME_AREA * whole or not union.is_valid:
+    if abs(union.area - whole) > MAX_AREA_DIFFERENCE * whole or not union.is_valid:
         union = shapely.MultiPolygon(list(triangles))
-    return _seen(union)
+    return _orient_polygons(union)
 
 
-def openings_in(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
+def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
     """The doors and windows of a wall in its chart's frame, clipped to lie EDGE_M within it, and APART_M from each other.
 
     elements are in metres, y down from the chart's top left. No opening crosses the wall's end, its top or the ground.
     """
     openings: list[tuple[Element, Polygon]] = []
-    free = wall.buffer(-EDGE_M, join_style="mitre")
-    wanted = [e for e in elements if e.label in OPENINGS]
-    for element in sorted(wanted, key=lambda e: (OPENINGS.index(e.label), -e.width * e.height, e.x0, e.y0)):
+    free = wall.buffer(-WALL_EDGE_M, join_style="mitre")
+    wanted = [e for e in elements if e.label in OPENING_ORDER]
+    for element in sorted(wanted, key=lambda e: (OPENING_ORDER.index(e.label), -e.width * e.height, e.x0, e.y0)):
         box = shapely.box(element.x0, element.y0, element.x1, element.y1)
         parts = [
             part
             for part in shapely.get_parts(box.intersection(free))
-            if part.geom_type == "Polygon" and not part.interiors and part.area >= SMALLEST_OPENING_M2
+            if part.geom_type == "Polygon" and not part.interiors and part.area >= MIN_OPENING_M2
         ]
         if parts:
-            opening = max(parts, key=lambda part: part.area).simplify(EDGE_M / 2)
-            if not opening.buffer(-NARROWEST_M / 2).is_empty:
-                openings.append((element, _seen(opening)[0]))
-                free = free.difference(opening.buffer(APART_M, join_style="mitre"))
+            opening = max(parts, key=lambda part: part.area).simplify(WALL_EDGE_M / 2)
+            if not opening.buffer(-MIN_OPENING_WIDTH_M / 2).is_empty:
+                openings.append((element, _orient_polygons(opening)[0]))
+                free = free.difference(opening.buffer(OPENING_GAP_M, join_style="mitre"))
     return openings
 
 
-def _seen(area: shapely.Geometry) -> list[Polygon]:
+def _orient_polygons(area: shapely.Geometry) -> list[Polygon]:
     """Polygons with the exterior counter-clockwise as seen from outside: clockwise where y counts up."""
     parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and not part.is_empty]
     return [shapely.orient_polygons(part, exterior_cw=True) for part in parts]

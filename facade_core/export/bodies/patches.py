@@ -17,11 +17,11 @@ from facade_core.core.grouping import group_rows
 # Corners lie on a grid of so many metres, the one that is written.
 GRID_M = 0.001
 # Corners that lie this near each other are one: where eaves, hips and walls meet, they pass by millimetres.
-WELD_M = 0.01
+MAX_WELD_M = 0.01
 # A corner this near an edge is on it: the edge is split there.
-ON_EDGE_M = 0.006
+MAX_OFF_EDGE_M = 0.006
 # A polygon is planar where its corners are within so much of its plane, and no triangle of it is turned by more (cosine).
-PLANE_M, TURN = 0.006, 0.96
+MAX_OFF_PLANE_M, MIN_NORMAL_COSINE = 0.006, 0.96
 
 
 @dataclass(frozen=True)
@@ -39,58 +39,58 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Patches:
+class PolygonMesh:
     """The polygons of one object over their corners (n, 3), world metres."""
 
     points: np.ndarray
     patches: tuple[Patch, ...]
 
-    def only(self, chosen: Sequence[int]) -> Patches:
-        return Patches(self.points, tuple(self.patches[i] for i in chosen))
+    def subset(self, chosen: Sequence[int]) -> PolygonMesh:
+        return PolygonMesh(self.points, tuple(self.patches[i] for i in chosen))
 
-    def normal(self, patch: Patch) -> np.ndarray:
+    def area_vector(self, patch: Patch) -> np.ndarray:
         """The area of a polygon as a vector (3,) to its outside, m2."""
-        return sum((ring_normal(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
+        return sum((ring_area_vector(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
 
 
-def ring_normal(points: np.ndarray) -> np.ndarray:
+def ring_area_vector(points: np.ndarray) -> np.ndarray:
     """The area of a ring (k, 3) as a vector (3,)."""
     offset = points - points[0]
     return np.cross(offset[1:-1], offset[2:]).sum(axis=0) / 2
 
 
-def joined(
+def weld_polygons(
     polygons: Sequence[Sequence[np.ndarray]], charts: Sequence[int], semantics: Sequence[int], origin: np.ndarray
-) -> Patches:
+) -> PolygonMesh:
     """Polygons, each its rings (k, 3), as patches on the grid around `origin` (3,): corners within WELD_M of each other are
     one, edges are split where a corner of another lies on them, and rings that fall together are dropped."""
     if not polygons:
-        return Patches(np.zeros((0, 3)), ())
+        return PolygonMesh(np.zeros((0, 3)), ())
     rings = [ring for polygon in polygons for ring in polygon]
-    points, of = welded(np.concatenate(rings), origin)
+    points, of = weld_corners(np.concatenate(rings), origin)
     index = iter(np.split(of, np.cumsum([len(ring) for ring in rings])[:-1]))
     whole = [
         Patch(tuple(tuple(next(index).tolist()) for _ in polygon), chart, semantic)
         for polygon, chart, semantic in zip(polygons, charts, semantics, strict=True)
     ]
-    return split(Patches(points, tuple(whole)))
+    return split_edges(PolygonMesh(points, tuple(whole)))
 
 
-def welded(points: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def weld_corners(points: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corners (n, 3) on the grid around `origin` (3,), those within WELD_M of each other, one by one, as their first: the
     corners left (k, 3), and which of them each is (n,)."""
     points = origin + np.rint((points - origin) / GRID_M) * GRID_M
     tree = KDTree(points)
-    near = tree.sparse_distance_matrix(tree, WELD_M, output_type="coo_matrix")
+    near = tree.sparse_distance_matrix(tree, MAX_WELD_M, output_type="coo_matrix")
     _, of = connected_components(near, directed=False)
     _, first = np.unique(of, return_index=True)
     return points[first], of
 
 
-def split(found: Patches) -> Patches:
+def split_edges(mesh: PolygonMesh) -> PolygonMesh:
     """Edges split at the corners that lie on them; of each ring the largest part that meets no corner twice."""
-    used = sorted({corner for patch in found.patches for ring in patch.rings for corner in ring})
-    tree = KDTree(found.points[used]) if used else None
+    used = sorted({corner for patch in mesh.patches for ring in patch.rings for corner in ring})
+    tree = KDTree(mesh.points[used]) if used else None
     number = np.array(used)
     on: dict[tuple[int, int], tuple[int, ...]] = {}
 
@@ -98,64 +98,64 @@ def split(found: Patches) -> Patches:
         key = (min(a, b), max(a, b))
         if key not in on:
             assert tree is not None
-            start, run = found.points[key[0]], found.points[key[1]] - found.points[key[0]]
+            start, run = mesh.points[key[0]], mesh.points[key[1]] - mesh.points[key[0]]
             length = float(np.linalg.norm(run))
-            near = number[tree.query_ball_point(start + run / 2, length / 2 + ON_EDGE_M)]
-            step = (found.points[near] - start) @ run / length
-            off = np.linalg.norm(found.points[near] - start - step[:, None] * run / length, axis=1)
-            met = (off < ON_EDGE_M) & (step > ON_EDGE_M) & (step < length - ON_EDGE_M)
+            near = number[tree.query_ball_point(start + run / 2, length / 2 + MAX_OFF_EDGE_M)]
+            step = (mesh.points[near] - start) @ run / length
+            off = np.linalg.norm(mesh.points[near] - start - step[:, None] * run / length, axis=1)
+            met = (off < MAX_OFF_EDGE_M) & (step > MAX_OFF_EDGE_M) & (step < length - MAX_OFF_EDGE_M)
             on[key] = tuple(near[met][np.argsort(step[met], kind="stable")].tolist())
         return on[key] if a < b else on[key][::-1]
 
     patches = []
-    for patch in found.patches:
+    for patch in mesh.patches:
         rings = []
         for ring in patch.rings:
             full: list[int] = []
             for a, b in zip(ring, ring[1:] + ring[:1], strict=True):
                 if a != b:
                     full += [a, *between(a, b)]
-            rings.append(_simple(full, found.points))
+            rings.append(_largest_simple_ring(full, mesh.points))
         if rings[0]:
             patches.append(replace(patch, rings=tuple(ring for ring in rings if ring)))
-    return Patches(found.points, tuple(patches))
+    return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _simple(ring: list[int], points: np.ndarray) -> tuple[int, ...]:
+def _largest_simple_ring(ring: list[int], points: np.ndarray) -> tuple[int, ...]:
     """The largest part of a ring that meets no corner twice; empty where no area is left."""
     while len(set(ring)) < len(ring):
         seen: dict[int, int] = {}
         for k, corner in enumerate(ring):
             if corner in seen:
                 inside, outside = ring[seen[corner] : k], ring[: seen[corner]] + ring[k:]
-                ring = max(inside, outside, key=lambda part: _area(part, points))
+                ring = max(inside, outside, key=lambda part: _ring_area(part, points))
                 break
             seen[corner] = k
-    return tuple(ring) if _area(ring, points) > GRID_M * WELD_M else ()
+    return tuple(ring) if _ring_area(ring, points) > GRID_M * MAX_WELD_M else ()
 
 
-def _area(ring: Sequence[int], points: np.ndarray) -> float:
-    return float(np.linalg.norm(ring_normal(points[list(ring)]))) if len(ring) > 2 else 0.0
+def _ring_area(ring: Sequence[int], points: np.ndarray) -> float:
+    return float(np.linalg.norm(ring_area_vector(points[list(ring)]))) if len(ring) > 2 else 0.0
 
 
-def edge_counts(patches: Sequence[Patch]) -> Counter[tuple[int, int]]:
+def count_edges(patches: Sequence[Patch]) -> Counter[tuple[int, int]]:
     """How often each directed edge is there."""
     return Counter(edge for patch in patches for edge in patch.edges())
 
 
 def open_edges(patches: Sequence[Patch]) -> list[tuple[int, int]]:
     """Directed edges that are there without as many in the other direction, ascending, each as often as that."""
-    count = edge_counts(patches)
+    count = count_edges(patches)
     return [edge for edge in sorted(count) for _ in range(count[edge] - count[edge[1], edge[0]])]
 
 
 def is_closed(patches: Sequence[Patch]) -> bool:
     """Whether every edge is there twice, once in each direction: a shell that is watertight, and oriented."""
-    count = edge_counts(patches)
+    count = count_edges(patches)
     return bool(count) and all(n == 1 and count[b, a] == 1 for (a, b), n in count.items())
 
 
-def components(patches: Sequence[Patch]) -> list[list[int]]:
+def connected_patches(patches: Sequence[Patch]) -> list[list[int]]:
     """The patches in groups that hang together over edges, in the order of their first."""
     of: dict[tuple[int, int], int] = {}
     pairs = []
@@ -170,7 +170,7 @@ def components(patches: Sequence[Patch]) -> list[list[int]]:
     return [members.tolist() for members in group_rows(label).values()]
 
 
-def loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
+def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
     """Rings along directed edges, each corner once in a ring; edges that end nowhere are left out."""
     after: dict[int, list[int]] = {}
     for a, b in edges:
@@ -193,34 +193,34 @@ def loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
     return [ring for ring in found if len(ring) > 2]
 
 
-def flattened(found: Patches) -> Patches:
+def make_planar(mesh: PolygonMesh) -> PolygonMesh:
     """Every polygon that is not planar as the triangles of its plane's Delaunay triangulation, its edges kept."""
     patches: list[Patch] = []
-    for patch in found.patches:
-        patches += _planar(patch, found.points)
-    return Patches(found.points, tuple(patches))
+    for patch in mesh.patches:
+        patches += _split_nonplanar(patch, mesh.points)
+    return PolygonMesh(mesh.points, tuple(patches))
 
 
-def _planar(patch: Patch, points: np.ndarray) -> list[Patch]:
+def _split_nonplanar(patch: Patch, points: np.ndarray) -> list[Patch]:
     if sum(map(len, patch.rings)) == 3:
         return [patch]
     corners = np.array([corner for ring in patch.rings for corner in ring])
-    normal = sum((ring_normal(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
     normal = normal / max(float(np.linalg.norm(normal)), 1e-12)
     offset = points[corners] - points[corners].mean(axis=0)
-    triangles = triangulated(patch, points)
+    triangles = triangulate_patch(patch, points)
     if not len(triangles):
         return [patch]
-    sides = np.array([ring_normal(points[ring]) for ring in triangles])
-    turned = (sides @ normal) < TURN * np.linalg.norm(sides, axis=1)
-    if np.abs(offset @ normal).max() <= PLANE_M and not turned.any():
+    sides = np.array([ring_area_vector(points[ring]) for ring in triangles])
+    turned = (sides @ normal) < MIN_NORMAL_COSINE * np.linalg.norm(sides, axis=1)
+    if np.abs(offset @ normal).max() <= MAX_OFF_PLANE_M and not turned.any():
         return [patch]
     return [replace(patch, rings=(tuple(ring),)) for ring in triangles.tolist()]
 
 
-def triangulated(patch: Patch, points: np.ndarray) -> np.ndarray:
+def triangulate_patch(patch: Patch, points: np.ndarray) -> np.ndarray:
     """A polygon as triangles of its corners (t, 3), all of its edges kept; none where it crosses itself."""
-    normal = sum((ring_normal(points[list(ring)]) for ring in patch.rings), np.zeros(3))
+    normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
     size = float(np.linalg.norm(normal))
     if size < 1e-12:
         return np.zeros((0, 3), np.int64)

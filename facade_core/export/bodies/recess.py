@@ -10,24 +10,24 @@ from shapely import Polygon
 from facade_core.geometry.charts import Charts
 
 # Openings lie so far behind their wall; where that meets another surface so far, else they are flush.
-DEPTHS_M = (0.15, 0.05)
+RECESS_DEPTHS_M = (0.15, 0.05)
 # Nothing comes nearer to what is behind a wall than this.
-CLEAR_M = 0.03
+MIN_CLEARANCE_M = 0.03
 
 
-class Cut(NamedTuple):
+class RecessedOpening(NamedTuple):
     """An opening: its ring in the wall (k, 3), counter-clockwise seen from outside, and in the chart's frame (k, 2); how far
     behind the wall it lies, metres; the way back (3,), a unit vector."""
 
     ring: np.ndarray
-    flat: np.ndarray
+    chart_ring: np.ndarray
     depth: float
-    back: np.ndarray
+    inward: np.ndarray
 
     @property
-    def pane(self) -> np.ndarray:
+    def pane_ring(self) -> np.ndarray:
         """The ring of the opening itself, (k, 3)."""
-        return self.ring + self.depth * self.back
+        return self.ring + self.depth * self.inward
 
     def reveals(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """The faces between wall and pane: (4, 3) each, and where on the chart (4, 2) their look is taken from, the wall beside
@@ -37,16 +37,16 @@ class Cut(NamedTuple):
         found = []
         for k in range(len(self.ring)):
             one, other = k, (k + 1) % len(self.ring)
-            along = self.flat[other] - self.flat[one]
+            along = self.chart_ring[other] - self.chart_ring[one]
             # y is down: outside of a ring that runs counter-clockwise for the eye is to the left in the frame
             away = np.array([-along[1], along[0]]) / np.linalg.norm(along) * self.depth
-            flat = np.array([self.flat[one], self.flat[other], self.flat[other] + away, self.flat[one] + away])
-            pane = self.pane
+            flat = np.array([self.chart_ring[one], self.chart_ring[other], self.chart_ring[other] + away, self.chart_ring[one] + away])
+            pane = self.pane_ring
             found.append((np.array([self.ring[one], self.ring[other], pane[other], pane[one]]), flat))
         return found
 
 
-def cut(opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]) -> Cut:
+def recess_opening(opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]) -> RecessedOpening:
     """An opening in a chart's frame, set back as far as there is room.
 
     wall (k, 3): corners of the polygon that it lies in, whose plane it takes; behind: triangles (t, 3, 3) of all other surfaces
@@ -54,29 +54,29 @@ def cut(opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: 
     """
     flat = np.asarray(opening.exterior.coords)[:-1]
     points = charts.points(chart, *flat.T)
-    out = charts.normal()[chart]
+    out = charts.normals()[chart]
     middle = wall.mean(axis=0)
     _, _, axes = np.linalg.svd(wall - middle)
     normal = axes[2]
     points += np.outer((middle - points) @ normal / (out @ normal), out)
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], -out])
-    low = np.append(flat.min(axis=0), CLEAR_M)
+    low = np.append(flat.min(axis=0), MIN_CLEARANCE_M)
     origin = charts.points(chart, np.zeros(1), np.zeros(1))[0] + out * ((points[0] - charts.origin[chart]) @ out)
-    for depth in DEPTHS_M:
-        high = np.append(flat.max(axis=0), depth + CLEAR_M)
+    for depth in RECESS_DEPTHS_M:
+        high = np.append(flat.max(axis=0), depth + MIN_CLEARANCE_M)
         box = (low + high) / 2, (high - low) / 2
-        if not any(meets_box((triangles - origin) @ frame.T, *box).any() for triangles in behind):
-            found = Cut(points, flat, depth, -out)
-            behind.append(np.concatenate([_fan(found.pane), *(_fan(quad) for quad, _ in found.reveals())]))
+        if not any(intersects_box((triangles - origin) @ frame.T, *box).any() for triangles in behind):
+            found = RecessedOpening(points, flat, depth, -out)
+            behind.append(np.concatenate([_fan(found.pane_ring), *(_fan(quad) for quad, _ in found.reveals())]))
             return found
-    return Cut(points, flat, 0.0, -out)
+    return RecessedOpening(points, flat, 0.0, -out)
 
 
 def _fan(ring: np.ndarray) -> np.ndarray:
     return np.stack([np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)])
 
 
-def meets_box(triangles: np.ndarray, centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+def intersects_box(triangles: np.ndarray, centre: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Which triangles (t, 3, 3) meet a box with sides along the axes, (t,) bool: they do where no axis parts them (Akenine-
     Moeller, "Fast 3D Triangle-Box Overlap Testing", 2001)."""
     met = ((triangles.min(axis=1) <= centre + half) & (triangles.max(axis=1) >= centre - half)).all(axis=1)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.bodies.openings import outlines
-from facade_core.export.models.textured_mesh import Textured
+from facade_core.export.bodies.openings import chart_outlines
+from facade_core.export.models.textured_mesh import TexturedMesh
 
 # x runs along the wall to the right as it is seen from outside, y up from its foot: so the plane is described for others.
 PLANE_WKT = (
@@ -27,16 +27,16 @@ class WallPlane:
     up: np.ndarray
     outward: np.ndarray
     height: float
-    texel: tuple[float, float]
+    texel_size: tuple[float, float]
 
-    def world(self, points: np.ndarray) -> np.ndarray:
+    def to_world(self, points: np.ndarray) -> np.ndarray:
         """Points of the plane (n, 2), metres along and up, in the world (n, 3)."""
         return self.origin + points[:, :1] * self.along + points[:, 1:] * self.up
 
     @property
     def transform(self) -> tuple[float, float, float, float, float, float]:
         """From column and row of the raster to the plane, by rows, as GDAL's drivers in Python have it."""
-        return (self.texel[0], 0.0, 0.0, 0.0, -self.texel[1], self.height)
+        return (self.texel_size[0], 0.0, 0.0, 0.0, -self.texel_size[1], self.height)
 
     def pose(self) -> dict[str, Any]:
         """The same in numbers by name: world = origin + x * along + y * up."""
@@ -44,7 +44,7 @@ class WallPlane:
         return {name: (vector.round(6) + 0.0).tolist() for name, vector in named.items()}
 
 
-def wall_plane(source: Textured, chart: int) -> WallPlane:
+def wall_plane(source: TexturedMesh, chart: int) -> WallPlane:
     """The plane of a chart's raster."""
     charts = source.charts
     height = float(charts.size[chart, 1])
@@ -53,16 +53,16 @@ def wall_plane(source: Textured, chart: int) -> WallPlane:
         charts.points(chart, np.zeros(1), np.array([height]))[0],
         charts.axis_u[chart],
         -charts.axis_v[chart],
-        charts.normal()[chart],
+        charts.normals()[chart],
         height,
         (float(texel[0]), float(texel[1])),
     )
 
 
-def wall_outlines(source: Textured, chart: int) -> list[list[np.ndarray]]:
+def wall_outlines(source: TexturedMesh, chart: int) -> list[list[np.ndarray]]:
     """The polygons of a chart as rings (k, 2) of columns and rows of its raster, the first of each around the others."""
-    corners = source.coordinates[source.mesh.triangles[source.mesh.triangles_of(chart)]]
+    corners = source.coordinates[source.mesh.triangles[source.mesh.chart_triangles(chart)]]
     scale = source.texels[chart] / source.extent[chart]
     return [
-        [np.asarray(ring.coords) * scale for ring in (flat.exterior, *flat.interiors)] for flat in outlines(corners)
+        [np.asarray(ring.coords) * scale for ring in (flat.exterior, *flat.interiors)] for flat in chart_outlines(corners)
     ]

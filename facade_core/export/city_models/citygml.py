@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from facade_core.export.city_models.attribution import Attribution
-from facade_core.export.city_models.cityjson import DECIMALS, SCALE, Face, Pool
+from facade_core.export.city_models.cityjson import METRES_PER_UNIT, UV_DECIMALS, ModelFace, VertexPool
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
@@ -31,66 +31,66 @@ THEME = "rgbTexture"
 # Openings lie in the element of their wall.
 OPENINGS = ("Window", "Door")
 # What XML cannot have, written as Python would write it.
-UNSEEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+INVALID_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def tag(name: str) -> str:
+def qualified_name(name: str) -> str:
     """A name with a prefix, such as bldg:Building, as lxml has it; without one it is of the core."""
     prefix, _, local = name.rpartition(":")
     return f"{{{NAMESPACES[prefix or None]}}}{local}"
 
 
-def add(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
+def add_element(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
     """A new child; attributes are named as xlink_href for xlink:href."""
     from lxml import etree
 
-    child = etree.SubElement(parent, tag(name))
+    child = etree.SubElement(parent, qualified_name(name))
     for key, value in attributes.items():
         prefix, _, local = key.rpartition("_")
-        child.set(tag(f"{prefix}:{local}") if prefix else local, value)
+        child.set(qualified_name(f"{prefix}:{local}") if prefix else local, value)
     if text is not None:
-        child.text = UNSEEN.sub(lambda found: ascii(found[0])[1:-1], str(text))
+        child.text = INVALID_XML.sub(lambda found: ascii(found[0])[1:-1], str(text))
     return child
 
 
-def ncname(name: str) -> str:
+def xml_id(name: str) -> str:
     """A name as an id of XML may be: what it cannot have as its code, so that no two names become one."""
     found = "".join(c if re.match(r"[A-Za-z0-9.-]", c) else f"_{ord(c):x}_" for c in name)
     return found if re.match(r"[A-Za-z_]", found) else f"_{found}"
 
 
 @dataclass
-class Textured:
+class PolygonWriter:
     """The polygons of one object as elements, and what of them lies on which page. lod: of its geometry; prefix: of its ids."""
 
     prefix: str
-    pool: Pool
+    pool: VertexPool
     low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
     high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
     targets: dict[int, list[tuple[str, list[tuple[str, list[float]]]]]] = field(default_factory=dict)
     count: int = 0
 
-    def polygon(self, parent: Element, face: Face, name: str = "gml:Polygon") -> str | None:
+    def add_polygon(self, parent: Element, face: ModelFace, name: str = "gml:Polygon") -> str | None:
         """Add a face as a member of `parent`; returns its id, None where it has no area on the grid."""
         rings = []
         for i, points in enumerate(face.rings):
-            own = Pool(self.pool.origin)
-            corners, places = own.ring(points, face.uv[i] if face.page is not None else None)
+            own = VertexPool(self.pool.origin)
+            corners, places = own.add_ring(points, face.uv[i] if face.page is not None else None)
             if not corners and not i:
                 return None
             if corners:
-                world = np.array(list(own.vertices))[corners] * SCALE + self.pool.origin
-                uv = np.array(list(own.places))[places] if places else None
+                world = np.array(list(own.vertices))[corners] * METRES_PER_UNIT + self.pool.origin
+                uv = np.array(list(own.texture_vertices))[places] if places else None
                 rings.append((world, uv))
         id = f"{self.prefix}-p{self.count}"
         self.count += 1
-        polygon = add(parent, name, gml_id=id)
+        polygon = add_element(parent, name, gml_id=id)
         shown: list[tuple[str, list[float]]] = []
         for number, (world, uv) in enumerate(rings):
-            ring = add(add(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing")
-            ring.set(tag("gml:id"), f"{id}-r{number}")
+            ring = add_element(add_element(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing")
+            ring.set(qualified_name("gml:id"), f"{id}-r{number}")
             closed = np.concatenate([world, world[:1]])
-            add(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set("srsDimension", "3")
+            add_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set("srsDimension", "3")
             self.low, self.high = np.minimum(self.low, world.min(axis=0)), np.maximum(self.high, world.max(axis=0))
             if uv is not None:
                 shown.append((f"{id}-r{number}", np.concatenate([uv, uv[:1]]).ravel().tolist()))
@@ -98,41 +98,41 @@ class Textured:
             self.targets.setdefault(face.page, []).append((id, shown))
         return id
 
-    def triangles(self, parent: Element, faces: Sequence[Face]) -> None:
+    def add_triangles(self, parent: Element, faces: Sequence[ModelFace]) -> None:
         """Faces of three corners as the patches of a triangulated surface."""
-        surface = add(parent, "gml:TriangulatedSurface", gml_id=f"{self.prefix}-tin")
-        patches = add(surface, "gml:trianglePatches")
+        surface = add_element(parent, "gml:TriangulatedSurface", gml_id=f"{self.prefix}-tin")
+        patches = add_element(surface, "gml:trianglePatches")
         for face in faces:
-            self.polygon(patches, face, "gml:Triangle")
+            self.add_polygon(patches, face, "gml:Triangle")
         for triangle in patches:  # a patch has no id of its own
-            del triangle.attrib[tag("gml:id")]
+            del triangle.attrib[qualified_name("gml:id")]
         self.targets = {
             page: [(f"{self.prefix}-tin", [ring for _, rings in of for ring in rings])]
             for page, of in self.targets.items()
         }
 
-    def appearance(self, parent: Element, images: Sequence[str]) -> None:
+    def add_appearance(self, parent: Element, images: Sequence[str]) -> None:
         """What textures lie on the polygons so far; images: the file of every page."""
         if not self.targets:
             return
-        holder = add(add(parent, "app:appearance"), "app:Appearance")
-        add(holder, "app:theme", THEME)
+        holder = add_element(add_element(parent, "app:appearance"), "app:Appearance")
+        add_element(holder, "app:theme", THEME)
         for page, targets in self.targets.items():
-            texture = add(add(holder, "app:surfaceDataMember"), "app:ParameterizedTexture")
-            add(texture, "app:isFront", "true")
-            add(texture, "app:imageURI", images[page])
-            add(texture, "app:mimeType", "image/jpeg")
-            add(texture, "app:textureType", "specific")
-            add(texture, "app:wrapMode", "none")
+            texture = add_element(add_element(holder, "app:surfaceDataMember"), "app:ParameterizedTexture")
+            add_element(texture, "app:isFront", "true")
+            add_element(texture, "app:imageURI", images[page])
+            add_element(texture, "app:mimeType", "image/jpeg")
+            add_element(texture, "app:textureType", "specific")
+            add_element(texture, "app:wrapMode", "none")
             for id, rings in targets:
-                places = add(add(texture, "app:target", uri=f"#{id}"), "app:TexCoordList")
+                places = add_element(add_element(texture, "app:target", uri=f"#{id}"), "app:TexCoordList")
                 for ring, uv in rings:
-                    text = " ".join(f"{v:.{DECIMALS}f}".rstrip("0").rstrip(".") for v in uv)
-                    add(places, "app:textureCoordinates", text, ring=f"#{ring}")
+                    text = " ".join(f"{v:.{UV_DECIMALS}f}".rstrip("0").rstrip(".") for v in uv)
+                    add_element(places, "app:textureCoordinates", text, ring=f"#{ring}")
 
 
-def surfaces_of(
-    made: Textured, faces: Sequence[Face], surfaces: Sequence[Mapping[str, Any]], lod: str
+def boundary_surfaces(
+    writer: PolygonWriter, faces: Sequence[ModelFace], surfaces: Sequence[Mapping[str, Any]], lod: str
 ) -> tuple[list[Element], list[str]]:
     """bldg:boundedBy elements of an object's semantic surfaces, openings in their wall's, and the ids of all polygons."""
     from lxml import etree
@@ -146,25 +146,25 @@ def surfaces_of(
         if index not in bounds:
             own = surfaces[index]
             if own["type"] in OPENINGS:
-                within = add(surface(own["parent"]), "bldg:opening")
+                within = add_element(surface(own["parent"]), "bldg:opening")
             else:
-                within = etree.Element(tag("bldg:boundedBy"), nsmap=NAMESPACES)
+                within = etree.Element(qualified_name("bldg:boundedBy"), nsmap=NAMESPACES)
                 found.append(within)
-            bounds[index] = add(within, f"bldg:{own['type']}", gml_id=f"{made.prefix}-s{index}")
+            bounds[index] = add_element(within, f"bldg:{own['type']}", gml_id=f"{writer.prefix}-s{index}")
             if "facade" in own:
-                attribute(bounds[index], "facade", own["facade"])
+                add_attribute(bounds[index], "facade", own["facade"])
         return bounds[index]
 
     # an opening comes after all of its wall's own polygons
     for face in sorted(faces, key=lambda face: surfaces[face.semantic]["type"] in OPENINGS):
         owner = surface(face.semantic)
         if face.semantic not in members:
-            multi = etree.Element(tag(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
-            first = next((i for i, child in enumerate(owner) if child.tag == tag("bldg:opening")), len(owner))
+            multi = etree.Element(qualified_name(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
+            first = next((i for i, child in enumerate(owner) if child.tag == qualified_name("bldg:opening")), len(owner))
             owner.insert(first, multi)
-            members[face.semantic] = add(multi, "gml:MultiSurface")
-        holder = add(members[face.semantic], "gml:surfaceMember")
-        id = made.polygon(holder, face)
+            members[face.semantic] = add_element(multi, "gml:MultiSurface")
+        holder = add_element(members[face.semantic], "gml:surfaceMember")
+        id = writer.add_polygon(holder, face)
         if id is None:
             members[face.semantic].remove(holder)
         else:
@@ -172,40 +172,40 @@ def surfaces_of(
     return found, ids
 
 
-def solid(lod: str, ids: Sequence[str]) -> Element:
+def solid_element(lod: str, ids: Sequence[str]) -> Element:
     """bldg:lodNSolid of polygons that are defined elsewhere."""
     from lxml import etree
 
-    holder = etree.Element(tag(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
-    shell = add(add(add(holder, "gml:Solid"), "gml:exterior"), "gml:CompositeSurface")
+    holder = etree.Element(qualified_name(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
+    shell = add_element(add_element(add_element(holder, "gml:Solid"), "gml:exterior"), "gml:CompositeSurface")
     for id in ids:
-        add(shell, "gml:surfaceMember", xlink_href=f"#{id}")
+        add_element(shell, "gml:surfaceMember", xlink_href=f"#{id}")
     return holder
 
 
-def attribute(parent: Element, name: str, value: Any) -> None:
+def add_attribute(parent: Element, name: str, value: Any) -> None:
     """A generic attribute of the type that the value has."""
     kind = {int: "int", float: "double"}.get(type(value), "string")
-    add(add(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
+    add_element(add_element(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
 
 
 @contextmanager
-def city_model(path: Path, title: str, crs: str, extent: np.ndarray, attribution: Attribution) -> Iterator[Any]:
+def open_city_model(path: Path, title: str, crs: str, extent: np.ndarray, attribution: Attribution) -> Iterator[Any]:
     """A file's cityObjectMembers, written by the value's `write`, an element at a time. extent (2, 3): least and greatest
     corner of what comes, metres; whom to name is in its metadata and description."""
     from lxml import etree
 
     with etree.xmlfile(str(path), encoding="utf-8") as file:
         file.write_declaration()
-        with file.element(tag("CityModel"), nsmap=NAMESPACES):
+        with file.element(qualified_name("CityModel"), nsmap=NAMESPACES):
             root = etree.Element("head", nsmap=NAMESPACES)
-            said = add(add(root, "gml:metaDataProperty"), "gml:GenericMetaData")
+            said = add_element(add_element(root, "gml:metaDataProperty"), "gml:GenericMetaData")
             said.text = attribution.tags()["sources"]
-            add(root, "gml:description", attribution.line)
-            add(root, "gml:name", title)
-            envelope = add(add(root, "gml:boundedBy"), "gml:Envelope", srsName=crs, srsDimension="3")
+            add_element(root, "gml:description", attribution.line)
+            add_element(root, "gml:name", title)
+            envelope = add_element(add_element(root, "gml:boundedBy"), "gml:Envelope", srsName=crs, srsDimension="3")
             for name, corner in zip(("gml:lowerCorner", "gml:upperCorner"), extent, strict=True):
-                add(envelope, name, " ".join(f"{v:.3f}" for v in corner.tolist()))
+                add_element(envelope, name, " ".join(f"{v:.3f}" for v in corner.tolist()))
             for element in root:
                 file.write(element)
             yield file

@@ -12,10 +12,10 @@ from facade_core.export.bodies.patches import GRID_M
 from facade_core.export.city_models.attribution import Attribution
 
 # Metres per unit of a vertex.
-SCALE = GRID_M
+METRES_PER_UNIT = GRID_M
 THEME = "streetloom"
 # Decimals of a texture coordinate: a hundredth of a texel of the largest page.
-DECIMALS = 6
+UV_DECIMALS = 6
 # The extension whose names say where data are from, as it is published.
 METADATA_EXTENDED = {
     "url": "https://raw.githubusercontent.com/cityjson/metadata-extended/0.6/metadata-extended.ext.json",
@@ -24,7 +24,7 @@ METADATA_EXTENDED = {
 
 
 @dataclass(frozen=True)
-class Face:
+class ModelFace:
     """A planar face: rings, the first around the others, each (k, 3) world metres, unclosed, counter-clockwise seen from
     outside; uv, for each ring its texture coordinates (k, 2), u right and v up, and the page they are on, None without;
     semantic, an index into the surfaces of its object."""
@@ -36,28 +36,28 @@ class Face:
 
 
 @dataclass
-class Pool:
+class VertexPool:
     """The vertices and texture vertices of a document, each once."""
 
     origin: np.ndarray
     vertices: dict[tuple[int, ...], int] = field(default_factory=dict)
-    places: dict[tuple[float, ...], int] = field(default_factory=dict)
+    texture_vertices: dict[tuple[float, ...], int] = field(default_factory=dict)
     pages: dict[int, int] = field(default_factory=dict)
 
-    def ring(self, points: np.ndarray, uv: np.ndarray | None) -> tuple[list[int], list[int]]:
+    def add_ring(self, points: np.ndarray, uv: np.ndarray | None) -> tuple[list[int], list[int]]:
         """Indices of a ring's vertices and texture vertices, without such that fall together; empty where no area is left."""
-        grid = np.rint((points - self.origin) / SCALE).astype(np.int64)
-        keep = _loop(grid)
+        grid = np.rint((points - self.origin) / METRES_PER_UNIT).astype(np.int64)
+        keep = _largest_loop(grid)
         grid = grid[keep]
         if len(grid) < 3:
             return [], []
         corners = [self.vertices.setdefault(tuple(p), len(self.vertices)) for p in grid.tolist()]
         if uv is None:
             return corners, []
-        places = uv[keep].round(DECIMALS).tolist()
-        return corners, [self.places.setdefault(tuple(p), len(self.places)) for p in places]
+        places = uv[keep].round(UV_DECIMALS).tolist()
+        return corners, [self.texture_vertices.setdefault(tuple(p), len(self.texture_vertices)) for p in places]
 
-    def picture(self, page: int) -> int:
+    def add_page(self, page: int) -> int:
         return self.pages.setdefault(page, len(self.pages))
 
     def tables(self, images: Sequence[str]) -> dict[str, Any]:
@@ -67,17 +67,17 @@ class Pool:
             tables["appearance"] = {
                 "default-theme-texture": THEME,
                 "textures": [{"type": "JPG", "image": images[page]} for page in self.pages],
-                "vertices-texture": [list(place) for place in self.places],
+                "vertices-texture": [list(place) for place in self.texture_vertices],
             }
         return tables
 
     def extent(self) -> list[float]:
         """Least and greatest x, y, z of the vertices, world metres."""
-        points = np.array(list(self.vertices)) * SCALE + self.origin
+        points = np.array(list(self.vertices)) * METRES_PER_UNIT + self.origin
         return np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
 
 
-def _loop(grid: np.ndarray) -> np.ndarray:
+def _largest_loop(grid: np.ndarray) -> np.ndarray:
     """The corners of a ring on the grid (k, 3) that make up its largest part without a corner met twice; none without area."""
     keep = np.flatnonzero((grid != np.roll(grid, 1, axis=0)).any(axis=1))
     _, place = np.unique(grid[keep], axis=0, return_inverse=True)
@@ -88,12 +88,12 @@ def _loop(grid: np.ndarray) -> np.ndarray:
         first, second = np.flatnonzero(place == twice)[:2]
         inside = np.arange(first, second)
         outside = np.setdiff1d(np.arange(len(place)), inside)
-        part = max(inside, outside, key=lambda part: _area(grid[keep[part]]))
+        part = max(inside, outside, key=lambda part: _grid_area(grid[keep[part]]))
         keep, place = keep[part], place[part]
-    return keep if _area(grid[keep]) > 0 else keep[:0]
+    return keep if _grid_area(grid[keep]) > 0 else keep[:0]
 
 
-def _area(grid: np.ndarray) -> float:
+def _grid_area(grid: np.ndarray) -> float:
     """Of a ring (k, 3), in units of the grid."""
     if len(grid) < 3:
         return 0.0
@@ -101,8 +101,8 @@ def _area(grid: np.ndarray) -> float:
     return float(np.linalg.norm(np.cross(offset[1:-1], offset[2:]).sum(axis=0))) / 2
 
 
-def geometry_of(
-    faces: Sequence[Face], surfaces: Sequence[Mapping[str, Any]], pool: Pool, lod: str, kind: str = "MultiSurface"
+def build_geometry(
+    faces: Sequence[ModelFace], surfaces: Sequence[Mapping[str, Any]], pool: VertexPool, lod: str, kind: str = "MultiSurface"
 ) -> dict[str, Any]:
     """A geometry of faces, its vertices put into the pool. surfaces: what the faces' `semantic` counts; those without a face
     left are dropped. `kind` is MultiSurface; Solid, of faces that close; or CompositeSurface, which has no semantics here."""
@@ -111,7 +111,7 @@ def geometry_of(
     textures: list[Any] = []
     for face in faces:
         rings = [
-            pool.ring(points, face.uv[i] if face.page is not None else None) for i, points in enumerate(face.rings)
+            pool.add_ring(points, face.uv[i] if face.page is not None else None) for i, points in enumerate(face.rings)
         ]
         if not rings[0][0]:
             continue
@@ -121,9 +121,9 @@ def geometry_of(
         if face.page is None:
             textures.append([[None] for _ in rings])
         else:
-            textures.append([[pool.picture(face.page), *places] for _, places in rings])
+            textures.append([[pool.add_page(face.page), *places] for _, places in rings])
     textured = any(rings[0] != [None] for rings in textures)
-    semantics = _semantics(values, surfaces) if kind != "CompositeSurface" else None
+    semantics = _build_semantics(values, surfaces) if kind != "CompositeSurface" else None
     if kind == "Solid":
         boundaries, textures = [boundaries], [textures]
     geometry: dict[str, Any] = {"type": kind, "lod": lod, "boundaries": boundaries}
@@ -134,7 +134,7 @@ def geometry_of(
     return geometry
 
 
-def _semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """The surfaces that faces use, with those they are part of, and children beside parents."""
     used = set(values)
     used |= {surfaces[i]["parent"] for i in used if "parent" in surfaces[i]}
@@ -147,20 +147,20 @@ def _semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> 
     return {"surfaces": kept, "values": [index[value] for value in values]}
 
 
-def document(title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution) -> dict[str, Any]:
+def empty_document(title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution) -> dict[str, Any]:
     """An empty CityJSON 2.0 document. reference_system: the URL of its CRS. Whom to name is in the extension for it: the core
     has no place but a point of contact with an address."""
     return {
         "type": "CityJSON",
         "version": "2.0",
         "extensions": {"MetadataExtended": METADATA_EXTENDED},
-        "transform": {"scale": [SCALE] * 3, "translate": origin.tolist()},
+        "transform": {"scale": [METRES_PER_UNIT] * 3, "translate": origin.tolist()},
         "metadata": {
             "title": title,
-            **({"referenceDate": attribution.made} if attribution.made else {}),
+            **({"referenceDate": attribution.production_date} if attribution.production_date else {}),
             **({"referenceSystem": reference_system} if reference_system else {}),
         },
-        "+metadata-extended": {**attribution.iso(), "textures": "present", "materials": "absent"},
+        "+metadata-extended": {**attribution.iso_metadata(), "textures": "present", "materials": "absent"},
         "CityObjects": {},
         "vertices": [],
     }

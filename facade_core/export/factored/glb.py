@@ -10,16 +10,16 @@ import numpy as np
 
 from facade_core.export.models.buffers import ELEMENT_ARRAY_BUFFER, FLOAT, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
 from facade_core.export.models.encoders import TextureEncoder
-from facade_core.export.models.features import LABELS, Features, feature_ids
-from facade_core.export.models.glb import SAMPLERS, glb_of
-from facade_core.export.models.gltf_materials import Look, materials_of
-from facade_core.export.tiles.tile_glb import SHORT_MOST
+from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
+from facade_core.export.models.glb import SAMPLERS, pack_glb
+from facade_core.export.models.gltf_materials import MaterialTextures, build_gltf_materials
+from facade_core.export.tiles.tile_glb import MAX_UNSIGNED_SHORT
 
-REPEAT = 10497
+REPEAT_WRAP = 10497
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class FactoredPart:
     """Triangles (t, 3) of one node that show one texture, in glTF's frame (y up): position, normal (v, 3), uv (v, 2), colour
     (v, 3) linear, 0 to 1, that multiplies it; chart (v,)."""
 
@@ -31,12 +31,12 @@ class Part:
     chart: np.ndarray
 
 
-def factored_glb(
-    nodes: Mapping[str, Mapping[int, Part]],
+def encode_factored_glb(
+    nodes: Mapping[str, Mapping[int, FactoredPart]],
     pictures: Sequence[bytes | str],
     repeated: Sequence[bool],
     encoder: TextureEncoder,
-    features: Features,
+    features: FeatureTable,
     *,
     extras: Mapping[str, Any],
     copyright: str,
@@ -46,9 +46,9 @@ def factored_glb(
     buffer = GlbBuffer()
     every = [part for parts in nodes.values() for part in parts.values()]
     chart = np.concatenate([part.chart for part in every])
-    rows = np.column_stack([features.of_chart[chart], features.of_owner[chart]])
+    rows = np.column_stack([features.chart_rows[chart], features.owner_rows[chart]])
     used, index = np.unique(rows, return_inverse=True)
-    index = index.reshape(-1, len(LABELS))
+    index = index.reshape(-1, len(FEATURE_ID_LABELS))
     shown = sorted({texture for parts in nodes.values() for texture in parts})
     meshes, start = [], 0
     for name, parts in nodes.items():
@@ -64,10 +64,10 @@ def factored_glb(
                 "NORMAL": buffer.add_accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
                 "TEXCOORD_0": buffer.add_accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
                 "COLOR_0": buffer.add_accessor(
-                    np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
+                    np.rint(part.colour * MAX_UNSIGNED_SHORT).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
                 ),
             }
-            named, mesh_features = feature_ids(ids, len(used), buffer)
+            named, mesh_features = add_feature_ids(ids, len(used), buffer)
             triangles = part.triangles.astype("<u4").reshape(-1, 1)
             primitives.append(
                 {
@@ -78,31 +78,31 @@ def factored_glb(
                 }
             )
         meshes.append({"name": name, "primitives": primitives})
-    metadata = features.metadata(used, buffer.add_view)
+    metadata = features.structural_metadata(used, buffer.add_view)
     # an unlit look has one picture
-    materials = materials_of([Look(b"")] * len(shown), encoder)
+    materials = build_gltf_materials([MaterialTextures(b"")] * len(shown), encoder)
     images = [
         {"uri": picture} if isinstance(picture, str) else {"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type}
         for picture in (pictures[texture] for texture in shown)
     ]
     textures = [
         one | {"sampler": int(repeated[texture])}
-        for one, texture in zip(materials.document["textures"], shown, strict=True)
+        for one, texture in zip(materials.document_parts["textures"], shown, strict=True)
     ]
     required = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
-        "extensionsUsed": [*sorted({*materials.used, *required}), "EXT_mesh_features", "EXT_structural_metadata"],
+        "extensionsUsed": [*sorted({*materials.extensions_used, *required}), "EXT_mesh_features", "EXT_structural_metadata"],
         **({"extensionsRequired": required} if required else {}),
         "extensions": {"EXT_structural_metadata": metadata},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(meshes))), "extras": dict(extras)}],
         "nodes": [{"name": mesh["name"], "mesh": i} for i, mesh in enumerate(meshes)],
         "meshes": meshes,
-        "materials": materials.document["materials"],
+        "materials": materials.document_parts["materials"],
         "textures": textures,
         "images": images,
-        "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT, "wrapT": REPEAT}],
+        "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT_WRAP, "wrapT": REPEAT_WRAP}],
         **buffer.document_parts,
     }
-    return glb_of(document, buffer.chunks)
+    return pack_glb(document, buffer.chunks)

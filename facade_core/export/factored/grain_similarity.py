@@ -7,54 +7,54 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.export.factored.image_quilting import Grain
+from facade_core.export.factored.image_quilting import WallGrain
 
 # Octaves of patterns, waves a metre, the finest that 32 pixels a metre show among them; directions.
 OCTAVES, DIRECTIONS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 4
 # Grains are alike where they differ by no more than this, roots of light of which the mean has one, or by no more than a share
 # of what the weaker shows.
-LEAST, SHARE = 0.012, 0.25
+MIN_GRAIN_DISTANCE, MAX_DISTANCE_SHARE = 0.012, 0.25
 # What stands for others is even: the same in each of so many parts of a side.
-PARTS = 8
+EVENNESS_PARTS = 8
 
 
-def alike(grains: Sequence[Grain]) -> list[int]:
+def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
     """Of every grain the number of the one that stands for it: among those that look alike the evenest of those with most
     pixels a metre, so that no mark of one wall is on others."""
-    told = [_told(grain) for grain in grains]
-    fine = [grain.shares.shape[0] / grain.wide for grain in grains]
+    told = [_grain_descriptor(grain) for grain in grains]
+    fine = [grain.relative_light.shape[0] / grain.width_m for grain in grains]
     coarse = [-round(np.log2(density)) for density in fine]
     groups: dict[int, list[int]] = {}
     for number in sorted(range(len(grains)), key=lambda k: (coarse[k], k)):
-        off = {k: _apart(told[number], told[k]) for k in groups}
+        off = {k: _descriptor_distance(told[number], told[k]) for k in groups}
         nearest = min(off, key=lambda k: (off[k], k), default=number)
         groups.setdefault(nearest if off.get(nearest, 0) <= 1 else number, []).append(number)
     found = list(range(len(grains)))
     for group in groups.values():
-        stands = min(group, key=lambda k: (coarse[k], _uneven(grains[k]), k))
+        stands = min(group, key=lambda k: (coarse[k], _unevenness(grains[k]), k))
         for number in group:
             found[number] = stands
     return found
 
 
-def _uneven(grain: Grain) -> float:
+def _unevenness(grain: WallGrain) -> float:
     """How much stronger a grain is in its strongest part than in most."""
-    light = np.sqrt(grain.shares).mean(axis=2)
-    step = len(light) // PARTS
+    light = np.sqrt(grain.relative_light).mean(axis=2)
+    step = len(light) // EVENNESS_PARTS
     if step == 0:  # plain colour
         return 1.0
-    parts = np.square(light - light.mean())[: step * PARTS, : step * PARTS].reshape(PARTS, step, PARTS, step)
+    parts = np.square(light - light.mean())[: step * EVENNESS_PARTS, : step * EVENNESS_PARTS].reshape(EVENNESS_PARTS, step, EVENNESS_PARTS, step)
     energy = parts.mean(axis=(1, 3))
     return float(energy.max() / max(float(np.median(energy)), 1e-9))
 
 
-def _told(grain: Grain) -> tuple[np.ndarray, np.ndarray]:
+def _grain_descriptor(grain: WallGrain) -> tuple[np.ndarray, np.ndarray]:
     """Amplitudes (octaves, DIRECTIONS) of a grain's light, and of how its red and blue (2,) differ from that."""
-    root = np.sqrt(grain.shares)
+    root = np.sqrt(grain.relative_light)
     light = root.mean(axis=2)
     side = len(light)
     power = np.square(np.abs(np.fft.fft2(light - light.mean()))) / side**4
-    waves = np.fft.fftfreq(side, grain.wide / side)
+    waves = np.fft.fftfreq(side, grain.width_m / side)
     y, x = np.meshgrid(waves, waves, indexing="ij")
     octave = np.digitize(np.hypot(x, y), OCTAVES[1:-1])
     direction = np.rint(np.arctan2(y, x) / np.pi * DIRECTIONS).astype(int) % DIRECTIONS
@@ -64,8 +64,8 @@ def _told(grain: Grain) -> tuple[np.ndarray, np.ndarray]:
     return np.sqrt(sums), (root[..., [0, 2]] - light[..., None]).std(axis=(0, 1))
 
 
-def _apart(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
+def _descriptor_distance(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
     """How far two grains are apart, 1 and less where they look alike."""
     off = np.sqrt(sum(float(np.square(a - b).sum()) for a, b in zip(one, other, strict=True)))
     weaker = min(np.sqrt(float(np.square(amplitudes).sum())) for amplitudes, _ in (one, other))
-    return float(off / max(LEAST, SHARE * weaker))
+    return float(off / max(MIN_GRAIN_DISTANCE, MAX_DISTANCE_SHARE * weaker))

@@ -11,58 +11,58 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.linear_light import linear, smoothed
+from facade_core.core.linear_light import smooth_known, srgb_to_linear
 
 # The picture has the side of these, pixels, that is nearest to so many metres of its example.
-SIDES, REPEAT_M = (64, 128, 256), 4.0
+TEXTURE_SIDES_PX, REPEAT_M = (64, 128, 256), 4.0
 # Sides of its blocks, of the largest picture's: the largest of which the free area has so many is taken, none below so many
 # pixels.
-BLOCKS, SMALLEST, ENOUGH = (80, 64, 48, 32, 24, 16), 12, 24
+BLOCK_SIDES_PX, MIN_BLOCK_PX, MIN_BLOCK_COUNT = (80, 64, 48, 32, 24, 16), 12, 24
 # Blocks that are tried for each place, and of these how near to the best the one that is taken must be.
-TRIED, NEAR = 320, 1.1
+MAX_BLOCKS_TRIED, MAX_ERROR_FACTOR = 320, 1.1
 # What is larger is no grain, metres.
 SHADE_M = 0.45
 # Grain is no more than so many times as light as the mean, or as dark.
-MOST = 3.0
+MAX_CONTRAST = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Grain:
+class WallGrain:
     """shares (s, s, 3) float32 of the mean light, s of SIDES, that go on into themselves on all sides; metres wide and high."""
 
-    shares: np.ndarray
-    wide: float
+    relative_light: np.ndarray
+    width_m: float
 
 
-def repeating(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> Grain:
+def synthesise_grain(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> WallGrain:
     """The grain of a picture (h, w, 3) uint8 where it is free (h, w) bool, at its own pixels; all ones where no block of it
     is."""
     import cv2
 
-    side = min(SIDES, key=lambda side: abs(np.log(side / (REPEAT_M * pixels_per_metre))))
+    side = min(TEXTURE_SIDES_PX, key=lambda side: abs(np.log(side / (REPEAT_M * pixels_per_metre))))
     wide = side / pixels_per_metre
-    light = linear(image)
+    light = srgb_to_linear(image)
     shade = SHADE_M * pixels_per_metre
-    flat = light / np.maximum(smoothed(light, free, shade), 1e-3)
+    flat = light / np.maximum(smooth_known(light, free, shade), 1e-3)
     rng = np.random.default_rng(seed)
     inside = cv2.integral(free.astype(np.uint8))
-    for block in (block * side // SIDES[-1] for block in BLOCKS):
-        if min(free.shape) < block or block < SMALLEST:
+    for block in (block * side // TEXTURE_SIDES_PX[-1] for block in BLOCK_SIDES_PX):
+        if min(free.shape) < block or block < MIN_BLOCK_PX:
             continue
         full = inside[block:, block:] - inside[:-block, block:] - inside[block:, :-block] + inside[:-block, :-block]
         places = np.argwhere(full == block * block)
-        if len(places) >= ENOUGH:
+        if len(places) >= MIN_BLOCK_COUNT:
             break
     else:
-        return Grain(np.ones((side, side, 3), np.float32), wide)
-    chosen = places[rng.permutation(len(places))[:TRIED]]
+        return WallGrain(np.ones((side, side, 3), np.float32), wide)
+    chosen = places[rng.permutation(len(places))[:MAX_BLOCKS_TRIED]]
     patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
-    quilt = _quilt(np.clip(patches, 1 / MOST, MOST), side, rng)
-    quilt /= np.maximum(smoothed(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
-    return Grain(quilt / quilt.mean(axis=(0, 1)), wide)
+    quilt = _quilt_torus(np.clip(patches, 1 / MAX_CONTRAST, MAX_CONTRAST), side, rng)
+    quilt /= np.maximum(smooth_known(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
+    return WallGrain(quilt / quilt.mean(axis=(0, 1)), wide)
 
 
-def _quilt(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
+def _quilt_torus(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
     """Blocks (n, b, b, 3) laid on a torus of a side."""
     block = patches.shape[1]
     count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
@@ -78,27 +78,27 @@ def _quilt(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarr
                 some = slice(None, None, max(1, len(rows) // 1500))
                 off = patches[:, rows[some], columns[some]] - there[rows[some], columns[some]]
                 apart = np.square(off).mean(axis=(1, 2))
-            near = np.flatnonzero(apart <= NEAR * apart.min() + 1e-9)
+            near = np.flatnonzero(apart <= MAX_ERROR_FACTOR * apart.min() + 1e-9)
             patch = patches[near[rng.integers(len(near))]]
-            keep = known & ~_own_side(np.square(patch - there).sum(axis=2), known)
+            keep = known & ~_new_side_mask(np.square(patch - there).sum(axis=2), known)
             canvas[at] = np.where(keep[..., None], there, patch)
             laid[at] = True
     return canvas
 
 
-def _own_side(error: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _new_side_mask(error: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Where a block shows itself: beyond the path of least error through what lies there already, at each of its sides."""
     own = np.ones(known.shape, bool)
     for turn in range(4):
         turned, laid = np.rot90(error, turn), np.rot90(known, turn)
         strip = int(laid.all(axis=0).cumprod().sum())  # columns at the left that are laid wholly
         if 0 < strip < laid.shape[1]:
-            beyond = np.arange(laid.shape[1]) >= _path(turned[:, :strip])[:, None]
+            beyond = np.arange(laid.shape[1]) >= _min_error_path(turned[:, :strip])[:, None]
             own &= np.rot90(beyond, -turn)
     return own
 
 
-def _path(error: np.ndarray) -> np.ndarray:
+def _min_error_path(error: np.ndarray) -> np.ndarray:
     """The column (h,) of the cheapest way down errors (h, w), by steps to the next column at most."""
     height = len(error)
     cost = error.astype(np.float64).copy()

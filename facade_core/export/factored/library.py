@@ -7,30 +7,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.linear_light import linear, smoothed, srgb
+from facade_core.core.linear_light import linear_to_srgb, smooth_known, srgb_to_linear
 from facade_core.core.types import Element
-from facade_core.export.bodies.mouldings import Band, bands_of, free_of, like
-from facade_core.export.factored.image_quilting import Grain, repeating
-from facade_core.export.factored.units import Rectangle, Unit, surround, units_of
+from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, most_similar_band, segment_bands
+from facade_core.export.factored.image_quilting import WallGrain, synthesise_grain
+from facade_core.export.factored.units import FacadeUnit, Rectangle, group_units, surround_reach
 from facade_core.facade.variation.encoding import encode
 
 # A unit is compared with others at so many pixels a side.
-LOOK = 16
+DESCRIPTOR_SIDE_PX = 16
 # Elements are like each other where their sides' ratio is no farther apart than this.
-ASPECT = 1.6
+MAX_ASPECT_RATIO = 1.6
 # How far the walls around two elements are apart, roots of light, is worth so many grey levels of what they show.
-WALL = 150.0
+WALL_LIGHT_WEIGHT = 150.0
 # Pixels of a moulding's picture fade into its beginning over this, metres; it is no longer than that, and no shorter unless
 # it is stretched.
-FADE_M, LONGEST_M, SHORTEST_M = 0.3, 4.0, 0.6
+FADE_M, MAX_MOULDING_M, MIN_MOULDING_M = 0.3, 4.0, 0.6
 # Bands of which the roots of their light differ by less are of one material.
-SAME = 0.07
+MAX_MATERIAL_DIFFERENCE = 0.07
 # Around a unit the wall's colour is meant over so much, metres.
-AROUND_M = 0.35
+WALL_SMOOTHING_M = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class Type:
+class ElementType:
     """A type of elements: the picture (h, w, 3) uint8 of the one that stands for it, with its surround; box: where in it the
     element itself lies, pixels; panes: what of it lies back; wall (3,): linear light of the wall around; pixels_per_metre of
     the picture, as it was given."""
@@ -39,67 +39,67 @@ class Type:
     picture: np.ndarray
     box: Rectangle
     panes: tuple[Rectangle, ...]
-    wall: np.ndarray
+    wall_light: np.ndarray
     pixels_per_metre: float
 
 
 @dataclass(frozen=True, eq=False)
-class Moulding:
+class MouldingTexture:
     """A picture (h, w, 3) uint8 that goes on into itself to the right, metres wide."""
 
     picture: np.ndarray
-    wide: float
+    width_m: float
     colour: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Library:
+class FacadeLibrary:
     """units of the picture, each of a type at every level of the variations, of (levels, units) int; looks (units, LOOK, LOOK,
     3); walls (units, 3): the wall around them, linear light; bands, and by their numbers the grain of what is laid, or
     the moulding."""
 
-    units: tuple[Unit, ...]
-    of: np.ndarray
-    looks: np.ndarray
-    walls: np.ndarray
-    types: dict[int, Type]
-    bands: tuple[Band, ...]
-    grains: dict[int, Grain]
-    mouldings: dict[int, Moulding]
+    units: tuple[FacadeUnit, ...]
+    unit_types: np.ndarray
+    descriptors: np.ndarray
+    wall_light: np.ndarray
+    types: dict[int, ElementType]
+    bands: tuple[WallBand, ...]
+    grains: dict[int, WallGrain]
+    mouldings: dict[int, MouldingTexture]
 
-    def most_like(self, unit: Unit, look: np.ndarray, wall: np.ndarray) -> int | None:
+    def find_similar_unit(self, unit: FacadeUnit, look: np.ndarray, wall: np.ndarray) -> int | None:
         """The unit that is most like another of the same kind, with its look (LOOK, LOOK, 3) and the light (3,) of the wall
         around; None where none is."""
         wide, high = unit.size
         best: tuple[float, int] | None = None
         for k, own in enumerate(self.units):
             ratio = abs(float(np.log((wide / high) / (own.size[0] / own.size[1]))))
-            if own.kind != unit.kind or ratio > np.log(ASPECT):
+            if own.kind != unit.kind or ratio > np.log(MAX_ASPECT_RATIO):
                 continue
-            off = float(np.abs(np.sqrt(wall) - np.sqrt(self.walls[k])).mean())
-            apart = float(np.abs(look - self.looks[k]).mean()) + 20 * ratio + WALL * off
+            off = float(np.abs(np.sqrt(wall) - np.sqrt(self.wall_light[k])).mean())
+            apart = float(np.abs(look - self.descriptors[k]).mean()) + 20 * ratio + WALL_LIGHT_WEIGHT * off
             if best is None or apart < best[0]:
                 best = apart, k
         return None if best is None else best[1]
 
-    def type_at(self, unit: int, level: int) -> int:
+    def unit_type(self, unit: int, level: int) -> int:
         """The type of a unit at a level, the last where there are fewer."""
-        return int(self.of[min(level, len(self.of) - 1), unit])
+        return int(self.unit_types[min(level, len(self.unit_types) - 1), unit])
 
 
-def look_of(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+def unit_descriptor(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
     """What a box of an image (h, w, 3) uint8 shows, (LOOK, LOOK, 3) float32, its mean light taken out by half."""
     import cv2
 
     x0, y0, x1, y1 = (round(side * density) for side in box)
     part = image[max(0, y0) : max(y1, y0 + 1), max(0, x0) : max(x1, x0 + 1)]
     if not part.size:
-        return np.zeros((LOOK, LOOK, 3), np.float32)
-    small = cv2.resize(part, (LOOK, LOOK), interpolation=cv2.INTER_AREA).astype(np.float32)
+        return np.zeros((DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3), np.float32)
+    small = cv2.resize(part, (DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
     return small - 0.5 * small.mean()
 
 
-def mean_in(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+def mean_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
     """The mean of light (h, w, 3) over a box in metres, (3,)."""
     height, width = light.shape[:2]
     x0, y0, x1, y1 = (round(side * density) for side in box)
@@ -107,17 +107,17 @@ def mean_in(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
     return light[top : max(y1, top + 1), left : max(x1, left + 1)].mean(axis=(0, 1))
 
 
-def _grown(box: Rectangle) -> Rectangle:
+def _expand_box(box: Rectangle) -> Rectangle:
     """A box with AROUND_M on all sides."""
-    return box[0] - AROUND_M, box[1] - AROUND_M, box[2] + AROUND_M, box[3] + AROUND_M
+    return box[0] - WALL_SMOOTHING_M, box[1] - WALL_SMOOTHING_M, box[2] + WALL_SMOOTHING_M, box[3] + WALL_SMOOTHING_M
 
 
-def wall_around(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+def surrounding_wall_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
     """The light (3,) of the wall around a box, from that of the wall everywhere (h, w, 3)."""
-    return mean_in(light, _grown(box), density)
+    return mean_light(light, _expand_box(box), density)
 
 
-def library_of(
+def build_library(
     image: np.ndarray,
     labels: np.ndarray,
     elements: Sequence[Element],
@@ -125,62 +125,62 @@ def library_of(
     fine: np.ndarray | None = None,
     *,
     seed: int,
-) -> Library:
+) -> FacadeLibrary:
     """Of a picture (h, w, 3) uint8 with labels (h, w) and elements, of `density` pixels a metre; fine: the same picture with
     more pixels, where there is one, from which all that is shown is taken."""
-    units = units_of(elements, density)
+    units = group_units(elements, density)
     fine = image if fine is None else fine
     times = fine.shape[0] / image.shape[0]
     whole = density * times
-    free = free_of(labels, [unit.box for unit in units], density)
-    bands = bands_of(image, free, density)
+    free = free_wall_mask(labels, [unit.box for unit in units], density)
+    bands = segment_bands(image, free, density)
     import cv2
 
     free_fine = cv2.resize(free.astype(np.uint8), fine.shape[1::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    wall = smoothed(linear(image), free, AROUND_M * density)
-    reach = _reaches(image, units, srgb(wall).astype(np.float32), density)
-    walls = np.array([wall_around(wall, unit.box, density) for unit in units]).reshape(-1, 3)
-    of, chosen = _types(image, units, walls, density)
-    return Library(
+    wall = smooth_known(srgb_to_linear(image), free, WALL_SMOOTHING_M * density)
+    reach = _surround_reaches(image, units, linear_to_srgb(wall).astype(np.float32), density)
+    walls = np.array([surrounding_wall_light(wall, unit.box, density) for unit in units]).reshape(-1, 3)
+    of, chosen = _assign_types(image, units, walls, density)
+    return FacadeLibrary(
         tuple(units),
         of,
-        np.stack([look_of(image, unit.box, density) for unit in units])
+        np.stack([unit_descriptor(image, unit.box, density) for unit in units])
         if units
-        else np.zeros((0, LOOK, LOOK, 3), np.float32),
+        else np.zeros((0, DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3), np.float32),
         walls,
-        {t: _type(fine, units[k], reach[k], whole, wall, density) for t, k in chosen.items()},
+        {t: _make_type(fine, units[k], reach[k], whole, wall, density) for t, k in chosen.items()},
         tuple(bands),
-        _grains(fine, free_fine, bands, whole, seed),
-        {number: _moulding(fine, free_fine, band, whole) for number, band in enumerate(bands) if band.moulding},
+        _synthesise_grains(fine, free_fine, bands, whole, seed),
+        {number: _make_moulding(fine, free_fine, band, whole) for number, band in enumerate(bands) if band.is_moulding},
     )
 
 
-def band_like(library: Library, band: Band) -> int | None:
+def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
     """The number of the band of a library that a wall's band shows."""
-    return like(band, library.bands)
+    return most_similar_band(band, library.bands)
 
 
-def _grains(fine: np.ndarray, free: np.ndarray, bands: Sequence[Band], density: float, seed: int) -> dict[int, Grain]:
+def _synthesise_grains(fine: np.ndarray, free: np.ndarray, bands: Sequence[WallBand], density: float, seed: int) -> dict[int, WallGrain]:
     """The grain of every band that is no moulding; those of nearly one colour are of one material."""
     groups: list[list[int]] = []
     for number, band in enumerate(bands):
-        if band.moulding:
+        if band.is_moulding:
             continue
         for group in groups:
-            if np.abs(np.sqrt(band.colour) - np.sqrt(bands[group[0]].colour)).max() < SAME:
+            if np.abs(np.sqrt(band.colour) - np.sqrt(bands[group[0]].colour)).max() < MAX_MATERIAL_DIFFERENCE:
                 group.append(number)
                 break
         else:
             groups.append([number])
-    found: dict[int, Grain] = {}
+    found: dict[int, WallGrain] = {}
     for group in groups:
-        area = np.logical_or.reduce([_within(free, bands[number], density) for number in group])
-        grain = repeating(fine, area, density, seed)
+        area = np.logical_or.reduce([_band_mask(free, bands[number], density) for number in group])
+        grain = synthesise_grain(fine, area, density, seed)
         found |= dict.fromkeys(group, grain)
     return found
 
 
-def _within(free: np.ndarray, band: Band, density: float) -> np.ndarray:
+def _band_mask(free: np.ndarray, band: WallBand, density: float) -> np.ndarray:
     top, foot = round(band.top * density), round(band.foot * density)
     found = np.zeros_like(free)
     # its own edges belong to what lies beside it
@@ -189,8 +189,8 @@ def _within(free: np.ndarray, band: Band, density: float) -> np.ndarray:
     return found
 
 
-def _reaches(
-    image: np.ndarray, units: Sequence[Unit], wall: np.ndarray, density: float
+def _surround_reaches(
+    image: np.ndarray, units: Sequence[FacadeUnit], wall: np.ndarray, density: float
 ) -> list[tuple[float, float, float, float]]:
     """How far the surround of each unit reaches. Units of one kind and size have the same."""
     number = np.full(image.shape[:2], -1)
@@ -198,13 +198,13 @@ def _reaches(
         x0, y0, x1, y1 = (max(0, round(side * density)) for side in unit.box)
         number[y0:y1, x0:x1] = k
     found = np.array(
-        [surround(image, (number >= 0) & (number != k), wall, unit.box, density) for k, unit in enumerate(units)]
+        [surround_reach(image, (number >= 0) & (number != k), wall, unit.box, density) for k, unit in enumerate(units)]
     ).reshape(-1, 4)
     return [tuple(row) for row in found.tolist()]
 
 
-def _types(
-    image: np.ndarray, units: Sequence[Unit], walls: np.ndarray, density: float
+def _assign_types(
+    image: np.ndarray, units: Sequence[FacadeUnit], walls: np.ndarray, density: float
 ) -> tuple[np.ndarray, dict[int, int]]:
     """The type of every unit at every level (levels, units), and the unit that stands for each type. Those in walls (units, 3)
     of another material are of another type: their surrounds are."""
@@ -213,12 +213,12 @@ def _types(
     materials: list[np.ndarray] = []
     groups: list[list[int]] = []
     for k, wall in enumerate(np.sqrt(walls)):
-        number = next((n for n, other in enumerate(materials) if np.abs(wall - other).max() < SAME), len(materials))
+        number = next((n for n, other in enumerate(materials) if np.abs(wall - other).max() < MAX_MATERIAL_DIFFERENCE), len(materials))
         if number == len(materials):
             materials.append(wall)
             groups.append([])
         groups[number].append(k)
-    of = [_types_in(image, [units[k] for k in group], density) for group in groups]
+    of = [_assign_material_types(image, [units[k] for k in group], density) for group in groups]
     levels = np.zeros((max(len(own) for own, _ in of), len(units)), np.int64)
     chosen: dict[int, int] = {}
     before = 0
@@ -230,7 +230,7 @@ def _types(
     return levels, chosen
 
 
-def _types_in(image: np.ndarray, units: Sequence[Unit], density: float) -> tuple[np.ndarray, dict[int, int]]:
+def _assign_material_types(image: np.ndarray, units: Sequence[FacadeUnit], density: float) -> tuple[np.ndarray, dict[int, int]]:
     """The same of units in walls of one material."""
     shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
     hierarchy = encode(image, shown)
@@ -249,31 +249,31 @@ def _types_in(image: np.ndarray, units: Sequence[Unit], density: float) -> tuple
     return levels.astype(np.int64), chosen
 
 
-def _type(
+def _make_type(
     fine: np.ndarray,
-    unit: Unit,
+    unit: FacadeUnit,
     reach: tuple[float, float, float, float],
     density: float,
-    wall: np.ndarray,
+    wall_light: np.ndarray,
     coarse: float,
-) -> Type:
+) -> ElementType:
     height, width = fine.shape[:2]
     x0, y0, x1, y1 = (side * density for side in unit.box)
     left, top = max(0, round(x0 - reach[0] * density)), max(0, round(y0 - reach[1] * density))
     right, foot = min(width, round(x1 + reach[2] * density)), min(height, round(y1 + reach[3] * density))
-    return Type(
+    return ElementType(
         unit.kind,
         fine[top:foot, left:right],
         (x0 - left, y0 - top, x1 - left, y1 - top),
         tuple(
             (a * density - left, b * density - top, c * density - left, d * density - top) for a, b, c, d in unit.panes
         ),
-        mean_in(wall, (left / density, top / density, right / density, foot / density), coarse),
+        mean_light(wall, (left / density, top / density, right / density, foot / density), coarse),
         density,
     )
 
 
-def _moulding(fine: np.ndarray, free: np.ndarray, band: Band, density: float) -> Moulding:
+def _make_moulding(fine: np.ndarray, free: np.ndarray, band: WallBand, density: float) -> MouldingTexture:
     """The longest run of a band that no element crosses, its end faded into its beginning."""
     top, foot = round(band.top * density), max(round(band.top * density) + 1, round(band.foot * density))
     clear = free[top:foot].mean(axis=0) > 0.98
@@ -281,18 +281,18 @@ def _moulding(fine: np.ndarray, free: np.ndarray, band: Band, density: float) ->
     runs = edges.reshape(-1, 2)
     start, stop = max(runs.tolist(), key=lambda run: run[1] - run[0], default=[0, 0])
     fade = round(FADE_M * density)
-    stop = min(stop, start + round(LONGEST_M * density) + fade)
+    stop = min(stop, start + round(MAX_MOULDING_M * density) + fade)
     rows = fine[top:foot]
-    if stop - start < SHORTEST_M * density + fade:
+    if stop - start < MIN_MOULDING_M * density + fade:
         means = [
-            linear(row[own] if own.any() else row).mean(axis=0) for row, own in zip(rows, free[top:foot], strict=True)
+            srgb_to_linear(row[own] if own.any() else row).mean(axis=0) for row, own in zip(rows, free[top:foot], strict=True)
         ]
-        column = srgb(np.stack(means))
-        picture = np.repeat(column[:, None], max(8, round(SHORTEST_M * density)), axis=1)
+        column = linear_to_srgb(np.stack(means))
+        picture = np.repeat(column[:, None], max(8, round(MIN_MOULDING_M * density)), axis=1)
     else:
-        light = linear(rows[:, start:stop])
+        light = srgb_to_linear(rows[:, start:stop])
         share = ((np.arange(fade) + 0.5) / fade)[None, :, None]
         long = light[:, :-fade].copy()
         long[:, :fade] = share * light[:, :fade] + (1 - share) * light[:, -fade:]
-        picture = srgb(long)
-    return Moulding(picture, picture.shape[1] / density, linear(picture).mean(axis=(0, 1)))
+        picture = linear_to_srgb(long)
+    return MouldingTexture(picture, picture.shape[1] / density, srgb_to_linear(picture).mean(axis=(0, 1)))

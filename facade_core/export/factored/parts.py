@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.grouping import RowIndex, group_rows
-from facade_core.export.factored.glb import Part
-from facade_core.export.factored.texture_packing import Shown
-from facade_core.export.factored.wall_geometry import Piece, Pieces
-from facade_core.export.models.pages import scaled
-from facade_core.export.models.textured_mesh import Frame, Textured
-from facade_core.export.tiles.tile_pages import tile_pages
+from facade_core.export.factored.glb import FactoredPart
+from facade_core.export.factored.texture_packing import PackedTextures
+from facade_core.export.factored.wall_geometry import WallPiece, WallPieces
+from facade_core.export.models.pages import downscale
+from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
+from facade_core.export.tiles.tile_pages import pack_tile_pages
 from facade_core.geometry.charts import ChartKind
 
 # What is no facade has this share of its texels a metre, which are fewer the farther off streets pass (ADR 0063); at most, and
 # no fewer than so many: ground, and all else (roofs, walls between houses).
-GROUND_SHARE, GROUND_MOST, REST_SHARE, REST_MOST, LEAST = 0.375, 8.0, 0.25, 4.0, 2.0
+GROUND_SHARE, MAX_GROUND_DENSITY, UNFACTORED_SHARE, MAX_UNFACTORED_DENSITY, MIN_DENSITY = 0.375, 8.0, 0.25, 4.0, 2.0
 
 
-def joined(every: Iterable[Pieces]) -> Pieces:
+def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:
     """What was laid of all buildings, by picture."""
-    whole = Pieces()
+    whole = WallPieces()
     for pieces in every:
         for key, own in pieces.by_picture.items():
             whole.by_picture.setdefault(key, []).extend(own)
@@ -32,15 +32,15 @@ def joined(every: Iterable[Pieces]) -> Pieces:
     return whole
 
 
-def parts_of(pieces: Pieces, pictures: Shown, frame: Frame) -> dict[int, Part]:
+def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame) -> dict[int, FactoredPart]:
     """What was laid of a building, by texture."""
-    by_texture: dict[int, list[tuple[Piece, np.ndarray, np.ndarray]]] = {}
+    by_texture: dict[int, list[tuple[WallPiece, np.ndarray, np.ndarray]]] = {}
     for key, own in sorted(pieces.by_picture.items()):
         for piece in own:
-            texture, uv, colour = pictures.laid(key, piece)
+            texture, uv, colour = pictures.texture_lookup(key, piece)
             by_texture.setdefault(texture, []).append((piece, uv, colour))
     return {
-        texture: _part(
+        texture: _make_part(
             [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own],
             frame,
         )
@@ -48,18 +48,18 @@ def parts_of(pieces: Pieces, pictures: Shown, frame: Frame) -> dict[int, Part]:
     }
 
 
-def together(every: Iterable[Mapping[int, Part]]) -> dict[int, Part]:
+def merge_parts(every: Iterable[Mapping[int, FactoredPart]]) -> dict[int, FactoredPart]:
     """Parts of several buildings as one, by texture."""
-    of: dict[int, list[Part]] = {}
+    of: dict[int, list[FactoredPart]] = {}
     for parts in every:
         for texture, part in parts.items():
             of.setdefault(texture, []).append(part)
-    return {texture: _joined(own) for texture, own in sorted(of.items())}
+    return {texture: _concatenate_parts(own) for texture, own in sorted(of.items())}
 
 
-def _joined(own: Sequence[Part]) -> Part:
+def _concatenate_parts(own: Sequence[FactoredPart]) -> FactoredPart:
     first = np.concatenate([[0], np.cumsum([len(part.position) for part in own])[:-1]])
-    return Part(
+    return FactoredPart(
         np.concatenate([part.position for part in own]),
         np.concatenate([part.normal for part in own]),
         np.concatenate([part.uv for part in own]),
@@ -69,11 +69,11 @@ def _joined(own: Sequence[Part]) -> Part:
     )
 
 
-def _part(rows: Sequence[tuple[Any, ...]], frame: Frame) -> Part:
+def _make_part(rows: Sequence[tuple[Any, ...]], frame: ModelFrame) -> FactoredPart:
     """One part of rows of position, normal, texture coordinates, colour, triangles and charts."""
     position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
     first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
-    return Part(
+    return FactoredPart(
         frame.points(np.concatenate(position)),
         frame.directions(np.concatenate(normal)),
         np.concatenate(uv),
@@ -83,35 +83,35 @@ def _part(rows: Sequence[tuple[Any, ...]], frame: Frame) -> Part:
     )
 
 
-def rest(
-    source: Textured, triangles_of: RowIndex, charts: np.ndarray, before: int, frame: Frame
-) -> tuple[list[np.ndarray], dict[int, dict[int, Part]]]:
+def pack_unfactored_charts(
+    source: TexturedMesh, triangles_of: RowIndex, charts: np.ndarray, before: int, frame: ModelFrame
+) -> tuple[list[np.ndarray], dict[int, dict[int, FactoredPart]]]:
     """The pages of charts that are not factored, before which are so many other pictures; and their parts, by building.
     triangles_of: the mesh's by chart."""
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
-    share, most = np.where((kind == ChartKind.GROUND)[:, None], (GROUND_SHARE, GROUND_MOST), (REST_SHARE, REST_MOST)).T
-    most = np.clip(share * density, LEAST, most)
+    share, most = np.where((kind == ChartKind.GROUND)[:, None], (GROUND_SHARE, MAX_GROUND_DENSITY), (UNFACTORED_SHARE, MAX_UNFACTORED_DENSITY)).T
+    most = np.clip(share * density, MIN_DENSITY, most)
     share = np.where(np.isin(kind, (ChartKind.WINDOW, ChartKind.DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
 
     def raster(chart: int) -> np.ndarray:
         width, height = texels[chart].tolist()
-        return scaled(source.raster(chart), (width, height))
+        return downscale(source.raster(chart), (width, height))
 
-    pages = tile_pages(replace(source, texels=texels, raster=raster), charts)
-    drawn, mesh = pages.drawn, source.mesh
+    pages = pack_tile_pages(replace(source, texels=texels, raster=raster), charts)
+    drawn, mesh = pages.packed, source.mesh
     place = np.full(len(source.charts), -1, np.int64)
     place[charts] = np.arange(len(charts))
     mine = triangles_of.rows_with_any(charts)
     page = drawn.layout.page[place[mesh.chart[mine]]]
     owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
     count = len(drawn.layout.pages)
-    parts: dict[int, dict[int, Part]] = {}
+    parts: dict[int, dict[int, FactoredPart]] = {}
     for code, here in sorted(group_rows((owner + 1) * count + page).items()):
         used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
         chart = mesh.vertex_chart[used]
-        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = Part(
+        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = FactoredPart(
             frame.points(mesh.vertices[used]),
             frame.directions(source.normals[used]),
             drawn.texture_coordinates(chart, source.coordinates[used]),
@@ -119,4 +119,4 @@ def rest(
             index.reshape(-1, 3),
             chart,
         )
-    return [pages.pictures(page).colour for page in range(count)], parts
+    return [pages.draw_images(page).base_colour for page in range(count)], parts

@@ -7,119 +7,119 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.core.linear_light import linear, srgb
-from facade_core.core.resizing import resized
-from facade_core.export.factored.grain_similarity import alike
-from facade_core.export.factored.image_quilting import Grain
-from facade_core.export.factored.library import Library
-from facade_core.export.factored.wall_geometry import Key, Piece, Pieces
+from facade_core.core.linear_light import linear_to_srgb, srgb_to_linear
+from facade_core.core.resizing import resize_image
+from facade_core.export.factored.grain_similarity import group_similar_grains
+from facade_core.export.factored.image_quilting import WallGrain
+from facade_core.export.factored.library import FacadeLibrary
+from facade_core.export.factored.wall_geometry import TextureKey, WallPiece, WallPieces
 from facade_core.export.models.encoders import MIPMAP_FACTOR
-from facade_core.export.models.page_packing import CELL, pack_pages
+from facade_core.export.models.page_packing import CELL_TEXELS, pack_pages
 
 # No element is shown with more texels a metre, where it is largest.
-MOST_DENSITY = 64.0
+MAX_TYPE_DENSITY = 64.0
 # A picture is made so light that this share of what multiplies it is no more than one; the rest is as light as it gets.
-LIT = 0.995
+LIGHT_QUANTILE = 0.995
 # And no lighter than that this share of its own light is kept.
-KEPT = 0.995
+BRIGHTNESS_QUANTILE = 0.995
 # Of a wall of which no grain is known.
-PLAIN = Grain(np.ones((CELL, CELL, 3), np.float32), 1.0)
+PLAIN_GRAIN = WallGrain(np.ones((CELL_TEXELS, CELL_TEXELS, 3), np.float32), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class PackedTextures:
     """Pictures (h, w, 3) uint8, which of them are repeated, and where each key's picture lies: its texture, then the corner
     and the size of its place there, shares of it; gain: how much lighter it is than it was; scale, of types: what share of its
     pixels a side of it has kept."""
 
     pictures: list[np.ndarray]
-    repeated: list[bool]
-    place: dict[Key, tuple[int, np.ndarray, np.ndarray]]
-    gain: dict[Key, float]
-    scale: dict[Key, float]
+    is_repeated: list[bool]
+    placement: dict[TextureKey, tuple[int, np.ndarray, np.ndarray]]
+    gain: dict[TextureKey, float]
+    scale: dict[TextureKey, float]
 
-    def laid(self, key: Key, piece: Piece) -> tuple[int, np.ndarray, np.ndarray]:
+    def texture_lookup(self, key: TextureKey, piece: WallPiece) -> tuple[int, np.ndarray, np.ndarray]:
         """Of a piece: its texture, its texture coordinates (v, 2) and vertex colours (v, 3), 0 to 1."""
-        texture, corner, size = self.place[key]
+        texture, corner, size = self.placement[key]
         return texture, corner + piece.place * size, np.clip(piece.light / self.gain[key], 0, 1)
 
 
-def pictures_of(pieces: Pieces, libraries: Sequence[Library]) -> Shown:
+def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> PackedTextures:
     """The pictures of all that was laid; grains that look alike are one picture."""
-    gain: dict[Key, float] = {}
+    gain: dict[TextureKey, float] = {}
     laid = [key for key in sorted(pieces.by_picture) if key[0] == "grain"]
     flat = [key for key in sorted(pieces.by_picture) if key[0] != "grain"]
-    grains = [libraries[number].grains.get(own, PLAIN) for _, number, own in laid]
-    shared: dict[int, list[Key]] = {}
-    for key, number in zip(laid, alike(grains), strict=True):
+    grains = [libraries[number].grains.get(own, PLAIN_GRAIN) for _, number, own in laid]
+    shared: dict[int, list[TextureKey]] = {}
+    for key, number in zip(laid, group_similar_grains(grains), strict=True):
         shared.setdefault(number, []).append(key)
     pictures: list[np.ndarray] = []
-    place: dict[Key, tuple[int, np.ndarray, np.ndarray]] = {}
+    placement: dict[TextureKey, tuple[int, np.ndarray, np.ndarray]] = {}
     for stands, keys in shared.items():
         grain = grains[stands]
         # as light as the lightest wall wants it, so that vertex colours stay within 1
-        most = max(_wanted(pieces, key) for key in keys)
-        limit = 1 / float(np.quantile(grain.shares, KEPT))
+        most = max(_light_quantile(pieces, key) for key in keys)
+        limit = 1 / float(np.quantile(grain.relative_light, BRIGHTNESS_QUANTILE))
         light = min(most, limit)
-        pictures.append(srgb(grain.shares * light))
+        pictures.append(linear_to_srgb(grain.relative_light * light))
         for key in keys:
-            place[key] = (len(pictures) - 1, np.zeros(2), np.full(2, 1 / grain.wide))
+            place[key] = (len(pictures) - 1, np.zeros(2), np.full(2, 1 / grain.width_m))
             gain[key] = light
     repeated = [True] * len(pictures)
-    rasters, scale = [], _scales(pieces)
+    rasters, scale = [], _type_scales(pieces)
     for key in flat:
-        picture = _picture(libraries, key)
+        picture = _source_picture(libraries, key)
         size = [max(1, round(side * scale.get(key, 1.0))) for side in picture.shape[:2]]
-        bright = linear(resized(picture, (size[0], size[1])))
-        most = 1 / max(float(np.quantile(bright.max(axis=2), KEPT)), 1e-3)
-        gain[key] = max(1.0, min(_wanted(pieces, key), most))
-        rasters.append(srgb(bright * gain[key]))
-    pages, where = _on_pages(rasters, [len(pictures)])
+        bright = srgb_to_linear(resize_image(picture, (size[0], size[1])))
+        most = 1 / max(float(np.quantile(bright.max(axis=2), BRIGHTNESS_QUANTILE)), 1e-3)
+        gain[key] = max(1.0, min(_light_quantile(pieces, key), most))
+        rasters.append(linear_to_srgb(bright * gain[key]))
+    pages, where = _pack_on_pages(rasters, [len(pictures)])
     place |= dict(zip(flat, where, strict=True))
-    return Shown(pictures + pages, repeated + [False] * len(pages), place, gain, scale)
+    return PackedTextures(pictures + pages, repeated + [False] * len(pages), place, gain, scale)
 
 
-def _scales(pieces: Pieces) -> dict[Key, float]:
+def _type_scales(pieces: WallPieces) -> dict[TextureKey, float]:
     """Of every type the share of its pixels a side that leaves MOST_DENSITY where it is largest."""
-    least: dict[Key, float] = {}
+    least: dict[TextureKey, float] = {}
     for key, density in pieces.elements:
         least[key] = min(density, least.get(key, density))
-    return {key: min(1.0, MOST_DENSITY / density) for key, density in least.items()}
+    return {key: min(1.0, MAX_TYPE_DENSITY / density) for key, density in least.items()}
 
 
-def _wanted(pieces: Pieces, key: Key) -> float:
+def _light_quantile(pieces: WallPieces, key: TextureKey) -> float:
     light = np.concatenate([piece.light.max(axis=1) for piece in pieces.by_picture[key]])
-    return max(float(np.quantile(light, LIT)), 1e-3)
+    return max(float(np.quantile(light, LIGHT_QUANTILE)), 1e-3)
 
 
-def _picture(libraries: Sequence[Library], key: Key) -> np.ndarray:
+def _source_picture(libraries: Sequence[FacadeLibrary], key: TextureKey) -> np.ndarray:
     kind, number, own = key
     library = libraries[number]
     return library.types[own].picture if kind == "type" else library.mouldings[own].picture
 
 
-def _on_pages(
+def _pack_on_pages(
     rasters: Sequence[np.ndarray], before: Sequence[int]
 ) -> tuple[list[np.ndarray], list[tuple[int, np.ndarray, np.ndarray]]]:
     """Rasters on pages with their borders repeated around them; and where each lies, half a texel within it."""
     if not rasters:
         return [], []
     size = np.array([raster.shape[1::-1] for raster in rasters], np.int64)
-    masks = [np.ones((-(-h // CELL) + 2, -(-w // CELL) + 2), bool) for w, h in size.tolist()]
+    masks = [np.ones((-(-h // CELL_TEXELS) + 2, -(-w // CELL_TEXELS) + 2), bool) for w, h in size.tolist()]
     layout = pack_pages(masks, size)
     pages = [np.full((height, width, 3), 128, np.uint8) for width, height in layout.pages.tolist()]
     where = []
     for i, raster in enumerate(rasters):
-        rows, columns = (side * CELL for side in masks[i].shape)
+        rows, columns = (side * CELL_TEXELS for side in masks[i].shape)
         h, w = raster.shape[:2]
-        padded = np.pad(raster, [(CELL, rows - h - CELL), (CELL, columns - w - CELL), (0, 0)], mode="edge")
+        padded = np.pad(raster, [(CELL_TEXELS, rows - h - CELL_TEXELS), (CELL_TEXELS, columns - w - CELL_TEXELS), (0, 0)], mode="edge")
         page, x, y = int(layout.page[i]), int(layout.x[i]), int(layout.y[i])
-        pages[page][y - CELL : y - CELL + rows, x - CELL : x - CELL + columns] = padded
+        pages[page][y - CELL_TEXELS : y - CELL_TEXELS + rows, x - CELL_TEXELS : x - CELL_TEXELS + columns] = padded
         corner, span = np.array([x, y]), np.array([w, h])
         where.append((before[0] + page, corner / layout.pages[page], span / layout.pages[page]))
     return pages, where
 
 
-def held(pictures: Sequence[np.ndarray]) -> float:
+def texture_memory_bytes(pictures: Sequence[np.ndarray]) -> float:
     """Bytes that pictures take of a graphics card: four a texel, and a third more for their mipmaps."""
     return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAP_FACTOR

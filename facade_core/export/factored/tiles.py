@@ -9,34 +9,34 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from facade_core.core.grouping import RowIndex
-from facade_core.export.bodies.recess import DEPTHS_M
-from facade_core.export.factored.glb import factored_glb
-from facade_core.export.factored.parts import joined, parts_of, rest, together
-from facade_core.export.factored.texture_packing import Shown, held
-from facade_core.export.factored.wall_geometry import Pieces
+from facade_core.export.bodies.recess import RECESS_DEPTHS_M
+from facade_core.export.factored.glb import encode_factored_glb
+from facade_core.export.factored.parts import build_parts, merge_parts, merge_pieces, pack_unfactored_charts
+from facade_core.export.factored.texture_packing import PackedTextures, texture_memory_bytes
+from facade_core.export.factored.wall_geometry import WallPieces
 from facade_core.export.models.encoders import TextureEncoder
-from facade_core.export.models.features import Features
-from facade_core.export.models.textured_mesh import Frame, Textured
-from facade_core.export.tiles.cells import Cell
-from facade_core.export.tiles.tileset import ERROR_PIXELS, Level, charts_of, corners_of
+from facade_core.export.models.features import FeatureTable
+from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
+from facade_core.export.tiles.cells import QuadtreeCell
+from facade_core.export.tiles.tileset import ERROR_PIXELS, DetailLevel, bounding_corners, cell_charts
 
 # Panes are set back once that covers so many pixels.
-BACK_PIXELS = 2.0
+MIN_RECESS_PIXELS = 2.0
 
 
 @dataclass(eq=False)
-class Leaves:
+class FactoredLeaves:
     """What the leaves of a block share: levels, name -> building -> what was laid of it, the coarsest first; pictures of all,
     which `names` lie beside the tiles; charts that are not factored; write, a file by its path from the tileset.
     texture_bytes: what the pictures of leaves so far take of a graphics card; triangles of their nearest levels."""
 
-    levels: Mapping[str, Mapping[int, Pieces]]
-    pictures: Shown
-    names: Sequence[str]
-    source: Textured
-    others: np.ndarray
-    frame: Frame
-    features: Features
+    levels: Mapping[str, Mapping[int, WallPieces]]
+    pictures: PackedTextures
+    picture_names: Sequence[str]
+    source: TexturedMesh
+    unfactored_charts: np.ndarray
+    frame: ModelFrame
+    features: FeatureTable
     encoder: TextureEncoder
     copyright: str
     write: Callable[[str, bytes], None]
@@ -47,25 +47,25 @@ class Leaves:
     def __post_init__(self) -> None:
         self.triangles_of = RowIndex(self.source.mesh.chart)
 
-    def of(self, cell: Cell) -> list[Level]:
+    def detail_levels(self, cell: QuadtreeCell) -> list[DetailLevel]:
         """The levels of a cell, the coarsest first; one where nothing is factored, as they would be the same."""
-        mine = np.intersect1d(charts_of(self.source, cell), self.others)
-        before = len(self.names)
-        pages, parts = rest(self.source, self.triangles_of, mine, before, self.frame)
-        self.texture_bytes += held(pages)
+        mine = np.intersect1d(cell_charts(self.source, cell), self.unfactored_charts)
+        before = len(self.picture_names)
+        pages, parts = pack_unfactored_charts(self.source, self.triangles_of, mine, before, self.frame)
+        self.texture_bytes += texture_memory_bytes(pages)
         names = [f"pictures/rest{cell.path and '-'}{cell.path}-{k}.jpg" for k in range(len(pages))]
         for name, page in zip(names, pages, strict=True):
             self.write(name, self.encoder.encode(page))
-        uris = [f"../{name}" for name in (*self.names, *names)]
-        repeated = [*self.pictures.repeated, *[False] * len(pages)]
+        uris = [f"../{name}" for name in (*self.picture_names, *names)]
+        repeated = [*self.pictures.is_repeated, *[False] * len(pages)]
         found = []
         levels = list(self.levels.items())
-        if self.bare(cell):
+        if self.is_unfactored(cell):
             levels = levels[-1:]
         for number, (level, laid) in enumerate(levels):
-            own = joined(laid[building] for building in cell.buildings.tolist() if building in laid)
-            shown = together([parts_of(own, self.pictures, self.frame), *parts.values()])
-            glb = factored_glb(
+            own = merge_pieces(laid[building] for building in cell.buildings.tolist() if building in laid)
+            shown = merge_parts([build_parts(own, self.pictures, self.frame), *parts.values()])
+            glb = encode_factored_glb(
                 {cell.path or "block": shown},
                 uris,
                 repeated,
@@ -76,10 +76,10 @@ class Leaves:
             )
             last = number == len(levels) - 1
             self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
-            error = 0.0 if last else DEPTHS_M[0] * ERROR_PIXELS / BACK_PIXELS
-            found.append(Level(level, glb, corners_of([part.position for part in shown.values()]), error, len(shown)))
+            error = 0.0 if last else RECESS_DEPTHS_M[0] * ERROR_PIXELS / MIN_RECESS_PIXELS
+            found.append(DetailLevel(level, glb, bounding_corners([part.position for part in shown.values()]), error, len(shown)))
         return found
 
-    def bare(self, cell: Cell) -> bool:
+    def is_unfactored(self, cell: QuadtreeCell) -> bool:
         """Whether nothing of a cell is factored."""
         return not any(building in laid for laid in self.levels.values() for building in cell.buildings.tolist())

@@ -15,15 +15,15 @@ Rectangle = tuple[float, float, float, float]
 
 # A balcony and what lies behind it are one where that is no wider, metres; things that come this near each other are beside
 # each other.
-WIDEST_M, NEAR_M = 4.5, 0.12
+MAX_UNIT_WIDTH_M, MAX_GAP_M = 4.5, 0.12
 # How far a surround may reach beyond its element, metres, and how far it is looked for at least.
-REACH_M, LEAST_M = 0.6, 0.06
+MAX_REACH_M, MIN_REACH_M = 0.6, 0.06
 # A line of pixels beside an element is of its surround where so much of it differs from the wall by so many grey levels.
-DIFFERS, GREY = 0.3, 14.0
+MIN_DIFFERENT_SHARE, MIN_GREY_DIFFERENCE = 0.3, 14.0
 
 
 @dataclass(frozen=True)
-class Unit:
+class FacadeUnit:
     """kind: the label that tells most; box: metres, y down; panes: rectangles in it that lie back in the wall."""
 
     kind: str
@@ -35,16 +35,16 @@ class Unit:
         return self.box[2] - self.box[0], self.box[3] - self.box[1]
 
 
-def units_of(elements: Sequence[Element], density: float) -> list[Unit]:
+def group_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]:
     """The units of a layout, elements in pixels of so many a metre; by rows from the top, then from the left."""
     kept = [e for e in elements if e.label in ELEMENT_CLASSES and min(e.width, e.height) / density > 0.2]
     boxes = np.array([(e.x0, e.y0, e.x1, e.y1) for e in kept]).reshape(-1, 4) / density
     balcony = np.array([e.label == "balcony" for e in kept], bool)
     low, high = boxes[:, :2], boxes[:, 2:]
-    near = ((low[:, None] <= high[None] + NEAR_M) & (high[:, None] >= low[None] - NEAR_M)).all(axis=-1)
+    near = ((low[:, None] <= high[None] + MAX_GAP_M) & (high[:, None] >= low[None] - MAX_GAP_M)).all(axis=-1)
     across = np.minimum(high[:, None, 0], high[None, :, 0]) - np.maximum(low[:, None, 0], low[None, :, 0]) > 0
     union = np.maximum(high[:, None, 0], high[None, :, 0]) - np.minimum(low[:, None, 0], low[None, :, 0])
-    joined = near & across & (union <= WIDEST_M) & (balcony[:, None] ^ balcony[None])
+    joined = near & across & (union <= MAX_UNIT_WIDTH_M) & (balcony[:, None] ^ balcony[None])
     count, of = connected_components(joined, directed=False) if len(kept) else (0, np.zeros(0))
     found = []
     for number in range(count):
@@ -52,11 +52,11 @@ def units_of(elements: Sequence[Element], density: float) -> list[Unit]:
         labels = [kept[i].label for i in mine]
         kind = next(label for label in ("shop", "door", "balcony", "window") if label in labels)
         box = (*boxes[mine, :2].min(axis=0).tolist(), *boxes[mine, 2:].max(axis=0).tolist())
-        found.append(Unit(kind, box, tuple(_panes(boxes[mine], balcony[mine]))))
+        found.append(FacadeUnit(kind, box, tuple(_uncovered_panes(boxes[mine], balcony[mine]))))
     return sorted(found, key=lambda unit: (unit.box[1], unit.box[0]))
 
 
-def _panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
+def _uncovered_panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
     """What of windows, doors and shops a balcony does not stand before."""
     found = []
     for x0, y0, x1, y1 in boxes[~balcony].tolist():
@@ -68,7 +68,7 @@ def _panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
     return found
 
 
-def surround(
+def surround_reach(
     image: np.ndarray, others: np.ndarray, wall: np.ndarray, box: Rectangle, density: float
 ) -> tuple[float, float, float, float]:
     """How far, metres, a unit's surround reaches beyond its box to the left, up, right and down.
@@ -80,7 +80,7 @@ def surround(
     x0, y0, x1, y1 = (round(side * density) for side in box)
     reach = []
     for axis, outward, start in ((1, -1, x0), (0, -1, y0), (1, 1, x1), (0, 1, y1)):
-        limit = round(REACH_M * density)
+        limit = round(MAX_REACH_M * density)
         last = 0
         for step in range(limit):
             at = start + outward * step - (outward < 0)
@@ -89,8 +89,8 @@ def surround(
             line = (slice(max(0, y0), y1), at) if axis else (at, slice(max(0, x0), x1))
             if others[line].mean() > 0.1:
                 break
-            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > GREY
-            if off.mean() > DIFFERS:
+            off = np.abs(image[line].astype(np.float32) - wall[line]).max(axis=1) > MIN_GREY_DIFFERENCE
+            if off.mean() > MIN_DIFFERENT_SHARE:
                 last = step + 1
-        reach.append(max(LEAST_M, last / density + 0.03))
+        reach.append(max(MIN_REACH_M, last / density + 0.03))
     return tuple(reach)  # type: ignore[return-value]

@@ -11,28 +11,28 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.core.linear_light import linear
-from facade_core.export.bodies.mouldings import Band
-from facade_core.export.bodies.openings import EDGE_M, NARROWEST_M, SMALLEST_OPENING_M2
-from facade_core.export.bodies.recess import cut
+from facade_core.core.linear_light import srgb_to_linear
+from facade_core.export.bodies.mouldings import WallBand
+from facade_core.export.bodies.openings import MIN_OPENING_M2, MIN_OPENING_WIDTH_M, WALL_EDGE_M
+from facade_core.export.bodies.recess import recess_opening
 from facade_core.export.factored.image_quilting import REPEAT_M
-from facade_core.export.factored.library import mean_in
-from facade_core.export.factored.units import Rectangle, Unit
-from facade_core.export.factored.wall_decomposition import Seen
+from facade_core.export.factored.library import mean_light
+from facade_core.export.factored.units import FacadeUnit, Rectangle
+from facade_core.export.factored.wall_decomposition import WallDecomposition
 from facade_core.geometry.charts import Charts
 
 # What of the sky the sides of an opening see: they are darker by this.
-IN_REVEAL = 0.7
+REVEAL_LIGHT = 0.7
 # What multiplies an element's picture lies within these, so that a wrong type is no black window.
-LIGHTER, DARKER = 2.0, 0.4
+MAX_LIGHT_FACTOR, MIN_LIGHT_FACTOR = 2.0, 0.4
 # A corner of a wall lies no farther off its plane, metres; else it is left as it was.
-FLAT_M = 0.02
+MAX_OFF_WALL_PLANE_M = 0.02
 
 # Which picture triangles show: of a library the grain or the moulding of a band, or a type.
-Key = tuple[str, int, int]
+TextureKey = tuple[str, int, int]
 
 
-class Piece(NamedTuple):
+class WallPiece(NamedTuple):
     """Triangles (t, 3) of vertices (v, ...): position in the world, metres; normal; place on the picture, shares of it, of a
     grain metres, v down; light, what multiplies the picture, linear; rows: of the chart."""
 
@@ -45,106 +45,106 @@ class Piece(NamedTuple):
 
 
 @dataclass(eq=False)
-class Pieces:
+class WallPieces:
     """What was laid so far, by picture; elements: metres across and pixels across of every one that was set."""
 
-    by_picture: dict[Key, list[Piece]] = field(default_factory=dict)
-    elements: list[tuple[Key, float]] = field(default_factory=list)
+    by_picture: dict[TextureKey, list[WallPiece]] = field(default_factory=dict)
+    elements: list[tuple[TextureKey, float]] = field(default_factory=list)
 
-    def add(self, key: Key, piece: Piece) -> None:
+    def add(self, key: TextureKey, piece: WallPiece) -> None:
         if len(piece.triangles):
             self.by_picture.setdefault(key, []).append(piece)
 
 
-class Plane(NamedTuple):
+class WallPolygon(NamedTuple):
     """A polygon of a wall: its outline in the chart's frame and its corners (k, 3) in the world."""
 
     outline: Polygon
     corners: np.ndarray
 
 
-def flat(plane: Plane) -> bool:
+def is_planar(plane: WallPolygon) -> bool:
     """Whether a polygon is plane enough to be laid anew."""
     middle = plane.corners.mean(axis=0)
     _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)
-    return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= FLAT_M) and plane.outline.is_valid
+    return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= MAX_OFF_WALL_PLANE_M) and plane.outline.is_valid
 
 
-class Detail(NamedTuple):
+class WallDetail(NamedTuple):
     """How closely walls are shown: the level of the variations whose types they have, the last where there are fewer; sides of
     a wall's cells, metres; whether panes lie back in it."""
 
     level: int
-    cell: float
-    deep: bool
+    cell_m: float
+    has_recesses: bool
 
 
-# As photographed; and from where no pane is seen to lie back: with the fewest types.
-NEAR, FAR = Detail(0, 1.25, True), Detail(sys.maxsize, 2.5, False)
+# As photographed; and from where no pane is decomposition to lie back: with the fewest types.
+NEAR_DETAIL, FAR_DETAIL = WallDetail(0, 1.25, True), WallDetail(sys.maxsize, 2.5, False)
 
 
-def lay(
-    seen: Seen,
-    planes: Sequence[Plane],
+def build_wall(
+    decomposition: WallDecomposition,
+    planes: Sequence[WallPolygon],
     charts: Charts,
-    number: int,
-    detail: Detail,
+    library_index: int,
+    detail: WallDetail,
     behind: list[np.ndarray],
-    pieces: Pieces,
+    pieces: WallPieces,
 ) -> None:
     """Lay a wall of plane polygons as pieces of its library, the number-th; behind as in `bodies.recess.cut`."""
-    offset = REPEAT_M * np.random.default_rng(seen.facade.chart).random(2)
+    offset = REPEAT_M * np.random.default_rng(decomposition.facade.chart).random(2)
     for plane in planes:
-        wall = _Wall(charts, plane, seen, number, detail, offset, pieces)
+        wall = _WallBuilder(charts, plane, decomposition, library_index, detail, offset, pieces)
         free = plane.outline
-        for unit, own in seen.units:
-            free = wall.set_in(unit, seen.library.type_at(own, detail.level), free, behind)
-        for band, shown, shade in seen.bands:
-            wall.fill(band, shown, shade, free)
+        for unit, own in decomposition.units:
+            free = wall.insert_unit(unit, decomposition.library.unit_type(own, detail.level), free, behind)
+        for band, shown, shade in decomposition.bands:
+            wall.fill_band(band, shown, shade, free)
 
 
 @dataclass(frozen=True, eq=False)
-class _Wall:
+class _WallBuilder:
     """A polygon of a wall that is laid."""
 
     charts: Charts
-    plane: Plane
-    seen: Seen
-    number: int
-    detail: Detail
+    plane: WallPolygon
+    decomposition: WallDecomposition
+    library_index: int
+    detail: WallDetail
     offset: np.ndarray
-    pieces: Pieces
+    pieces: WallPieces
 
     @property
     def chart(self) -> int:
-        return self.seen.facade.chart
+        return self.decomposition.facade.chart
 
     def points(self, places: np.ndarray) -> np.ndarray:
         """Places (n, 2) of the chart's frame on the polygon's plane, (n, 3)."""
         corners = self.plane.corners
-        points, out = self.charts.points(self.chart, *places.T), self.charts.normal()[self.chart]
+        points, out = self.charts.points(self.chart, *places.T), self.charts.normals()[self.chart]
         middle = corners.mean(axis=0)
         _, _, axes = np.linalg.svd(corners - middle, full_matrices=False)
         return points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
 
-    def fill(self, band: Band, own: int | None, shade: np.ndarray, free: shapely.Geometry) -> None:
+    def fill_band(self, band: WallBand, own: int | None, shade: np.ndarray, free: shapely.Geometry) -> None:
         """Lay what is free of a band."""
         x0, y0, x1, y1 = free.bounds
-        last = band is self.seen.bands[-1][0]
+        last = band is self.decomposition.bands[-1][0]
         # a raster ends at most a texel before or behind its wall
         top, foot = max(band.top, y0) if band.top > 0 else y0, y1 if last else min(band.foot, y1)
         if foot <= top:
             return
-        moulding = None if own is None else self.seen.library.mouldings.get(own)
-        wide = moulding.wide if moulding is not None else self.detail.cell
+        moulding = None if own is None else self.decomposition.library.mouldings.get(own)
+        wide = moulding.width_m if moulding is not None else self.detail.cell_m
         across = np.arange(np.floor(x0 / wide), np.ceil(x1 / wide) + 1) * wide
-        rows = 1 if moulding is not None else max(1, round((foot - top) / self.detail.cell))
+        rows = 1 if moulding is not None else max(1, round((foot - top) / self.detail.cell_m))
         down = np.linspace(top, foot, rows + 1)
         boxes = shapely.box(
             *(side.ravel() for side in np.meshgrid(across[:-1], down[:-1])),
             *(side.ravel() for side in np.meshgrid(across[1:], down[1:])),
         )
-        corners, cell = _triangles(shapely.intersection(boxes, free))
+        corners, cell = _triangulate_areas(shapely.intersection(boxes, free))
         if not len(corners):
             return
         if moulding is not None:
@@ -152,40 +152,40 @@ class _Wall:
             place = np.stack(
                 [(corners[..., 0] - left[:, None]) / wide, (corners[..., 1] - top) / (foot - top)], axis=-1
             )
-            light = self._at(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
-            key: Key = ("moulding", self.number, own if own is not None else -1)
+            light = self._sample_light(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
+            key: TextureKey = ("moulding", self.library_index, own if own is not None else -1)
         else:
             place = corners + self.offset
-            light = self._at(shade, band, corners.reshape(-1, 2))
-            key = ("grain", self.number, own if own is not None else -1)
-        self._add(key, corners, place, light)
+            light = self._sample_light(shade, band, corners.reshape(-1, 2))
+            key = ("grain", self.library_index, own if own is not None else -1)
+        self._add_piece(key, corners, place, light)
 
-    def set_in(self, unit: Unit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]) -> shapely.Geometry:
+    def insert_unit(self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]) -> shapely.Geometry:
         """Set a unit into what is free of the wall; what is left free."""
-        kind, density = self.seen.library.types[shown], self.seen.facade.density
+        kind, density = self.decomposition.library.types[shown], self.decomposition.facade.density
         x0, y0, x1, y1 = unit.box
         a, b, c, d = kind.box
         step = np.array([(x1 - x0) / (c - a), (y1 - y0) / (d - b)])
         corner = np.array([x0, y0]) - step * [a, b]
         height, width = kind.picture.shape[:2]
         whole = shapely.box(*corner, *(corner + step * [width, height]))
-        area = _largest(whole.intersection(free))
+        area = _largest_polygon(whole.intersection(free))
         if area is None or area.area < 0.3 * whole.area:
             return free
         rest = free.difference(area)
         size = np.array([width, height])
-        own = mean_in(self.seen.around, _box(corner, corner + step * size), density)
-        light = np.clip(own / np.maximum(kind.wall, 1e-4), DARKER, LIGHTER)
-        key: Key = ("type", self.number, shown)
-        inner = self.plane.outline.buffer(-EDGE_M, join_style="mitre").intersection(area.buffer(-EDGE_M / 2))
+        own = mean_light(self.decomposition.wall_light, _make_rectangle(corner, corner + step * size), density)
+        light = np.clip(own / np.maximum(kind.wall_light, 1e-4), MIN_LIGHT_FACTOR, MAX_LIGHT_FACTOR)
+        key: TextureKey = ("type", self.library_index, shown)
+        inner = self.plane.outline.buffer(-WALL_EDGE_M, join_style="mitre").intersection(area.buffer(-WALL_EDGE_M / 2))
         ring: shapely.Geometry = area
-        for left, top, right, foot in kind.panes if self.detail.deep else ():
-            box = _box(corner + step * [left, top], corner + step * [right, foot])
-            pane = _largest(shapely.box(*box).intersection(inner))
-            if pane is None or pane.area < SMALLEST_OPENING_M2 or pane.buffer(-NARROWEST_M / 2).is_empty:
+        for left, top, right, foot in kind.panes if self.detail.has_recesses else ():
+            box = _make_rectangle(corner + step * [left, top], corner + step * [right, foot])
+            pane = _largest_polygon(shapely.box(*box).intersection(inner))
+            if pane is None or pane.area < MIN_OPENING_M2 or pane.buffer(-MIN_OPENING_WIDTH_M / 2).is_empty:
                 continue
-            pane = shapely.orient_polygons(pane.simplify(EDGE_M / 4), exterior_cw=True)
-            found = cut(pane, self.charts, self.chart, self.plane.corners, behind)
+            pane = shapely.orient_polygons(pane.simplify(WALL_EDGE_M / 4), exterior_cw=True)
+            found = recess_opening(pane, self.charts, self.chart, self.plane.corners, behind)
             if not found.depth:
                 continue
             ring = ring.difference(pane)
@@ -193,25 +193,25 @@ class _Wall:
                 slice(max(0, round(low)), max(round(low), 0, round(high) - 1) + 1)
                 for low, high in ((top, foot), (left, right))
             )
-            mine = linear(kind.picture[rows, columns]).mean(axis=(0, 1))
-            within = np.clip(mean_in(self.seen.light, box, density) / np.maximum(mine, 1e-4), DARKER, LIGHTER)
-            corners, _ = _triangles(np.array([pane]))
-            self._add(key, corners, ((corners - corner) / step) / size, within, found.depth)
-            self._reveals(found.reveals())
-        corners, _ = _triangles(np.array([ring]))
-        self._add(key, corners, ((corners - corner) / step) / size, light)
+            mine = srgb_to_linear(kind.picture[rows, columns]).mean(axis=(0, 1))
+            within = np.clip(mean_light(self.decomposition.light, box, density) / np.maximum(mine, 1e-4), MIN_LIGHT_FACTOR, MAX_LIGHT_FACTOR)
+            corners, _ = _triangulate_areas(np.array([pane]))
+            self._add_piece(key, corners, ((corners - corner) / step) / size, within, found.depth)
+            self._add_reveals(found.reveals())
+        corners, _ = _triangulate_areas(np.array([ring]))
+        self._add_piece(key, corners, ((corners - corner) / step) / size, light)
         self.pieces.elements.append((key, float(1 / step.max())))
         return rest
 
-    def _reveals(self, faces: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+    def _add_reveals(self, faces: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
         for ring, flat in faces:
-            found = self.seen.grain_at(float(flat[:, 1].mean()))
+            found = self.decomposition.nearest_grain(float(flat[:, 1].mean()))
             if found is None:
                 continue
             own, shade, band = found
             normal = np.cross(ring[1] - ring[0], ring[3] - ring[0])
-            light = IN_REVEAL * self._at(shade, band, flat)
-            piece = Piece(
+            light = REVEAL_LIGHT * self._sample_light(shade, band, flat)
+            piece = WallPiece(
                 ring,
                 np.tile(normal / max(float(np.linalg.norm(normal)), 1e-12), (4, 1)),
                 flat + self.offset,
@@ -219,13 +219,13 @@ class _Wall:
                 np.array([[0, 1, 2], [0, 2, 3]]),
                 self.chart,
             )
-            self.pieces.add(("grain", self.number, own), piece)
+            self.pieces.add(("grain", self.library_index, own), piece)
 
-    def _at(self, shade: np.ndarray, band: Band, places: np.ndarray) -> np.ndarray:
+    def _sample_light(self, shade: np.ndarray, band: WallBand, places: np.ndarray) -> np.ndarray:
         """A band's light at places (n, 2), (n, 3)."""
         import cv2
 
-        density = self.seen.facade.density
+        density = self.decomposition.facade.density
         x = places[:, 0] * density - 0.5
         y = (places[:, 1] - band.top) * density - 0.5 if len(shade) > 1 else np.zeros(len(places))
         across, down = (part.astype(np.float32)[:, None] for part in (x, y))
@@ -233,7 +233,7 @@ class _Wall:
             -1, 3
         )
 
-    def _add(self, key: Key, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0) -> None:
+    def _add_piece(self, key: TextureKey, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0) -> None:
         """Triangles with corners (t, 3, 2) in the chart's frame, places on their picture (t, 3, 2) and light (3,) or (3 t, 3);
         corners that have all the same are one."""
         if not len(corners):
@@ -242,10 +242,10 @@ class _Wall:
         _, first, index = np.unique(
             np.rint(rows * 1e5).astype(np.int64), axis=0, return_index=True, return_inverse=True
         )
-        out = self.charts.normal()[self.chart]
+        out = self.charts.normals()[self.chart]
         self.pieces.add(
             key,
-            Piece(
+            WallPiece(
                 self.points(rows[first, :2]) - depth * out,
                 np.tile(out, (len(first), 1)),
                 rows[first, 2:],
@@ -256,18 +256,18 @@ class _Wall:
         )
 
 
-def _box(low: np.ndarray, high: np.ndarray) -> Rectangle:
+def _make_rectangle(low: np.ndarray, high: np.ndarray) -> Rectangle:
     (x0, y0), (x1, y1) = low.tolist(), high.tolist()
     return x0, y0, x1, y1
 
 
-def _largest(area: shapely.Geometry) -> Polygon | None:
+def _largest_polygon(area: shapely.Geometry) -> Polygon | None:
     parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-4]
     return max(parts, key=lambda part: part.area, default=None)
 
 
-def _triangles(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Areas (n,) as triangles (t, 3, 2), counter-clockwise as seen where y runs down, and which area each is of."""
+def _triangulate_areas(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Areas (n,) as triangles (t, 3, 2), counter-clockwise as decomposition where y runs down, and which area each is of."""
     parts, of = shapely.get_parts(areas, return_index=True)
     plane = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > 1e-6)
     cut_up, part = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[plane]), return_index=True)

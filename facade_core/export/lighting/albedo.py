@@ -7,16 +7,16 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 
 # Cells whose median counts, metres; fewer of them say nothing. How strongly the field is held to be flat.
-CELL_M, LEAST_CELLS, STIFF = 0.5, 24, 0.005
+CELL_M, MIN_CELLS, REGULARISATION = 0.5, 24, 0.005
 # Rounds in which cells that are far off, in logarithms, count less: other materials, shadows with edges.
-ROUNDS, OFF = 6, 0.12
+ROBUST_ROUNDS, ROBUST_SCALE = 6, 0.12
 # The field is held between these.
-LEAST, MOST = 0.6, 1.6
+MIN_SHADING, MAX_SHADING = 0.6, 1.6
 # Of white, what no wall reflects more than.
-BRIGHTEST = 242
+MAX_ALBEDO = 242
 
 
-def shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarray | None:
+def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarray | None:
     """How brightly a wall (h, w, 3) uint8 with labels (h, w) is lit along it, (h, w) float32 around 1: a parabola through the
     logarithm of its brightness beside its row's, by reweighted least squares; None where too little wall shows.
 
@@ -28,7 +28,7 @@ def shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarra
     grey = colour.mean(axis=2)[: rows * side, : columns * side].reshape(cells)
     wall = (labels == FacadeClass.WALL)[: rows * side, : columns * side].reshape(cells)
     mostly = wall.mean(axis=(1, 3)) > 0.5 if rows and columns else np.zeros((0, 0), bool)
-    if mostly.sum() < LEAST_CELLS:
+    if mostly.sum() < MIN_CELLS:
         return None
     values = np.where(wall, grey, np.nan).transpose(0, 2, 1, 3)[mostly].reshape(int(mostly.sum()), -1)
     light = np.log(np.maximum(np.nanmedian(values, axis=1), 1))
@@ -36,22 +36,22 @@ def shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarra
     scale = labels.shape[1] / 2
     place = ((column + 0.5) * side - scale) / scale
     parts, weight = np.column_stack([place, place**2]), np.ones(len(light))
-    for _ in range(ROUNDS):
+    for _ in range(ROBUST_ROUNDS):
         # of every row beside its own mean, so that none is held for light
         of_row = np.maximum(np.bincount(row, weight, rows), 1e-9)
         basis = parts - np.column_stack([np.bincount(row, weight * part, rows) / of_row for part in parts.T])[row]
         beside = light - (np.bincount(row, weight * light, rows) / of_row)[row]
-        held = STIFF * weight.sum() * np.eye(2)
+        held = REGULARISATION * weight.sum() * np.eye(2)
         found = np.linalg.solve(basis.T @ (basis * weight[:, None]) + held, basis.T @ (weight * beside))
-        weight = 1 / (1 + ((beside - basis @ found) / OFF) ** 2)
+        weight = 1 / (1 + ((beside - basis @ found) / ROBUST_SCALE) ** 2)
     along = (np.arange(labels.shape[1]) + 0.5 - scale) / scale
     field = np.exp(found[0] * along + found[1] * (along**2 - 1 / 3))  # whose logarithm is 0 in the mean
-    return np.broadcast_to(np.clip(field, LEAST, MOST).astype(np.float32), labels.shape)
+    return np.broadcast_to(np.clip(field, MIN_SHADING, MAX_SHADING).astype(np.float32), labels.shape)
 
 
-def without(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
+def divide_light(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
     """A colour (h, w, 3) uint8 with the light (h, w) or (h, w, 3) that it holds divided out, (h, w, 3) uint8."""
     wide = light if light.ndim == 3 else light[..., None]
-    return (np.minimum(colour / np.maximum(wide, np.float32(0.05)) + np.float32(0.5), max(BRIGHTEST, 1))).astype(
+    return (np.minimum(colour / np.maximum(wide, np.float32(0.05)) + np.float32(0.5), max(MAX_ALBEDO, 1))).astype(
         np.uint8
     )

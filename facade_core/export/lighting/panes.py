@@ -8,37 +8,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
-from facade_core.export.lighting.shop_interiors import interior
+from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
 
 # A frame's width around panes, metres; bars are narrower than this, and so much brighter or darker than the glass beside them,
 # of 255. Where more than this share of a window would be bars, its picture does not tell them.
-FRAME_M, BAR_M, BRIGHTER, DARKER, MOST_BARS = 0.06, 0.16, 26, 22, 0.6
+PANE_FRAME_M, MAX_BAR_M, MIN_BRIGHTER, MIN_DARKER, MAX_BAR_SHARE = 0.06, 0.16, 26, 22, 0.6
 # The ground floor's upper part of a shop is its sign, and so much at its foot the wall under its panes.
-SIGN, PLINTH = 0.2, 0.1
+SHOP_SIGN_SHARE, SHOP_PLINTH_SHARE = 0.2, 0.1
 # A pane leans by at most this slope; panes of one leaf alike.
-LEANS = 0.012
+MAX_PANE_SLOPE = 0.012
 # A flat is so wide and high, metres. Places of windows count by steps of this, so that finer textures have the same ones lit.
-FLAT_M, STOREY_M, PLACE_M = 6.5, 3.2, 0.5
+FLAT_WIDTH_M, FLOOR_HEIGHT_M, PLACE_STEP_M = 6.5, 3.2, 0.5
 # The share of flats that are lit in a house, least and most; of windows in these; of storeys where few are, and how few there.
-LIT, LIT_IN_FLAT, DIM_STOREY, FEW, LIT_SHOPS = (0.3, 0.65), 0.8, 0.2, 0.3, 0.85
+LIT_FLAT_SHARE_RANGE, LIT_WINDOW_SHARE, DIM_FLOOR_SHARE, DIM_FLOOR_FACTOR, LIT_SHOP_SHARE = (0.3, 0.65), 0.8, 0.2, 0.3, 0.85
 # Light of lamps, linear red, green and blue, and their shares: warm, warmer, neutral, cool, a screen.
-LAMPS = np.array(
+LAMP_COLOURS = np.array(
     [[1.0, 0.62, 0.3], [1.0, 0.52, 0.2], [1.0, 0.76, 0.5], [0.86, 0.92, 1.0], [0.35, 0.5, 0.9]], np.float32
 )
-SHARES = np.cumsum([0.42, 0.24, 0.18, 0.1, 0.06])
+LAMP_CUMULATIVE_SHARES = np.cumsum([0.42, 0.24, 0.18, 0.1, 0.06])
 # Of a window's brightness, of 1: least, most; of the lamps of shops, and of a shop that is shut.
-BRIGHT, SHOP_BRIGHT, SHUT = (0.2, 0.7), (0.5, 0.8), 0.1
+WINDOW_LIGHT_RANGE, SHOP_LIGHT_RANGE, CLOSED_SHOP_LIGHT = (0.2, 0.7), (0.5, 0.8), 0.1
 # Shops have the lamps of these numbers, up to these shares.
-SHOP_LAMPS, SHOP_SHARES = (0, 2, 3), (0.5, 0.88, 1.0)
+SHOP_LAMPS, SHOP_LAMP_CUMULATIVE_SHARES = (0, 2, 3), (0.5, 0.88, 1.0)
 # How much of a window's and of a shop's light is as bright as what its picture shows there.
-SHOWS, SHOP_SHOWS = 0.3, 0.35
+WINDOW_PICTURE_SHARE, SHOP_PICTURE_SHARE = 0.3, 0.35
 # Shares of lit windows with curtains at their sides, drawn, and with a blind half down.
-SIDES, DRAWN, BLIND = 0.28, 0.17, 0.15
+SIDE_CURTAIN_SHARE, DRAWN_CURTAIN_SHARE, BLIND_SHARE = 0.28, 0.17, 0.15
 
 
 @dataclass(frozen=True)
-class Opening:
+class FacadeOpening:
     """A window or a shop on a raster: its box in texels, half-open."""
 
     label: int
@@ -56,7 +56,7 @@ class Opening:
         return self.bottom - self.top, self.right - self.left
 
 
-def squared(labels: np.ndarray) -> np.ndarray:
+def snap_to_boxes(labels: np.ndarray) -> np.ndarray:
     """Labels (h, w) of a facade in which each element is its box, whatever its rim: a ragged one would glitter by day and be
     cut out of the light at night. What a shop hangs together with, windows and doors, is of the kind that most of it is: on
     glass a parser cannot tell them apart. What is too small to be an element stays as it is."""
@@ -84,67 +84,67 @@ def squared(labels: np.ndarray) -> np.ndarray:
     return found
 
 
-def openings(labels: np.ndarray) -> Iterator[Opening]:
-    """The windows and shops of `squared` labels (h, w)."""
+def find_openings(labels: np.ndarray) -> Iterator[FacadeOpening]:
+    """The windows and shops of `snap_to_boxes` labels (h, w)."""
     import cv2
 
     taken = np.zeros(labels.shape, bool)
     for one in elements(labels):
         if one.label in ("window", "shop"):
-            found = Opening(CLASSES.index(one.label), *(int(side) for side in (one.x0, one.y0, one.x1, one.y1)))
+            found = FacadeOpening(CLASSES.index(one.label), *(int(side) for side in (one.x0, one.y0, one.x1, one.y1)))
             taken[found.box] = True
             yield found
     for label in (FacadeClass.WINDOW, FacadeClass.SHOP):  # too small to be told as elements
         left = ((labels == label) & ~taken).astype(np.uint8)
         _, _, boxes, _ = cv2.connectedComponentsWithStats(left, connectivity=4, ltype=cv2.CV_32S)
         for x, y, width, height, _ in boxes[1:].tolist():
-            yield Opening(label, x, y, x + width, y + height)
+            yield FacadeOpening(label, x, y, x + width, y + height)
 
 
-def glass(opening: Opening, grey: np.ndarray, density: float) -> np.ndarray:
+def glass_mask(opening: FacadeOpening, grey: np.ndarray, density: float) -> np.ndarray:
     """Where an opening's box (h, w) is glass, bool: within a frame, between the bars that the grey (h, w) uint8 shows."""
     import cv2
 
     inside = np.ones(opening.shape, bool)
     height = len(inside)
     if opening.label == FacadeClass.SHOP:
-        panes = _panes_of_shop(height)
+        panes = _shop_pane_rows(height)
         inside[: panes.start] = False
         inside[panes.stop :] = False
-    frame = max(1, round(FRAME_M * density))
+    frame = max(1, round(PANE_FRAME_M * density))
     eroded = cv2.erode(np.pad(inside, frame).astype(np.uint8), np.ones((2 * frame + 1,) * 2, np.uint8))
     found: np.ndarray = eroded[frame:-frame, frame:-frame] > 0
-    bar = round(BAR_M * density)
+    bar = round(MAX_BAR_M * density)
     if bar < 2 or opening.label == FacadeClass.SHOP:  # too coarse to show any; a shop's goods have edges too
         return found
     part = np.ascontiguousarray(grey[opening.box])
     kernel = np.ones((bar + 1, bar + 1), np.uint8)
-    bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > BRIGHTER)
-    bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > DARKER)
+    bars = np.asarray(cv2.morphologyEx(part, cv2.MORPH_TOPHAT, kernel) > MIN_BRIGHTER)
+    bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > MIN_DARKER)
     clear: np.ndarray = found & ~bars
-    return clear if clear.sum() >= (1 - MOST_BARS) * found.sum() else found
+    return clear if clear.sum() >= (1 - MAX_BAR_SHARE) * found.sum() else found
 
 
-def _panes_of_shop(height: int) -> slice:
+def _shop_pane_rows(height: int) -> slice:
     """The rows of a shop so high that are panes."""
-    top = round(SIGN * height)
-    return slice(top, max(top + 1, height - round(PLINTH * height)))
+    top = round(SHOP_SIGN_SHARE * height)
+    return slice(top, max(top + 1, height - round(SHOP_PLINTH_SHARE * height)))
 
 
-class Chances:
+class SeededRandom:
     """Numbers 0..1 by chance for whole numbers: of a building and a wall, and what else is asked for."""
 
     def __init__(self, building: int, wall: int) -> None:
         self._building, self._wall = building, wall
 
-    def of_building(self, *what: int) -> float:
-        return _chance(self._building, 0, *what)
+    def per_building(self, *what: int) -> float:
+        return _hash_splitmix64(self._building, 0, *what)
 
-    def of_wall(self, *what: int) -> float:
-        return _chance(self._building, self._wall, *what)
+    def per_wall(self, *what: int) -> float:
+        return _hash_splitmix64(self._building, self._wall, *what)
 
 
-def _chance(*numbers: int) -> float:
+def _hash_splitmix64(*numbers: int) -> float:
     """Numbers mixed after splitmix64."""
     h = 0x9E3779B97F4A7C15
     for number in numbers:
@@ -154,74 +154,74 @@ def _chance(*numbers: int) -> float:
     return (h >> 11) / 2**53
 
 
-def leaning(opening: Opening, density: float, chances: Chances) -> np.ndarray:
+def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> np.ndarray:
     """The slopes (2,) float32, to the right and up, that an opening's panes lean by."""
-    at = _place(opening, density)
-    return np.array([LEANS * (2 * chances.of_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
+    at = _opening_place(opening, density)
+    return np.array([MAX_PANE_SLOPE * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
 
 
-def _place(opening: Opening, density: float) -> tuple[int, int]:
+def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
     """The steps right and down of an opening's middle, the same at other densities but at the border of a step."""
     across, down = opening.left + opening.right, opening.top + opening.bottom
-    return int(across / (2 * density * PLACE_M)), int(down / (2 * density * PLACE_M))
+    return int(across / (2 * density * PLACE_STEP_M)), int(down / (2 * density * PLACE_STEP_M))
 
 
-def glow(opening: Opening, density: float, height_m: float, chances: Chances) -> np.ndarray | None:
+def emitted_light(opening: FacadeOpening, density: float, height_m: float, random: SeededRandom) -> np.ndarray | None:
     """Linear light (h, w, 3) float32, 0 to 1, of an opening's box at night; None where it is dark. height_m: of the wall, whose
     foot is the ground floor's."""
-    at = _place(opening, density)
+    at = _opening_place(opening, density)
     over = height_m - (opening.top + opening.bottom) / (2 * density)
-    storey = int(over / STOREY_M)
+    storey = int(over / FLOOR_HEIGHT_M)
     if opening.label == FacadeClass.SHOP:
-        return _of_shop(opening, density, at, chances)
+        return _shop_light(opening, density, at, random)
     high, wide = opening.shape
     x, y = ((np.arange(n, dtype=np.float32) + np.float32(0.5)) / n for n in (wide, high))
-    flat = int(at[0] * PLACE_M / FLAT_M + chances.of_building(storey, 21))
-    share = _between(LIT, chances.of_building(22))
-    if chances.of_building(storey, 23) < DIM_STOREY:
-        share *= FEW
-    if chances.of_wall(flat, storey, 24) >= share or chances.of_wall(*at, 25) >= LIT_IN_FLAT:
+    flat = int(at[0] * PLACE_STEP_M / FLAT_WIDTH_M + random.per_building(storey, 21))
+    share = _interpolate(LIT_FLAT_SHARE_RANGE, random.per_building(22))
+    if random.per_building(storey, 23) < DIM_FLOOR_SHARE:
+        share *= DIM_FLOOR_FACTOR
+    if random.per_wall(flat, storey, 24) >= share or random.per_wall(*at, 25) >= LIT_WINDOW_SHARE:
         return None
-    lamp = LAMPS[int(np.searchsorted(SHARES, chances.of_wall(flat, storey, 26)).clip(0, len(LAMPS) - 1))]
-    level = _between(BRIGHT, chances.of_wall(*at, 27))
-    from_lamp = ((x - (0.25 + 0.5 * chances.of_wall(*at, 28))) ** 2)[None] * 2 + ((y - 0.2) ** 2)[:, None] * 1.6
+    lamp = LAMP_COLOURS[int(np.searchsorted(LAMP_CUMULATIVE_SHARES, random.per_wall(flat, storey, 26)).clip(0, len(LAMP_COLOURS) - 1))]
+    level = _interpolate(WINDOW_LIGHT_RANGE, random.per_wall(*at, 27))
+    from_lamp = ((x - (0.25 + 0.5 * random.per_wall(*at, 28))) ** 2)[None] * 2 + ((y - 0.2) ** 2)[:, None] * 1.6
     light = level * (0.35 + 0.65 * np.exp(-2 * from_lamp))
-    curtain = chances.of_wall(*at, 29)
-    if curtain < SIDES:
-        light = light * np.where(np.abs(x - 0.5) > 0.5 - 0.16 - 0.1 * chances.of_wall(*at, 30), 0.45, 1.0)
-    elif curtain < SIDES + DRAWN:
-        folds = 0.85 + 0.15 * np.cos(2 * np.pi * (4 * x + chances.of_wall(*at, 30)))
+    curtain = random.per_wall(*at, 29)
+    if curtain < SIDE_CURTAIN_SHARE:
+        light = light * np.where(np.abs(x - 0.5) > 0.5 - 0.16 - 0.1 * random.per_wall(*at, 30), 0.45, 1.0)
+    elif curtain < SIDE_CURTAIN_SHARE + DRAWN_CURTAIN_SHARE:
+        folds = 0.85 + 0.15 * np.cos(2 * np.pi * (4 * x + random.per_wall(*at, 30)))
         light = 0.5 * level * (0.7 + 0.3 * light / level) * folds
         lamp = lamp * np.array([1.0, 0.88, 0.74], np.float32)
-    elif curtain < SIDES + DRAWN + BLIND:
-        light = light * np.where(y < 0.25 + 0.4 * chances.of_wall(*at, 30), 0.4, 1.0)[:, None]
+    elif curtain < SIDE_CURTAIN_SHARE + DRAWN_CURTAIN_SHARE + BLIND_SHARE:
+        light = light * np.where(y < 0.25 + 0.4 * random.per_wall(*at, 30), 0.4, 1.0)[:, None]
     return (light[..., None] * lamp).astype(np.float32)
 
 
-def _of_shop(opening: Opening, density: float, at: tuple[int, int], chances: Chances) -> np.ndarray:
+def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> np.ndarray:
     """The same of a shop: its panes, as bright as its lamps are and what they fall on."""
     high, wide = opening.shape
-    shop = int(at[0] * PLACE_M / (2 * FLAT_M))  # windows of one shop side by side
-    level = _between(SHOP_BRIGHT, chances.of_wall(shop, 12)) if chances.of_wall(shop, 11) < LIT_SHOPS else SHUT
-    lamp = LAMPS[SHOP_LAMPS[int(np.searchsorted(SHOP_SHARES, chances.of_wall(shop, 13)))]]
-    panes = _panes_of_shop(high)
+    shop = int(at[0] * PLACE_STEP_M / (2 * FLAT_WIDTH_M))  # windows of one shop side by side
+    level = _interpolate(SHOP_LIGHT_RANGE, random.per_wall(shop, 12)) if random.per_wall(shop, 11) < LIT_SHOP_SHARE else CLOSED_SHOP_LIGHT
+    lamp = LAMP_COLOURS[SHOP_LAMPS[int(np.searchsorted(SHOP_LAMP_CUMULATIVE_SHARES, random.per_wall(shop, 13)))]]
+    panes = _shop_pane_rows(high)
     within = (panes.stop - panes.start, wide)
-    shows = interior(within, density, chances.of_wall(shop, 14), lambda *what: chances.of_wall(*at, *what))
+    shows = shop_interior_light(within, density, random.per_wall(shop, 14), lambda *what: random.per_wall(*at, *what))
     light = np.zeros((high, wide, 3), np.float32)
     light[panes] = np.minimum(level * lamp * shows, 1)
     return light
 
 
-def through(opening: Opening, light: np.ndarray, grey: np.ndarray, clear: np.ndarray) -> np.ndarray:
+def modulate_by_picture(opening: FacadeOpening, light: np.ndarray, grey: np.ndarray, clear: np.ndarray) -> np.ndarray:
     """A light (h, w, 3) of an opening's box as what hangs and stands behind its panes lets it through: by the grey (h, w) of
     the raster, of the mean where it is `clear` (h, w)."""
     if not clear.any():
         return light
     part = grey[opening.box].astype(np.float32)
-    share = SHOP_SHOWS if opening.label == FacadeClass.SHOP else SHOWS
+    share = SHOP_PICTURE_SHARE if opening.label == FacadeClass.SHOP else WINDOW_PICTURE_SHARE
     relative = np.clip(part / max(float(part[clear].mean()), 1.0), 0.2, 1.8)
     return (light * (1 - share + share * relative)[..., None]).astype(np.float32)
 
 
-def _between(ends: tuple[float, float], share: float) -> float:
+def _interpolate(ends: tuple[float, float], share: float) -> float:
     return ends[0] + (ends[1] - ends[0]) * share

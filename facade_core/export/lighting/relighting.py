@@ -10,26 +10,35 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.labels import FacadeClass
-from facade_core.core.linear_light import srgb
+from facade_core.core.linear_light import linear_to_srgb
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Ground, Sun
-from facade_core.export.lighting.albedo import shading, without
-from facade_core.export.lighting.ground_materials import Grounds
-from facade_core.export.lighting.height_maps import heights, normals, sunk
-from facade_core.export.lighting.panes import Chances, Opening, glass, glow, leaning, openings, squared, through
+from facade_core.export.lighting.albedo import divide_light, estimate_shading
+from facade_core.export.lighting.ground_materials import GroundMaterials
+from facade_core.export.lighting.height_maps import cavity_visibility, estimate_heights, normals_from_heights
+from facade_core.export.lighting.panes import (
+    FacadeOpening,
+    SeededRandom,
+    emitted_light,
+    find_openings,
+    glass_mask,
+    modulate_by_picture,
+    pane_slope,
+    snap_to_boxes,
+)
 from facade_core.export.lighting.surface_materials import (
     BRICK,
-    OF_MATERIAL,
+    CHART_MATERIALS,
     PHOTOGRAPHED,
     PLASTER,
     ROUGHNESS,
-    of_labels,
+    classify_facade,
 )
-from facade_core.export.models.pages import Maps, scaled
-from facade_core.export.models.textured_mesh import Textured
-from facade_core.facade.wall_material import wall_material
+from facade_core.export.models.pages import PbrMaps, downscale
+from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import LEAST
+from facade_core.geometry.daylight import MIN_DAYLIGHT
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sunlight_share
@@ -38,44 +47,44 @@ from facade_core.street.materials.field_kernels import OCCLUSION_LOSS
 from facade_core.street.propagation.render import daylight_grey
 
 # Charts whose colours and maps are held: those of a building, of which a shell asks for each again and again.
-HELD = 64
+MAX_CACHED_CHARTS = 64
 
 
-class Texels(NamedTuple):
-    """What a store knows of a chart: provenance (h, w), seed (h, w, 3) from the facade stages, labels (h, w) of a facade; all
+class ChartTexels(NamedTuple):
+    """What a store knows of a chart: provenance (h, w), base_layer (h, w, 3) from the facade stages, labels (h, w) of a facade; all
     uint8, the last two None of what is none."""
 
     provenance: np.ndarray
-    seed: np.ndarray | None
+    base_layer: np.ndarray | None
     labels: np.ndarray | None
 
 
 @dataclass(frozen=True)
-class Lighting:
-    """What is known of a block beside its colours. made (charts,): of what, as `Materials.field.charts` has it; textured
+class RelightingInputs:
+    """What is inputs of a block beside its colours. made (charts,): of what, as `GltfMaterials.field.charts` has it; textured
     (charts,) bool: by pictures of the source's own; numbers (charts,) of charts, that chance is seeded by; sun: that lights
     the colours, None where none does; texels: of a chart."""
 
     scene: Scene
     ground: Ground
-    made: np.ndarray
-    textured: np.ndarray
-    numbers: Sequence[int]
+    chart_materials: np.ndarray
+    has_source_texture: np.ndarray
+    chart_numbers: Sequence[int]
     sun: Sun | None
-    texels: Callable[[int], Texels]
+    texels: Callable[[int], ChartTexels]
 
 
-def relit(source: Textured, known: Lighting) -> Textured:
+def relight(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
     """The source with colours without light, and `maps`."""
-    charts, grounds = _Charts(source, known), Grounds(known.ground)
-    albedo = lru_cache(maxsize=HELD)(charts.albedo)
-    maps = lru_cache(maxsize=HELD)(lambda chart: charts.maps(chart, albedo(chart), grounds))
+    charts, grounds = _ChartRelighter(source, inputs), GroundMaterials(inputs.ground)
+    albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(charts.albedo)
+    maps = lru_cache(maxsize=MAX_CACHED_CHARTS)(lambda chart: charts.maps(chart, albedo(chart), grounds))
     return replace(source, raster=albedo, maps=maps)
 
 
-class _Charts:
-    def __init__(self, source: Textured, known: Lighting) -> None:
-        self.source, self.known, self.scene = source, known, known.scene
+class _ChartRelighter:
+    def __init__(self, source: TexturedMesh, inputs: RelightingInputs) -> None:
+        self.source, self.inputs, self.scene = source, inputs, inputs.scene
 
     def albedo(self, chart: int) -> np.ndarray:
         """The colour (h, w, 3) uint8 of a chart as light without a direction or a place would show it.
@@ -83,92 +92,92 @@ class _Charts:
         What a facade stage made of an exemplar is there without light. What the block's sun and sky added to materials is
         worked out again and divided out; of a picture a smooth field, the wall's own.
         """
-        known, (provenance, seed, labels) = self.known, self.known.texels(chart)
+        inputs, (provenance, base_layer, labels) = self.inputs, self.inputs.texels(chart)
         colour, shape = self.source.raster(chart), provenance.shape
         light = np.ones((*shape, 1), np.float32)
-        if known.sun is not None:
-            light = (SKY_LIGHT + sunlight_share(self.scene, chart, known.sun)[..., None] * SUN_LIGHT).astype(np.float32)
+        if inputs.sun is not None:
+            light = (SKY_LIGHT + sunlight_share(self.scene, chart, inputs.sun)[..., None] * SUN_LIGHT).astype(np.float32)
         painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
         if painted.any():
-            clear, left = self.sky(chart, shape), contact_light(self.scene, chart)
-            own = daylight_grey(self.scene.charts.normal()[chart]) * (1 - OCCLUSION_LOSS * (1 - clear))
+            clear, left = self.sky_visibility(chart, shape), contact_light(self.scene, chart)
+            own = daylight_grey(self.scene.charts.normals()[chart]) * (1 - OCCLUSION_LOSS * (1 - clear))
             own = own if left is None else own * left
             light = light * np.where(painted, own, np.float32(1))[..., None]
         pictured = provenance > Provenance.SYNTHESISED
         if labels is not None and pictured.any():
-            field = shading(without(colour, light), labels, self.density(chart))
+            field = estimate_shading(divide_light(colour, light), labels, self.density(chart))
             if field is not None:
                 light = light * np.where(pictured, field, np.float32(1))[..., None]
-        found = without(colour, light)
-        if seed is not None:
+        found = divide_light(colour, light)
+        if base_layer is not None:
             made = provenance == Provenance.SYNTHESISED
-            found[made] = seed[made]
+            found[made] = base_layer[made]
         return found
 
     def density(self, chart: int) -> float:
         return float(self.scene.placement.texels_per_metre[chart])
 
-    def sky(self, chart: int, shape: tuple[int, ...]) -> np.ndarray:
+    def sky_visibility(self, chart: int, shape: tuple[int, ...]) -> np.ndarray:
         """How much of the sky that a chart could see its places do, (h, w) float32: 1 where nothing stands."""
         daylight = self.scene.daylight
-        daylight.reach([chart])
-        rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.place[chart])
+        daylight.compute([chart])
+        rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.start[chart])
         grid = daylight.light[first : first + rows * columns].reshape(rows, columns)
-        free = max(0.5 + 0.5 * float(self.scene.charts.normal()[chart, 2]), MIN_OPEN_SKY)
-        grid = np.minimum((grid - LEAST) / (1 - LEAST) / free, 1).astype(np.float32)
+        free = max(0.5 + 0.5 * float(self.scene.charts.normals()[chart, 2]), MIN_OPEN_SKY)
+        grid = np.minimum((grid - MIN_DAYLIGHT) / (1 - MIN_DAYLIGHT) / free, 1).astype(np.float32)
         for axis in (0, 1):
-            grid = _between(grid, axis, shape[axis])
+            grid = _interpolate_axis(grid, axis, shape[axis])
         return grid
 
-    def maps(self, chart: int, colour: np.ndarray, grounds: Grounds) -> Maps:
-        known, labels = self.known, self.known.texels(chart).labels
-        labels = None if labels is None else squared(labels)
+    def maps(self, chart: int, colour: np.ndarray, grounds: GroundMaterials) -> PbrMaps:
+        inputs, labels = self.inputs, self.inputs.texels(chart).labels
+        labels = None if labels is None else snap_to_boxes(labels)
         shape, density = colour.shape[:2], self.density(chart)
         size = (-(-shape[1] // 2), -(-shape[0] // 2))
         half = (size[1], size[0])
-        small = scaled(colour, size).astype(np.float32).mean(axis=2)
-        made = OF_MATERIAL[int(known.made[chart])]
+        small = downscale(colour, size).astype(np.float32).mean(axis=2)
+        made = CHART_MATERIALS[int(inputs.chart_materials[chart])]
         turn, shown, frames = None, None, np.zeros(half, bool)
-        if known.textured[chart]:
+        if inputs.has_source_texture[chart]:
             substance = np.full(half, PHOTOGRAPHED, np.uint8)
             roughness = ROUGHNESS[substance]
         elif labels is not None:
-            wall = wall_material(colour, labels, density)
+            wall = measure_wall_material(colour, labels, density)
             of_wall = BRICK if wall is not None and wall.brick else PLASTER if made != BRICK else BRICK
-            panes, leans, lit = self.windows(chart, colour, labels)
-            whole = of_labels(labels, of_wall, panes)
-            roughness, substance = scaled(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]
-            share = scaled(panes.astype(np.float32)[..., None], size)[..., 0]
+            panes, leans, lit = self.pane_maps(chart, colour, labels)
+            whole = classify_facade(labels, of_wall, panes)
+            roughness, substance = downscale(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]
+            share = downscale(panes.astype(np.float32)[..., None], size)[..., 0]
             opening = labels[::2, ::2] == FacadeClass.WINDOW
             frames, turn = opening & (share < 0.5), leans[::2, ::2] * (share > 0.5)[..., None]
-            shown = None if lit is None else scaled(lit, size)
+            shown = None if lit is None else downscale(lit, size)
         else:
             on_ground = self.scene.charts.kind[chart] == ChartKind.GROUND
             substance = (
-                grounds.substance(self.scene.charts, chart, half) if on_ground else np.full(half, made, np.uint8)
+                grounds.rasterise(self.scene.charts, chart, half) if on_ground else np.full(half, made, np.uint8)
             )
             roughness = ROUGHNESS[substance]
             if self.scene.charts.kind[chart] == ChartKind.WINDOW:
-                pane = Opening(FacadeClass.WINDOW, 0, 0, *size)
-                shown = glow(pane, density / 2, float(self.scene.charts.size[chart, 1]), self.chances(chart))
+                pane = FacadeOpening(FacadeClass.WINDOW, 0, 0, *size)
+                shown = emitted_light(pane, density / 2, float(self.scene.charts.size[chart, 1]), self.seeded_random(chart))
         coarse = None if labels is None else labels[::2, ::2]
-        height = heights(coarse, substance, small, frames, density / 2)
-        occlusion = self.sky(chart, half) * sunk(height, density / 2)
+        height = estimate_heights(coarse, substance, small, frames, density / 2)
+        occlusion = self.sky_visibility(chart, half) * cavity_visibility(height, density / 2)
         left = contact_light(self.scene, chart)
         if left is not None:
-            occlusion = occlusion * scaled(np.ascontiguousarray(left, np.float32)[..., None], size)[..., 0]
+            occlusion = occlusion * downscale(np.ascontiguousarray(left, np.float32)[..., None], size)[..., 0]
         orm = np.stack([occlusion, roughness, np.zeros(half, np.float32)], axis=-1)
-        return Maps(
-            _bytes(normals(height, density / 2, turn) / 2 + np.float32(0.5)),
-            _bytes(orm),
-            None if shown is None or not shown.any() else srgb(shown),
+        return PbrMaps(
+            _to_uint8(normals_from_heights(height, density / 2, turn) / 2 + np.float32(0.5)),
+            _to_uint8(orm),
+            None if shown is None or not shown.any() else linear_to_srgb(shown),
         )
 
-    def chances(self, chart: int) -> Chances:
+    def seeded_random(self, chart: int) -> SeededRandom:
         building = max(int(self.scene.charts.building[chart]), 0)
-        return Chances(int(self.scene.building_numbers[building]), int(self.known.numbers[chart]))
+        return SeededRandom(int(self.scene.building_hashes[building]), int(self.inputs.chart_numbers[chart]))
 
-    def windows(
+    def pane_maps(
         self, chart: int, colour: np.ndarray, labels: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Of a facade: where its panes are (h, w) bool, the slopes (h, w, 2) that they lean by, and their light at night
@@ -176,25 +185,25 @@ class _Charts:
         import cv2
 
         grey, density = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), self.density(chart)
-        height, chances = float(self.scene.charts.size[chart, 1]), self.chances(chart)
+        height, random = float(self.scene.charts.size[chart, 1]), self.seeded_random(chart)
         panes, leans = np.zeros(labels.shape, bool), np.zeros((*labels.shape, 2), np.float32)
         lit: np.ndarray | None = None
-        for opening in openings(labels):
-            clear = glass(opening, grey, density)
+        for opening in find_openings(labels):
+            clear = glass_mask(opening, grey, density)
             panes[opening.box] |= clear
-            leans[opening.box][clear] = leaning(opening, density, chances)
-            light = glow(opening, density, height, chances)
+            leans[opening.box][clear] = pane_slope(opening, density, random)
+            light = emitted_light(opening, density, height, random)
             if light is not None:
                 lit = np.zeros((*labels.shape, 3), np.float32) if lit is None else lit
-                lit[opening.box][clear] = through(opening, light, grey, clear)[clear]
+                lit[opening.box][clear] = modulate_by_picture(opening, light, grey, clear)[clear]
         return panes, leans, lit
 
 
-def _bytes(values: np.ndarray) -> np.ndarray:
+def _to_uint8(values: np.ndarray) -> np.ndarray:
     return (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def _between(grid: np.ndarray, axis: int, texels: int) -> np.ndarray:
+def _interpolate_axis(grid: np.ndarray, axis: int, texels: int) -> np.ndarray:
     """A grid from border to border, linear between its places, at the middles of so many texels."""
     at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (grid.shape[axis] - 1)
     below = np.minimum(at.astype(np.int64), grid.shape[axis] - 2)

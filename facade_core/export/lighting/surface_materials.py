@@ -46,15 +46,15 @@ ROUGHNESS = np.array([one.roughness for one in SUBSTANCES], np.float32)
 RELIEF = np.array([one.relief for one in SUBSTANCES], np.float32)
 
 # Of what is a facade's label, its wall left out: panes lie in windows and shops, in the frames that `panes` leaves.
-OF_LABEL = {
+LABEL_MATERIALS = {
     FacadeClass.WINDOW: FRAME,
     FacadeClass.SHOP: FRAME,
     FacadeClass.DOOR: WOOD,
     FacadeClass.BALCONY: RAILING,
     FacadeClass.ROOF: SHEET,
 }
-# Of a chart by its material, as `Materials.field.charts.made` has it; ground is by its surfaces.
-OF_MATERIAL = {
+# Of a chart by its material, as `GltfMaterials.field.charts.made` has it; ground is by its surfaces.
+CHART_MATERIALS = {
     field.SOIL: ASPHALT,
     field.SHEET: SHEET,
     field.TILE: TILE,
@@ -70,13 +70,13 @@ OF_MATERIAL = {
     field.FITTING: SHEET,
 }
 # Of ground, by facade_core.core.types.SURFACES.
-OF_SURFACE = (GRAVEL, ASPHALT, SLABS, SETTS, GRASS, WATER, ASPHALT)
+GROUND_MATERIALS = (GRAVEL, ASPHALT, SLABS, SETTS, GRASS, WATER, ASPHALT)
 
 
-def of_labels(labels: np.ndarray, wall: int, panes: np.ndarray) -> np.ndarray:
+def classify_facade(labels: np.ndarray, wall: int, panes: np.ndarray) -> np.ndarray:
     """The substances (h, w) uint8 of a facade with labels (h, w), a wall of substance `wall`, and panes (h, w) bool."""
     table = np.full(256, wall, np.uint8)
-    for label, substance in OF_LABEL.items():
+    for label, substance in LABEL_MATERIALS.items():
         table[label] = substance
     assert len(CLASSES) < len(table)
     found = table[labels]

@@ -14,22 +14,22 @@ from facade_core.export.models.buffers import FLOAT, UNSIGNED_SHORT, GlbBuffer
 NO_TEXT, NO_INTEGER, NO_NUMBER = "", -(2**31), -9999.0
 METADATA_CLASS = "part"
 # The sets of ids of a vertex: its part's row and its building's.
-LABELS = ("part", "building")
+FEATURE_ID_LABELS = ("part", "building")
 # Appends data to a model's buffer; returns the index of the view on them.
 AddView = Callable[[bytes], int]
 
 
 @dataclass(frozen=True, slots=True)
-class Property:
+class MetadataProperty:
     """A column: type string, int32 or double; unit, empty where it has none; meaning, a sentence."""
 
     name: str
     type: str
     unit: str
-    meaning: str
+    description: str
 
     def schema(self) -> dict[str, Any]:
-        meaning = f"{self.meaning} ({self.unit})" if self.unit else self.meaning
+        meaning = f"{self.description} ({self.unit})" if self.unit else self.description
         types: dict[str, dict[str, Any]] = {
             "string": {"type": "STRING", "noData": NO_TEXT},
             "int32": {"type": "SCALAR", "componentType": "INT32", "noData": NO_INTEGER},
@@ -38,7 +38,7 @@ class Property:
         unit = {"extras": {"unit": self.unit}} if self.unit else {}
         return {"name": self.name, "description": meaning, **types[self.type], **unit}
 
-    def values(self, rows: Sequence[Mapping[str, Any]], add_view: AddView) -> dict[str, Any] | None:
+    def table_property(self, rows: Sequence[Mapping[str, Any]], add_view: AddView) -> dict[str, Any] | None:
         """The column of some rows as a table's property; None where no row has a value."""
         found = [row.get(self.name) for row in rows]
         if all(value is None for value in found):
@@ -57,26 +57,26 @@ class Property:
 
 
 @dataclass(frozen=True)
-class Features:
+class FeatureTable:
     """The parts of a block: rows, by the properties' names; of_chart (charts,), the row of each chart; of_owner (charts,), that
     of its building, of a piece of ground its own."""
 
-    properties: tuple[Property, ...]
+    properties: tuple[MetadataProperty, ...]
     rows: Sequence[Mapping[str, Any]]
-    of_chart: np.ndarray
-    of_owner: np.ndarray
+    chart_rows: np.ndarray
+    owner_rows: np.ndarray
 
-    def of_building(self, building: np.ndarray, charts_building: np.ndarray) -> np.ndarray:
+    def select_building_rows(self, building: np.ndarray, charts_building: np.ndarray) -> np.ndarray:
         """The rows (k,) of buildings (k,); charts_building (charts,): whose charts these features are of."""
         first = np.full(int(charts_building.max(initial=-1)) + 1, -1, np.int64)
         built = charts_building >= 0
-        first[charts_building[built]] = self.of_owner[built]
+        first[charts_building[built]] = self.owner_rows[built]
         return first[building]
 
-    def metadata(self, rows: np.ndarray, add_view: AddView) -> dict[str, Any]:
+    def structural_metadata(self, rows: np.ndarray, add_view: AddView) -> dict[str, Any]:
         """EXT_structural_metadata of some rows (k,)."""
         shown = [self.rows[row] for row in rows.tolist()]
-        columns = {one.name: found for one in self.properties if (found := one.values(shown, add_view)) is not None}
+        columns = {one.name: found for one in self.properties if (found := one.table_property(shown, add_view)) is not None}
         schema = {
             "id": "streetloom",
             "description": "parts of a textured block, by the columns of its catalogue",
@@ -86,7 +86,7 @@ class Features:
         return {"schema": schema, "propertyTables": [table]}
 
 
-def feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
+def add_feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
     """The attributes of a primitive's vertices that name their rows, and EXT_mesh_features of it, a set for each label.
 
     ids (v, labels), of a table of so many rows. All sets are of the one table, but only the first says so: CesiumJS takes a
@@ -94,7 +94,7 @@ def feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str
     kind, component = ("<u2", UNSIGNED_SHORT) if rows <= np.iinfo("<u2").max else ("<f4", FLOAT)
     attributes = {
         f"_FEATURE_ID_{number}": buffer.add_accessor(ids[:, number : number + 1].astype(kind), component, "SCALAR")
-        for number in range(len(LABELS))
+        for number in range(len(FEATURE_ID_LABELS))
     }
     sets = [
         {
@@ -103,6 +103,6 @@ def feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str
             "label": label,
             **({} if number else {"propertyTable": 0}),
         }
-        for number, label in enumerate(LABELS)
+        for number, label in enumerate(FEATURE_ID_LABELS)
     ]
     return attributes, {"featureIds": sets}

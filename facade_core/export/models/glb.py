@@ -20,18 +20,18 @@ from facade_core.export.models.buffers import (
     UNSIGNED_SHORT,
     GlbBuffer,
 )
-from facade_core.export.models.gltf_materials import Look, Time, materials_of
+from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
 
 # Component types as numpy has them.
-BYTE_KINDS = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
+COMPONENT_DTYPES = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 # glTF's numbers for filters and wrapping.
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 # Of models of pictures alone.
-UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}
+UNLIT_EXTENSIONS = {"extensionsUsed": ["KHR_materials_unlit"]}
 # Types of accessors.
-KINDS = {"position": "VEC3", "normal": "VEC3", "uv": "VEC2", "tangent": "VEC4", "triangles": "SCALAR"}
+ACCESSOR_TYPES = {"position": "VEC3", "normal": "VEC3", "uv": "VEC2", "tangent": "VEC4", "triangles": "SCALAR"}
 # GLB's: the names of its chunks, and the length of its header in bytes.
-JSON, BINARY, HEADER_BYTES = 0x4E4F534A, 0x004E4942, 12
+JSON_CHUNK, BINARY_CHUNK, HEADER_BYTES = 0x4E4F534A, 0x004E4942, 12
 # Of every model: how its pictures are looked up.
 SAMPLERS = [
     {
@@ -56,32 +56,32 @@ class Primitive:
     normal: np.ndarray
     uv: np.ndarray
     triangles: np.ndarray
-    picture: int
+    material: int
     tangent: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
-class Node:
+class GltfNode:
     """A named part of a model."""
 
     name: str
     primitives: tuple[Primitive, ...]
 
 
-def glb_bytes(
-    nodes: Sequence[Node],
-    looks: Sequence[bytes] | Sequence[Look],
+def encode_glb(
+    nodes: Sequence[GltfNode],
+    materials: Sequence[bytes] | Sequence[MaterialTextures],
     *,
     extras: Mapping[str, Any] | None = None,
     copyright: str = "",
-    time: Time = "day",
+    time: TimeOfDay = "day",
 ) -> bytes:
-    """A model as GLB: one glTF node per Node, every picture of `looks` embedded as it is, all JPEG. extras are the scene's;
+    """A model as GLB: one glTF node per Node, every picture of `materials` embedded as it is, all JPEG. extras are the scene's;
     copyright, the asset's: whom to name for what it is made from; time, of what is lit.
 
     What is a picture alone is unlit: it holds the light of the day on which it was taken.
     """
-    shown = materials_of([one if isinstance(one, Look) else Look(one) for one in looks], time=time)
+    gltf = build_gltf_materials([one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials], time=time)
     nodes = [node for node in nodes if node.primitives]
     primitives = [primitive for node in nodes for primitive in node.primitives]
     position = [np.ascontiguousarray(p.position, "<f4") for p in primitives]
@@ -89,13 +89,13 @@ def glb_bytes(
         "position": position,
         "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
         "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
-        "tangent": [tangents(p.tangent) for p in primitives if p.tangent is not None],
+        "tangent": [tangent_vectors(p.tangent) for p in primitives if p.tangent is not None],
         "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
     }
     buffer = GlbBuffer()
     first: dict[str, int] = {}
     for name, parts in arrays.items():
-        kind = KINDS[name]
+        kind = ACCESSOR_TYPES[name]
         first[name] = len(buffer.accessors)
         start = 0
         for part in parts:
@@ -114,7 +114,7 @@ def glb_bytes(
             stride = {} if name == "triangles" else {"byteStride": 4 * parts[0].shape[1]}
             target = ELEMENT_ARRAY_BUFFER if name == "triangles" else ARRAY_BUFFER
             buffer.add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
-    pictures = [buffer.add_view(picture) for picture in shown.pictures]
+    pictures = [buffer.add_view(picture) for picture in gltf.images]
 
     meshes: list[dict[str, Any]] = []
     count = leaning = 0
@@ -127,7 +127,7 @@ def glb_bytes(
                 of["TANGENT"] = first["tangent"] + leaning
                 leaning += 1
             drawn.append(
-                {"attributes": of, "indices": first["triangles"] + count, **shown.primitives[primitive.picture]}
+                {"attributes": of, "indices": first["triangles"] + count, **gltf.primitives[primitive.material]}
             )
             count += 1
         meshes.append({"name": node.name, "primitives": drawn})
@@ -144,52 +144,52 @@ def glb_bytes(
     }
     if nodes:
         document |= {
-            **({"extensionsUsed": list(shown.used)} if shown.used else {}),
+            **({"extensionsUsed": list(gltf.extensions_used)} if gltf.extensions_used else {}),
             "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
             "meshes": meshes,
-            **shown.document,
+            **gltf.document_parts,
             "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
             "samplers": SAMPLERS,
             **buffer.document_parts,
         }
-    return glb_of(document, buffer.chunks)
+    return pack_glb(document, buffer.chunks)
 
 
-def glb_of(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
+def pack_glb(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
     """A GLB of glTF's document and the parts of its buffer, which take multiples of four bytes together."""
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     # the buffer begins at a multiple of eight bytes, as tables in it want
     text += b" " * (-(HEADER_BYTES + 8 + len(text) + 8) % 8)
-    body = [struct.pack("<II", len(text), JSON), text]
+    body = [struct.pack("<II", len(text), JSON_CHUNK), text]
     if length := sum(map(len, chunks)):
-        body += [struct.pack("<II", length, BINARY), *chunks]
+        body += [struct.pack("<II", length, BINARY_CHUNK), *chunks]
     return b"".join([struct.pack("<4sII", b"glTF", 2, HEADER_BYTES + sum(map(len, body))), *body])
 
 
-def header_of(file: BinaryIO) -> tuple[dict[str, Any], int]:
+def read_glb_header(file: BinaryIO) -> tuple[dict[str, Any], int]:
     """What the JSON chunk of a GLB file says, and where the data of its binary chunk begin. Raises ValueError for any other
     file."""
     head = file.read(HEADER_BYTES + 8)
     magic, _, _, length, name = struct.unpack("<4sIIII", head) if len(head) == HEADER_BYTES + 8 else (b"", 0, 0, 0, 0)
-    if magic != b"glTF" or name != JSON:
+    if magic != b"glTF" or name != JSON_CHUNK:
         raise ValueError("it is no GLB file")
     return json.loads(file.read(length)), HEADER_BYTES + 8 + length + 8
 
 
-def with_copyright(glb: bytes, copyright: str) -> bytes:
+def replace_copyright(glb: bytes, copyright: str) -> bytes:
     """The same model, whose asset names whom it is from."""
-    document, data = header_of(io.BytesIO(glb))
+    document, data = read_glb_header(io.BytesIO(glb))
     said = document | {"asset": document["asset"] | {"copyright": copyright}}
-    return glb_of(said, [glb[data:]] if len(glb) > data else [])
+    return pack_glb(said, [glb[data:]] if len(glb) > data else [])
 
 
-def pictures_of(glb: bytes) -> list[bytes]:
-    """The pictures of a model that `glb_bytes` made."""
-    document, data = header_of(io.BytesIO(glb))
+def embedded_images(glb: bytes) -> list[bytes]:
+    """The pictures of a model that `encode_glb` made."""
+    document, data = read_glb_header(io.BytesIO(glb))
     views = [document["bufferViews"][image["bufferView"]] for image in document.get("images", [])]
     return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
 
 
-def tangents(along: np.ndarray) -> np.ndarray:
+def tangent_vectors(along: np.ndarray) -> np.ndarray:
     """TANGENT (v, 4) of unit vectors (v, 3) along u of pictures whose v runs down surfaces: normals with x right and y up."""
     return np.column_stack([along, np.ones(len(along))]).astype("<f4")

@@ -1,4 +1,4 @@
-"""Models of `glb_bytes` joined into one, their geometry and pictures copied byte for byte: nothing is encoded again."""
+"""Models of `encode_glb` joined into one, their geometry and pictures copied byte for byte: nothing is encoded again."""
 
 from __future__ import annotations
 
@@ -11,15 +11,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from facade_core.export.city_models.attribution import joined_lines
-from facade_core.export.models.glb import BINARY, HEADER_BYTES, JSON, SAMPLERS, UNLIT, header_of
+from facade_core.export.city_models.attribution import merge_attribution_lines
+from facade_core.export.models.glb import (
+    BINARY_CHUNK,
+    HEADER_BYTES,
+    JSON_CHUNK,
+    SAMPLERS,
+    UNLIT_EXTENSIONS,
+    read_glb_header,
+)
 
 # What of a model is counted by index, and where others say which they mean is moved on by how many there are before.
-COUNTED = ("accessors", "bufferViews", "images", "materials", "meshes", "textures")
+INDEXED_LISTS = ("accessors", "bufferViews", "images", "materials", "meshes", "textures")
 
 
 @dataclass(frozen=True)
-class Part:
+class GlbFile:
     """A model in a file: what its header says, and where its binary chunk begins and how long it is, bytes."""
 
     path: Path
@@ -28,16 +35,16 @@ class Part:
     length: int
 
 
-def part_of_file(path: Path) -> Part:
+def read_glb_file(path: Path) -> GlbFile:
     """A GLB file as a part. Raises ValueError for any other file."""
     with path.open("rb") as file:
-        document, start = header_of(file)
+        document, start = read_glb_header(file)
         length = sum(buffer["byteLength"] for buffer in document.get("buffers", ()))
-    return Part(path, document, start, length)
+    return GlbFile(path, document, start, length)
 
 
-def join_glbs(
-    path: Path, parts: Sequence[Part], origin: Sequence[float], *, extras: Mapping[str, Any], copyright: str = ""
+def merge_glbs(
+    path: Path, parts: Sequence[GlbFile], origin: Sequence[float], *, extras: Mapping[str, Any], copyright: str = ""
 ) -> int:
     """Write the parts as one GLB file around `origin` (world metres), which appears whole or not at all; returns its bytes.
 
@@ -45,28 +52,28 @@ def join_glbs(
     copyright is stated with that of the parts, each part of it once. No more
     than a block of a file is in memory.
     """
-    document: dict[str, Any] = {name: [] for name in (*COUNTED, "nodes")}
+    document: dict[str, Any] = {name: [] for name in (*INDEXED_LISTS, "nodes")}
     length = 0
     for part in parts:
-        first = {name: len(document[name]) for name in COUNTED}
-        _add(document, part.document, first, length, origin)
+        first = {name: len(document[name]) for name in INDEXED_LISTS}
+        _append_document(document, part.document, first, length, origin)
         length += part.length
     nodes = list(range(len(document["nodes"])))
     scene: dict[str, Any] = {**({"nodes": nodes} if nodes else {}), "extras": {"origin": list(origin), **extras}}
     asset = {"version": "2.0", "generator": "Streetloom"}
-    if said := joined_lines([copyright, *(part.document["asset"].get("copyright", "") for part in parts)]):
+    if said := merge_attribution_lines([copyright, *(part.document["asset"].get("copyright", "") for part in parts)]):
         asset["copyright"] = said
     head: dict[str, Any] = {"asset": asset, "scene": 0, "scenes": [scene]}
     if nodes:
-        head |= document | {**UNLIT, "samplers": SAMPLERS, "buffers": [{"byteLength": length}]}
+        head |= document | {**UNLIT_EXTENSIONS, "samplers": SAMPLERS, "buffers": [{"byteLength": length}]}
     text = json.dumps(head, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     total = HEADER_BYTES + 8 + len(text) + (8 + length if length else 0)
     temporary = path.with_suffix(".tmp")
     with temporary.open("wb") as file:
-        file.write(struct.pack("<4sIIII", b"glTF", 2, total, len(text), JSON) + text)
+        file.write(struct.pack("<4sIIII", b"glTF", 2, total, len(text), JSON_CHUNK) + text)
         if length:
-            file.write(struct.pack("<II", length, BINARY))
+            file.write(struct.pack("<II", length, BINARY_CHUNK))
         for part in parts:
             with part.path.open("rb") as source:
                 source.seek(part.start)
@@ -75,7 +82,7 @@ def join_glbs(
     return total
 
 
-def _add(
+def _append_document(
     document: dict[str, Any], part: Mapping[str, Any], first: Mapping[str, int], offset: int, origin: Sequence[float]
 ) -> None:
     """Add a part's lists to those of a document; `offset`: where its binary data begin in the joined ones."""

@@ -7,56 +7,56 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from facade_core.export.models.encoders import ENCODERS, TextureEncoder
-from facade_core.export.models.pages import Pictures
+from facade_core.export.models.pages import PageImages
 
 # How lit windows are over what a picture's white is: they are to shine, and colours beside them stay.
-STRENGTH = 3.0
+EMISSIVE_STRENGTH = 3.0
 DAY, NIGHT = "day", "night"
 # Whether windows are lit: by day never, by night always, or as a viewer chooses, who sees the first of these before that.
-Time = Literal["day", "night", "day or night", "night or day"]
+TimeOfDay = Literal["day", "night", "day or night", "night or day"]
 
 
-def texels_held(lit: bool, time: Time) -> float:
+def relative_texel_count(has_maps: bool, time: TimeOfDay) -> float:
     """Texels of a page's pictures for each of its colour, at most: a map has a quarter of them."""
-    return 1.0 + (0.25 * (2 if time == DAY else 3) if lit else 0.0)
+    return 1.0 + (0.25 * (2 if time == DAY else 3) if has_maps else 0.0)
 
 
 @dataclass(frozen=True)
-class Look:
+class MaterialTextures:
     """The encoded pictures of a page; without normals it is unlit, without glow dark at night."""
 
-    colour: bytes
+    base_colour: bytes
     normal: bytes | None = None
     orm: bytes | None = None
-    glow: bytes | None = None
+    emissive: bytes | None = None
 
 
-def look_of(pictures: Pictures, encoder: TextureEncoder) -> Look:
+def encode_textures(images: PageImages, encoder: TextureEncoder) -> MaterialTextures:
     """A page, encoded."""
-    maps = pictures.maps
+    maps = images.maps
     if maps is None:
-        return Look(encoder.encode(pictures.colour))
-    return Look(
-        encoder.encode(pictures.colour),
+        return MaterialTextures(encoder.encode(images.base_colour))
+    return MaterialTextures(
+        encoder.encode(images.base_colour),
         encoder.encode_data(maps.normal),
         encoder.encode_data(maps.orm),
-        None if maps.glow is None else encoder.encode(maps.glow),
+        None if maps.emissive is None else encoder.encode(maps.emissive),
     )
 
 
 @dataclass(frozen=True)
-class Materials:
-    """Of looks: the pictures in their order; what glTF's document says of materials and textures (images name views on
+class GltfMaterials:
+    """Of pages: the pictures in their order; what glTF's document says of materials and textures (images name views on
     the pictures that the caller adds); extensions that these use; of each look what a primitive that shows it says."""
 
-    pictures: tuple[bytes, ...]
-    document: dict[str, Any]
-    used: tuple[str, ...]
+    images: tuple[bytes, ...]
+    document_parts: dict[str, Any]
+    extensions_used: tuple[str, ...]
     primitives: tuple[dict[str, Any], ...]
 
 
-def materials_of(looks: Sequence[Look], encoder: TextureEncoder = ENCODERS["jpeg"], time: Time = "day") -> Materials:
-    """The materials of looks, at a time of day."""
+def build_gltf_materials(pages: Sequence[MaterialTextures], encoder: TextureEncoder = ENCODERS["jpeg"], time: TimeOfDay = "day") -> GltfMaterials:
+    """The materials of pages, at a time of day."""
     pictures: list[bytes] = []
     textures: list[dict[str, Any]] = []
     used = [encoder.extension] if encoder.extension else []
@@ -72,42 +72,42 @@ def materials_of(looks: Sequence[Look], encoder: TextureEncoder = ENCODERS["jpeg
     choice, first = " or " in time, time.partition(" ")[0]
     materials: list[dict[str, Any]] = []
     after: list[dict[str, Any]] = []  # those of night where the first is day, and the other way round
-    primitives: list[dict[str, Any]] = [{"material": i} for i in range(len(looks))]
-    for i, look in enumerate(looks):
+    primitives: list[dict[str, Any]] = [{"material": i} for i in range(len(pages))]
+    for i, page in enumerate(pages):
         shown: dict[str, Any] = {
             "name": f"page-{i}",
             "pbrMetallicRoughness": {
-                "baseColorTexture": texture(look.colour),
+                "baseColorTexture": texture(page.base_colour),
                 "metallicFactor": 0.0,
                 "roughnessFactor": 1.0,
             },
         }
-        if look.normal is None or look.orm is None:
+        if page.normal is None or page.orm is None:
             materials.append(shown | {"extensions": {"KHR_materials_unlit": {}}})
             used.append("KHR_materials_unlit")
             continue
-        orm = texture(look.orm)
+        orm = texture(page.orm)
         shown["pbrMetallicRoughness"]["metallicRoughnessTexture"] = orm
-        shown |= {"normalTexture": texture(look.normal), "occlusionTexture": orm}
-        if look.glow is None or time == DAY:
+        shown |= {"normalTexture": texture(page.normal), "occlusionTexture": orm}
+        if page.emissive is None or time == DAY:
             materials.append(shown)
             continue
         by_night = shown | {
             "name": f"page-{i}-{NIGHT}" if choice else f"page-{i}",
-            "emissiveTexture": texture(look.glow),
+            "emissiveTexture": texture(page.emissive),
             "emissiveFactor": [1.0, 1.0, 1.0],
-            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": STRENGTH}},
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": EMISSIVE_STRENGTH}},
         }
         used.append("KHR_materials_emissive_strength")
         materials.append(by_night if first == NIGHT else shown)
         if choice:
             used.append("KHR_materials_variants")
-            other = len(looks) + len(after)
+            other = len(pages) + len(after)
             after.append(shown if first == NIGHT else by_night)
             day, night = (other, i) if first == NIGHT else (i, other)
             mappings = [{"material": day, "variants": [0]}, {"material": night, "variants": [1]}]
             primitives[i] = {"material": i, "extensions": {"KHR_materials_variants": {"mappings": mappings}}}
-    document: dict[str, Any] = {"materials": materials + after, "textures": textures}
+    document_parts: dict[str, Any] = {"materials": materials + after, "textures": textures}
     if "KHR_materials_variants" in used:
         document["extensions"] = {"KHR_materials_variants": {"variants": [{"name": DAY}, {"name": NIGHT}]}}
-    return Materials(tuple(pictures), document, tuple(dict.fromkeys(used)), tuple(primitives))
+    return GltfMaterials(tuple(pictures), document, tuple(dict.fromkeys(used)), tuple(primitives))

@@ -9,87 +9,87 @@ from itertools import chain, product
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.export.models.pages import Layout
+from facade_core.export.models.pages import PageLayout
 
 # Texels to a side of a cell, and of the border that a piece has around it: a block of ETC1S, and no mip level down to a quarter
 # mixes two pieces. Nothing of a tile is seen at less before a coarser tile takes its place.
-CELL = 4
+CELL_TEXELS = 4
 # Sides of pages in texels.
-SMALLEST_PAGE, LARGEST_PAGE = 64, 4096
+MIN_PAGE_TEXELS, MAX_PAGE_TEXELS = 64, 4096
 # A page's pieces with their borders fill so much of it at best; pages with less room are not tried.
-FILLED = 0.97
+MAX_FILL = 0.97
 # At most so many pages are tried together; each is half the one before or less.
-PAGES = 4
+MAX_PAGES_TRIED = 4
 
 # Width and height of pages in cells; what pieces are ordered by, from their masks.
-Pages = tuple[tuple[int, int], ...]
-Measure = Callable[[np.ndarray], tuple[int, ...]]
+PageCells = tuple[tuple[int, int], ...]
+SortKey = Callable[[np.ndarray], tuple[int, ...]]
 
 
-def room(size: np.ndarray) -> np.ndarray:
+def shrink_for_border(size: np.ndarray) -> np.ndarray:
     """Sizes (n, 2) in texels, by as little smaller as lets a side that just fits a power of two fit it with its border."""
     side = 2 ** np.ceil(np.log2(np.maximum(size, 1))).astype(np.int64)
-    fits = size + 2 * CELL <= side
-    return np.where(fits | (side < 32 * CELL), size, np.minimum(size, side - 2 * CELL))
+    fits = size + 2 * CELL_TEXELS <= side
+    return np.where(fits | (side < 32 * CELL_TEXELS), size, np.minimum(size, side - 2 * CELL_TEXELS))
 
 
-def mask_of(triangles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """The cells (h, w) bool that triangles (t, 3, 2), texels of a raster of size (width, height), take with a border of a cell.
     The first cell is the border's: the raster begins at the second."""
     import cv2
 
     width, height = size
-    shape = (-(-height // CELL) * CELL, -(-width // CELL) * CELL)
+    shape = (-(-height // CELL_TEXELS) * CELL_TEXELS, -(-width // CELL_TEXELS) * CELL_TEXELS)
     drawn = np.zeros(shape, np.uint8)
     places = np.round((np.clip(triangles, 0, [width, height]) - 0.5) * 16).astype(np.int32)
     for triangle in places:
         cv2.fillConvexPoly(drawn, triangle, 1, lineType=cv2.LINE_8, shift=4)
     # what a pixel's centre misses is at most a texel away
     whole = np.asarray(cv2.dilate(drawn, np.ones((3, 3), np.uint8)))
-    cells = whole.reshape(shape[0] // CELL, CELL, shape[1] // CELL, CELL).any(axis=(1, 3))
+    cells = whole.reshape(shape[0] // CELL_TEXELS, CELL_TEXELS, shape[1] // CELL_TEXELS, CELL_TEXELS).any(axis=(1, 3))
     return cv2.dilate(np.pad(cells, 1).astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
-def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> Layout:
+def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> PageLayout:
     """Pieces with masks of cells and size (n, 2) in texels on as few texels of pages as first fit finds."""
     n = len(masks)
     need = sum(int(mask.sum()) for mask in masks)
     longest = np.array([mask.shape[::-1] for mask in masks]).reshape(-1, 2).max(axis=0, initial=1)
-    measures: list[Measure] = [
+    measures: list[SortKey] = [
         lambda mask: (-max(mask.shape), -int(mask.sum())),
         lambda mask: (-int(mask.sum()),),
         lambda mask: (-mask.shape[0], -mask.shape[1]),
         lambda mask: (-mask.shape[1], -mask.shape[0]),
     ]
-    orders = [_ordered(masks, measure) for measure in measures]
-    runs = [_runs(mask) for mask in masks]
-    whole = (LARGEST_PAGE // CELL,) * 2
+    orders = [_sort_pieces(masks, measure) for measure in measures]
+    runs = [_find_runs(mask) for mask in masks]
+    whole = (MAX_PAGE_TEXELS // CELL_TEXELS,) * 2
     more = ((whole,) * count for count in range(2, n + 1))
-    for pages in chain(_candidates(need, longest), more):
-        tried = (_fill(masks, runs, order, pages) for order in orders)
+    for pages in chain(_candidate_pages(need, longest), more):
+        tried = (_place_pieces(masks, runs, order, pages) for order in orders)
         if (found := next((one for one in tried if one is not None), None)) is not None:
             page, x, y = found
             # where pieces fill more of a page than was hoped for, another is left empty
             used, page = np.unique(page, return_inverse=True)
-            sides = np.array(pages, np.int64).reshape(-1, 2)[used] * CELL
-            return Layout(page, (x + 1) * CELL, (y + 1) * CELL, size, sides)
-    raise ValueError(f"a piece is larger than a page of {LARGEST_PAGE} texels")
+            sides = np.array(pages, np.int64).reshape(-1, 2)[used] * CELL_TEXELS
+            return PageLayout(page, (x + 1) * CELL_TEXELS, (y + 1) * CELL_TEXELS, size, sides)
+    raise ValueError(f"a piece is larger than a page of {MAX_PAGE_TEXELS} texels")
 
 
-def _ordered(masks: Sequence[np.ndarray], measure: Measure) -> list[int]:
+def _sort_pieces(masks: Sequence[np.ndarray], measure: SortKey) -> list[int]:
     return sorted(range(len(masks)), key=lambda i: (*measure(masks[i]), i))
 
 
-def _candidates(need: int, longest: np.ndarray) -> list[Pages]:
+def _candidate_pages(need: int, longest: np.ndarray) -> list[PageCells]:
     """Pages (width, height) in cells, with the least room first; the first page holds the longest piece."""
     if not need:
         return [()]
-    low, high = (int(np.log2(side // CELL)) for side in (SMALLEST_PAGE, LARGEST_PAGE))
+    low, high = (int(np.log2(side // CELL_TEXELS)) for side in (MIN_PAGE_TEXELS, MAX_PAGE_TEXELS))
     shapes = [(2**a, 2**b) for a, b in product(range(low, high + 1), repeat=2) if abs(a - b) <= 2]
     first = [shape for shape in shapes if shape[0] >= longest[0] and shape[1] >= longest[1]]
-    found: list[Pages] = [(shape,) for shape in first]
+    found: list[PageCells] = [(shape,) for shape in first]
     others = [shape for shape in shapes if shape[0] >= shape[1]]
-    for _ in range(PAGES - 1):
+    for _ in range(MAX_PAGES_TRIED - 1):
         found += [
             (*pages, other)
             for pages in found
@@ -97,15 +97,15 @@ def _candidates(need: int, longest: np.ndarray) -> list[Pages]:
             if 2 * other[0] * other[1] <= pages[-1][0] * pages[-1][1]
         ]
     area = {pages: sum(w * h for w, h in pages) for pages in found}
-    room = [pages for pages in area if area[pages] * FILLED >= need]
+    room = [pages for pages in area if area[pages] * MAX_FILL >= need]
     return sorted(room, key=lambda pages: (area[pages], len(pages), pages))
 
 
-def _fill(
+def _place_pieces(
     masks: Sequence[np.ndarray],
     runs: Sequence[np.ndarray],
     order: Sequence[int],
-    pages: Pages,
+    pages: PageCells,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Page, column and row (n,) of every piece; None where they do not fit."""
     place = [np.zeros(len(masks), np.int64) for _ in range(3)]
@@ -127,7 +127,7 @@ def _fill(
     return None if left else (place[0], place[1], place[2])
 
 
-def _runs(mask: np.ndarray) -> np.ndarray:
+def _find_runs(mask: np.ndarray) -> np.ndarray:
     """The runs (r, 3) of taken cells of a mask: row, first column, column behind the last."""
     edges = np.diff(np.pad(mask, [(0, 0), (1, 1)]).astype(np.int8), axis=1)
     row, start = np.nonzero(edges == 1)
@@ -155,13 +155,13 @@ def _first_fit(taken: np.ndarray, end: np.ndarray, runs: np.ndarray, columns: in
                     break
             if not moved:
                 for k in range(len(runs)):
-                    _mark(taken, end, y + runs[k, 0], x + runs[k, 1], x + runs[k, 2])
+                    _mark_run(taken, end, y + runs[k, 0], x + runs[k, 1], x + runs[k, 2])
                 return x, y
     return -1, -1
 
 
 @njit(cache=True, nogil=True)
-def _mark(taken: np.ndarray, end: np.ndarray, row: int, start: int, stop: int) -> None:
+def _mark_run(taken: np.ndarray, end: np.ndarray, row: int, start: int, stop: int) -> None:
     width = taken.shape[1] - 1
     until = stop
     if stop < width and taken[row, stop] == stop:

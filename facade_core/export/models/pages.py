@@ -9,20 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.core.levelling import filled
+from facade_core.core.levelling import fill_unknown_colours
 from facade_core.geometry.scene import Scene
 
 # Around every piece its border is repeated for this many texels, and pieces start on multiples of it: down to the mip
 # level of an eighth no texel, interpolated or not, shows two pieces; nor does a block of a JPEG's brightness.
-GUTTER = 8
-LARGEST_PAGE = 4096
-QUALITY = 90
+GUTTER_TEXELS = 8
+MAX_SHELF_PAGE_TEXELS = 4096
+JPEG_QUALITY = 90
 # Fraction of a page that shelves are expected to fill.
-FILLED = 0.85
+EXPECTED_FILL = 0.85
 
 
 @dataclass(frozen=True)
-class Layout:
+class PageLayout:
     """Where pieces lie: page, x, y (n,) int64, the first texel inside the gutter; size (n, 2) int64 width and height in
     texels; pages (p, 2) int64, width and height of every page."""
 
@@ -33,39 +33,39 @@ class Layout:
     pages: np.ndarray
 
 
-class Maps(NamedTuple):
+class PbrMaps(NamedTuple):
     """Of a chart at half its texels, (h, w, 3) uint8 each: normals as glTF has them, x right, y up; occlusion, roughness and
     metal; light at night, sRGB, None where it is dark."""
 
     normal: np.ndarray
     orm: np.ndarray
-    glow: np.ndarray | None
+    emissive: np.ndarray | None
 
 
 @dataclass(frozen=True)
-class Pictures:
+class PageImages:
     """A page (h, w, 3) uint8, and its maps at half of that where it is lit."""
 
-    colour: np.ndarray
-    maps: Maps | None = None
+    base_colour: np.ndarray
+    maps: PbrMaps | None = None
 
 
-def halved(layout: Layout) -> Layout:
+def halve_layout(layout: PageLayout) -> PageLayout:
     """A layout of half the texels: pieces and pages begin and end on even texels but for a piece's own end."""
-    return Layout(layout.page, layout.x // 2, layout.y // 2, (layout.size + 1) // 2, layout.pages // 2)
+    return PageLayout(layout.page, layout.x // 2, layout.y // 2, (layout.size + 1) // 2, layout.pages // 2)
 
 
-def lay_out(size: np.ndarray, group: np.ndarray, *, largest: int = LARGEST_PAGE) -> Layout:
+def lay_out_shelves(size: np.ndarray, group: np.ndarray, *, largest: int = MAX_SHELF_PAGE_TEXELS) -> PageLayout:
     """Put pieces of `size` (n, 2), width and height in texels, on shelves of pages of at most `max_chart_side` square.
 
     group (n,) ints in rising order of place: pieces of one group lie together, and a page is shared only by groups that follow
     one another. Pages are as small as their pieces allow. A piece and its gutters must fit a page.
     """
-    box = -(-(size + 2 * GUTTER) // GUTTER) * GUTTER
+    box = -(-(size + 2 * GUTTER_TEXELS) // GUTTER_TEXELS) * GUTTER_TEXELS
     n = len(size)
     page, x, y = (np.zeros(n, np.int64) for _ in range(3))
     pages: list[tuple[int, int]] = []
-    for members in _bundles(box.prod(axis=1), group, FILLED * largest**2):
+    for members in _bundle_groups(box.prod(axis=1), group, EXPECTED_FILL * largest**2):
         width = _page_width(box[members], largest)
         order = members[np.lexsort((members, -box[members, 0], -box[members, 1]))]
         left, top, shelf = 0, 0, 0
@@ -77,14 +77,14 @@ def lay_out(size: np.ndarray, group: np.ndarray, *, largest: int = LARGEST_PAGE)
             if top + h > largest:
                 pages.append((width, used))
                 left, top, shelf = 0, 0, 0
-            page[i], x[i], y[i] = len(pages), left + GUTTER, top + GUTTER
+            page[i], x[i], y[i] = len(pages), left + GUTTER_TEXELS, top + GUTTER_TEXELS
             left, shelf = left + w, max(shelf, h)
             used = top + shelf
         pages.append((width, used))
-    return Layout(page, x, y, size, np.array(pages, np.int64).reshape(-1, 2))
+    return PageLayout(page, x, y, size, np.array(pages, np.int64).reshape(-1, 2))
 
 
-def _bundles(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarray]:
+def _bundle_groups(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarray]:
     """Pieces bundled by groups that follow one another, as many as fit a page together."""
     groups, of = np.unique(group, return_inverse=True)
     total = np.bincount(of, area, minlength=len(groups))
@@ -100,11 +100,11 @@ def _bundles(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarra
 
 
 def _page_width(box: np.ndarray, largest: int) -> int:
-    wanted = max(int(box[:, 0].max()), int(np.sqrt(box.prod(axis=1).sum() / FILLED)))
-    return min(largest, -(-wanted // (2 * GUTTER)) * 2 * GUTTER)
+    wanted = max(int(box[:, 0].max()), int(np.sqrt(box.prod(axis=1).sum() / EXPECTED_FILL)))
+    return min(largest, -(-wanted // (2 * GUTTER_TEXELS)) * 2 * GUTTER_TEXELS)
 
 
-def between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
+def fill_between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
     """An atlas page (h, w, 3) with what lies between its charts and their gutters coloured like them, so that mipmaps do not
     bleed."""
     owned = np.zeros(colour.shape[:2], bool)
@@ -114,11 +114,11 @@ def between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
         height, width = (int(side[chart]) + 2 * gutter for side in (placement.height, placement.width))
         owned[y : y + height, x : x + width] = True
     if owned.any() and not owned.all():
-        colour = filled(colour, owned)
+        colour = fill_unknown_colours(colour, owned)
     return colour
 
 
-def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER) -> np.ndarray:
+def draw_page(layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER_TEXELS) -> np.ndarray:
     """One page (h, w, 3) uint8 with the rasters of its pieces, their borders repeated, and the mean colour between."""
     width, height = layout.pages[page].tolist()
     drawn = np.zeros((height, width, 3), np.uint8)
@@ -139,7 +139,7 @@ def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray], gu
     return drawn
 
 
-def scaled(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def downscale(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """An image (h, w, k) made smaller to size = (width, height), by area."""
     import cv2
 
@@ -148,7 +148,7 @@ def scaled(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], -1)
 
 
-def encode(image: np.ndarray, quality: int = QUALITY) -> bytes:
+def encode_jpeg(image: np.ndarray, quality: int = JPEG_QUALITY) -> bytes:
     """An image (h, w, 3) uint8 RGB as JPEG."""
     from PIL import Image
 

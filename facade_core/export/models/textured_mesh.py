@@ -10,30 +10,30 @@ from typing import Protocol
 import numpy as np
 
 from facade_core.core.grouping import group_rows
-from facade_core.export.models.glb import Node, Primitive
+from facade_core.export.models.glb import GltfNode, Primitive
 from facade_core.export.models.pages import (
-    GUTTER,
-    LARGEST_PAGE,
-    Layout,
-    Maps,
-    Pictures,
+    GUTTER_TEXELS,
+    MAX_SHELF_PAGE_TEXELS,
+    PageImages,
+    PageLayout,
+    PbrMaps,
+    downscale,
     draw_page,
-    encode,
-    halved,
-    lay_out,
-    scaled,
+    encode_jpeg,
+    halve_layout,
+    lay_out_shelves,
 )
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 
 GROUND_NODE = "ground"
 # Triangles smaller than this show nothing, m2.
-SMALLEST_M2 = 1e-8
+MIN_TRIANGLE_M2 = 1e-8
 # Atlas pages that are held decoded; charts of a building lie on few that follow one another.
-PAGES_HELD = 12
+MAX_CACHED_PAGES = 12
 
 
-class Frame(Protocol):
+class ModelFrame(Protocol):
     """From world metres (n, 3) to a model's own frame, as glTF has it: y up. Directions keep their length."""
 
     def points(self, world: np.ndarray) -> np.ndarray: ...
@@ -48,13 +48,13 @@ class LocalFrame:
     origin: np.ndarray
 
     def points(self, world: np.ndarray) -> np.ndarray:
-        return y_up(world - self.origin)
+        return to_y_up(world - self.origin)
 
     def directions(self, world: np.ndarray) -> np.ndarray:
-        return y_up(world)
+        return to_y_up(world)
 
 
-def y_up(points: np.ndarray) -> np.ndarray:
+def to_y_up(points: np.ndarray) -> np.ndarray:
     """(n, 3) with z up as glTF has it: (x, y, z) -> (x, z, -y)."""
     return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
 
@@ -67,7 +67,7 @@ def local_frame(mesh: Mesh) -> LocalFrame:
 
 
 @dataclass(frozen=True)
-class Textured:
+class TexturedMesh:
     """Charts that have a raster each: mesh without triangles too small to show; extent (n, 2) metres that each raster covers
     from its chart's origin; texels (n, 2) its width and height; raster, a chart's raster (h, w, 3) uint8; maps, of charts that
     are lit, else None."""
@@ -77,12 +77,12 @@ class Textured:
     extent: np.ndarray
     texels: np.ndarray
     raster: Callable[[int], np.ndarray]
-    maps: Callable[[int], Maps] | None = None
+    maps: Callable[[int], PbrMaps] | None = None
 
     @cached_property
     def normals(self) -> np.ndarray:
         """Of every vertex, outward, (v, 3)."""
-        return self.charts.normal()[self.mesh.vertex_chart]
+        return self.charts.normals()[self.mesh.vertex_chart]
 
     @cached_property
     def coordinates(self) -> np.ndarray:
@@ -94,22 +94,22 @@ class Textured:
         """The middle of every chart, (n, 3) metres."""
         return self.charts.points(np.arange(len(self.charts)), *self.charts.size.T / 2)
 
-    def chosen(self, buildings: np.ndarray) -> np.ndarray:
+    def select_charts(self, buildings: np.ndarray) -> np.ndarray:
         """The charts of some buildings, -1 for the ground, that have triangles."""
         drawn = np.zeros(len(self.charts), bool)
         drawn[self.mesh.chart] = True
         return np.flatnonzero(drawn & np.isin(self.charts.building, buildings))
 
 
-def shown_area(mesh: Mesh) -> np.ndarray:
+def triangle_areas(mesh: Mesh) -> np.ndarray:
     """The area of every triangle, (t,) m2."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Textured:
+def build_textured_mesh(scene: Scene, read_page: Callable[[int], np.ndarray]) -> TexturedMesh:
     """A block with the atlas pages (h, w, 3) uint8 that `read_page` gives."""
-    held = lru_cache(maxsize=PAGES_HELD)(read_page)
+    held = lru_cache(maxsize=MAX_CACHED_PAGES)(read_page)
     placement, mesh = scene.placement, scene.mesh
 
     def raster(chart: int) -> np.ndarray:
@@ -118,16 +118,16 @@ def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Text
         return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
 
     texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
-    return Textured(
+    return TexturedMesh(
         scene.charts,
-        part_of(mesh, shown_area(mesh) > SMALLEST_M2),
+        filter_triangles(mesh, triangle_areas(mesh) > MIN_TRIANGLE_M2),
         texels / placement.texels_per_metre[:, None],
         texels,
         raster,
     )
 
 
-def part_of(mesh: Mesh, keep: np.ndarray) -> Mesh:
+def filter_triangles(mesh: Mesh, keep: np.ndarray) -> Mesh:
     """A mesh with the triangles that `keep` (t,) bool holds; vertices stay as they are."""
     return Mesh(
         mesh.vertices, mesh.triangles[keep], mesh.chart[keep], mesh.vertex_chart, mesh.texture[keep], mesh.uv[keep]
@@ -135,12 +135,12 @@ def part_of(mesh: Mesh, keep: np.ndarray) -> Mesh:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PackedCharts:
     """Charts of one Textured laid out on pages: layout of `charts` (k,), and the JPEG of every page."""
 
-    source: Textured
+    source: TexturedMesh
     charts: np.ndarray
-    layout: Layout
+    layout: PageLayout
 
     def texture_coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Where points (n, 2), metres in their charts' frames, of charts (n,) lie on their page: (n, 2), 0 to 1, v down."""
@@ -150,14 +150,14 @@ class Drawn:
         return (corner + share * layout.size[place]) / layout.pages[layout.page[place]]
 
 
-def layout_of(source: Textured, charts: np.ndarray, scale: float = 1.0) -> Drawn:
+def pack_charts(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) -> PackedCharts:
     """Lay out charts (k,), ascending, at `scale` of their texels; neighbouring buildings share pages."""
     size = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
-    size = np.minimum(size, LARGEST_PAGE - 2 * GUTTER)
-    return Drawn(source, charts, lay_out(size, _by_place(source, charts)))
+    size = np.minimum(size, MAX_SHELF_PAGE_TEXELS - 2 * GUTTER_TEXELS)
+    return PackedCharts(source, charts, lay_out_shelves(size, _rank_by_place(source, charts)))
 
 
-def _by_place(source: Textured, charts: np.ndarray) -> np.ndarray:
+def _rank_by_place(source: TexturedMesh, charts: np.ndarray) -> np.ndarray:
     """A number for the building of each chart, for each piece of ground its own, that rises along a curve through the block."""
     if not len(charts):
         return np.zeros(0, np.int64)
@@ -167,11 +167,11 @@ def _by_place(source: Textured, charts: np.ndarray) -> np.ndarray:
     middle = np.stack([np.bincount(of, centre[:, k]) / np.bincount(of) for k in range(2)], axis=1)
     cell = ((middle - middle.min(axis=0)) / (np.ptp(middle, axis=0).max() + 1) * 65535).astype(np.int64)
     rank = np.empty(len(middle), np.int64)
-    rank[np.argsort(_interleaved(cell), kind="stable")] = np.arange(len(middle))
+    rank[np.argsort(_z_order(cell), kind="stable")] = np.arange(len(middle))
     return rank[of]
 
 
-def _interleaved(cell: np.ndarray) -> np.ndarray:
+def _z_order(cell: np.ndarray) -> np.ndarray:
     """Positions (n, 2) of 16 bits along the Z-order curve."""
     code = np.zeros(len(cell), np.int64)
     for bit in range(16):
@@ -180,41 +180,41 @@ def _interleaved(cell: np.ndarray) -> np.ndarray:
     return code
 
 
-def jpegs(drawn: Drawn) -> list[bytes]:
+def encode_pages(drawn: PackedCharts) -> list[bytes]:
     """Every page of a layout, encoded."""
-    return [page_jpeg(drawn, page) for page in range(len(drawn.layout.pages))]
+    return [encode_page(drawn, page) for page in range(len(drawn.layout.pages))]
 
 
-def page_jpeg(drawn: Drawn, page: int) -> bytes:
+def encode_page(drawn: PackedCharts, page: int) -> bytes:
     """A page of a layout, encoded."""
-    return encode(_page(drawn, page))
+    return encode_jpeg(_draw_base_colour(drawn, page))
 
 
-def page_pictures(drawn: Drawn, page: int) -> Pictures:
+def draw_page_images(drawn: PackedCharts, page: int) -> PageImages:
     """A page of a layout, with its maps where its source has them."""
-    maps, half = drawn.source.maps, halved(drawn.layout)
-    return Pictures(
-        _page(drawn, page),
-        None if maps is None else drawn_maps(drawn, page, lambda raster: draw_page(half, page, raster, GUTTER // 2)),
+    maps, half = drawn.source.maps, halve_layout(drawn.layout)
+    return PageImages(
+        _draw_base_colour(drawn, page),
+        None if maps is None else draw_page_maps(drawn, page, lambda raster: draw_page(half, page, raster, GUTTER_TEXELS // 2)),
     )
 
 
-def _page(drawn: Drawn, page: int) -> np.ndarray:
+def _draw_base_colour(drawn: PackedCharts, page: int) -> np.ndarray:
     def raster(i: int) -> np.ndarray:
         width, height = drawn.layout.size[i].tolist()
-        return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
+        return downscale(drawn.source.raster(int(drawn.charts[i])), (width, height))
 
     return draw_page(drawn.layout, page, raster)
 
 
-def drawn_maps(drawn: Drawn, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]) -> Maps:
+def draw_page_maps(drawn: PackedCharts, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]) -> PbrMaps:
     """The maps of a page; `draw` puts rasters of its pieces at half their texels on it."""
     assert drawn.source.maps is not None
     found: dict[int, tuple[np.ndarray | None, ...]] = {}
     for i in np.flatnonzero(drawn.layout.page == page).tolist():
         width, height = (-(-side // 2) for side in drawn.layout.size[i].tolist())
         maps = drawn.source.maps(int(drawn.charts[i]))
-        found[i] = tuple(None if one is None else scaled(one, (width, height)) for one in maps)
+        found[i] = tuple(None if one is None else downscale(one, (width, height)) for one in maps)
 
     def kind(number: int) -> np.ndarray | None:
         if all(one[number] is None for one in found.values()):
@@ -222,13 +222,13 @@ def drawn_maps(drawn: Drawn, page: int, draw: Callable[[Callable[[int], np.ndarr
         dark = lambda i: np.zeros_like(found[i][0])  # noqa: E731
         return draw(lambda i: dark(i) if (one := found[i][number]) is None else one)
 
-    normal, orm, glow = (kind(number) for number in range(3))
+    normal, orm, emissive = (kind(number) for number in range(3))
     assert normal is not None
     assert orm is not None
-    return Maps(normal, orm, glow)
+    return PbrMaps(normal, orm, emissive)
 
 
-def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> tuple[list[Node], np.ndarray]:
+def build_nodes(drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: ModelFrame) -> tuple[list[GltfNode], np.ndarray]:
     """One node per building, in their order, then the ground, from layouts whose pages follow one another.
 
     names: building -> name. Second, the least and greatest corner (2, 3) of the model in its frame, after glTF.
@@ -262,4 +262,4 @@ def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> 
             )
         before += len(part.layout.pages)
     owners = sorted(primitives, key=lambda owner: (owner < 0, owner))
-    return [Node(names.get(owner, GROUND_NODE), tuple(primitives[owner])) for owner in owners], np.array([low, high])
+    return [GltfNode(names.get(owner, GROUND_NODE), tuple(primitives[owner])) for owner in owners], np.array([low, high])

@@ -11,26 +11,26 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.errors import InputError
-from facade_core.export.models.glb import Node
-from facade_core.export.models.gltf_materials import DAY, NIGHT, STRENGTH
+from facade_core.export.models.glb import GltfNode
+from facade_core.export.models.gltf_materials import DAY, EMISSIVE_STRENGTH, NIGHT
 
 # A building's and the block's prims, and the names that customData has of ours.
-ROOT, NAMESPACE = "Block", "streetloom"
+ROOT_PRIM, NAMESPACE = "Block", "streetloom"
 # Plaster, stone and brick scatter light: of what has no map.
-ROUGHNESS, REFRACTION = 0.9, 1.5
+DEFAULT_ROUGHNESS, INDEX_OF_REFRACTION = 0.9, 1.5
 # What chooses between the looks of DAY and NIGHT.
-TIMES = "time"
+TIME_VARIANT_SET = "time"
 
 
 @dataclass(frozen=True)
-class PageFiles:
+class TextureFiles:
     """The asset paths of a page's pictures, from a building's stage: colour, and where it is lit normals; occlusion, roughness
     and metal; light at night, where any is."""
 
-    colour: str
+    base_colour: str
     normal: str | None = None
     orm: str | None = None
-    glow: str | None = None
+    emissive: str | None = None
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ZUpFrame:
         return world
 
 
-def usd_module() -> Any:
+def import_usd() -> Any:
     """The package pxr. Raises InputError with the remedy where it is not installed."""
     try:
         import pxr.Usd
@@ -57,29 +57,29 @@ def usd_module() -> Any:
     return pxr
 
 
-def write_building(
-    path: Path, node: Node, pages: Sequence[PageFiles], said: Mapping[str, Any], time: str | None = None
+def write_usd_building(
+    path: Path, node: GltfNode, pages: Sequence[TextureFiles], custom_data: Mapping[str, Any], time: str | None = None
 ) -> None:
     """A stage of one node: its meshes by page, and a material for each of these.
 
     said: what the prim says of itself, in customData; time: which of its variants DAY and NIGHT is shown, None where it has
     none.
     """
-    usd_module()
+    import_usd()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-    stage = _stage(path)
-    name = identifier(node.name)
+    stage = _create_stage(path)
+    name = prim_identifier(node.name)
     prim = UsdGeom.Xform.Define(stage, f"/{name}").GetPrim()
     stage.SetDefaultPrim(prim)
     Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
     prim.SetDisplayName(node.name)
-    for key, value in said.items():
+    for key, value in custom_data.items():
         if value is not None:
             prim.SetCustomDataByKey(f"{NAMESPACE}:{key}", value)
     for primitive in node.primitives:
-        material = _material(stage, f"/{name}/Looks/page_{primitive.picture}", pages[primitive.picture])
-        mesh = UsdGeom.Mesh.Define(stage, f"/{name}/page_{primitive.picture}")
+        material = _define_material(stage, f"/{name}/Looks/page_{primitive.material}", pages[primitive.material])
+        mesh = UsdGeom.Mesh.Define(stage, f"/{name}/page_{primitive.material}")
         points = primitive.position.astype(np.float32)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
         mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(primitive.normal, np.float32)))
@@ -95,40 +95,40 @@ def write_building(
         place.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv)))
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     if time:
-        _by_time(prim, time, {NIGHT: lambda: _shine(stage, name, node, pages)})
+        _add_time_variants(prim, time, {NIGHT: lambda: _connect_emissive(stage, name, node, pages)})
     stage.GetRootLayer().Save()
 
 
-def write_block(
-    path: Path, parts: Mapping[str, str], said: Mapping[str, Any], comment: str, time: str | None = None
+def write_usd_block(
+    path: Path, parts: Mapping[str, str], custom_data: Mapping[str, Any], comment: str, time: str | None = None
 ) -> None:
     """A stage that references those of its parts: name -> the asset path, from the stage's folder. said: in the layer's
     customLayerData; comment: the layer's, whom to name; time: which variant all of them show, None where they have none."""
-    usd_module()
+    import_usd()
     from pxr import Kind, Usd, UsdGeom
 
-    stage = _stage(path)
-    block = UsdGeom.Xform.Define(stage, f"/{ROOT}").GetPrim()
+    stage = _create_stage(path)
+    block = UsdGeom.Xform.Define(stage, f"/{ROOT_PRIM}").GetPrim()
     stage.SetDefaultPrim(block)
     Usd.ModelAPI(block).SetKind(Kind.Tokens.group)
     layer = stage.GetRootLayer()
     layer.comment = comment
-    layer.customLayerData = {NAMESPACE: dict(said)}
+    layer.customLayerData = {NAMESPACE: dict(custom_data)}
     for name, asset in parts.items():
-        UsdGeom.Xform.Define(stage, f"/{ROOT}/{identifier(name)}").GetPrim().GetReferences().AddReference(asset)
+        UsdGeom.Xform.Define(stage, f"/{ROOT_PRIM}/{prim_identifier(name)}").GetPrim().GetReferences().AddReference(asset)
     if time:
 
         def choose(one: str) -> None:
             for prim in block.GetChildren():
-                prim.GetVariantSets().SetSelection(TIMES, one)
+                prim.GetVariantSets().SetSelection(TIME_VARIANT_SET, one)
 
-        _by_time(block, time, {one: partial(choose, one) for one in (DAY, NIGHT)})
+        _add_time_variants(block, time, {one: partial(choose, one) for one in (DAY, NIGHT)})
     layer.Save()
 
 
-def write_package(folder: Path, names: Sequence[str], path: Path) -> None:
+def write_usd_package(folder: Path, names: Sequence[str], path: Path) -> None:
     """Files of a folder, by their paths in it, as one .usdz file; the first is the stage that it opens."""
-    usd_module()
+    import_usd()
     from pxr import Sdf
 
     with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
@@ -136,13 +136,13 @@ def write_package(folder: Path, names: Sequence[str], path: Path) -> None:
             package.AddFile(str(folder / name), name)
 
 
-def identifier(name: str) -> str:
+def prim_identifier(name: str) -> str:
     """A name as a prim may have it: what it cannot have as its code, so that no two names become one."""
     found = "".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}_" for c in name)
     return found if found[:1].isalpha() else f"_{found}"
 
 
-def _stage(path: Path) -> Any:
+def _create_stage(path: Path) -> Any:
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateNew(str(path))
@@ -151,18 +151,18 @@ def _stage(path: Path) -> Any:
     return stage
 
 
-def _by_time(prim: Any, first: str, said: Mapping[str, Callable[[], None]]) -> None:
+def _add_time_variants(prim: Any, first: str, edits: Mapping[str, Callable[[], None]]) -> None:
     """Variants DAY and NIGHT of a prim, `first` of which is shown; what each says is written while it is edited."""
-    variants = prim.GetVariantSets().AddVariantSet(TIMES)
+    variants = prim.GetVariantSets().AddVariantSet(TIME_VARIANT_SET)
     for name in (DAY, NIGHT):
         variants.AddVariant(name)
         variants.SetVariantSelection(name)
         with variants.GetVariantEditContext():
-            said.get(name, lambda: None)()
+            edits.get(name, lambda: None)()
     variants.SetVariantSelection(first)
 
 
-def _material(stage: Any, path: str, page: PageFiles) -> Any:
+def _define_material(stage: Any, path: str, page: TextureFiles) -> Any:
     """A UsdPreviewSurface that shows a page's colour, and takes light as its maps say."""
     from pxr import Sdf, UsdShade
 
@@ -173,38 +173,38 @@ def _material(stage: Any, path: str, page: PageFiles) -> Any:
     place = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
     kinds = Sdf.ValueTypeNames
     surface.CreateIdAttr("UsdPreviewSurface")
-    colour = _texture(stage, f"{path}/colour", page.colour, place, "sRGB")
+    colour = _define_texture(stage, f"{path}/colour", page.base_colour, place, "sRGB")
     surface.CreateInput("diffuseColor", kinds.Color3f).ConnectToSource(colour.CreateOutput("rgb", kinds.Float3))
     if page.normal and page.orm:
-        normal = _texture(stage, f"{path}/normal", page.normal, place, "raw", scale=2.0, bias=-1.0)
+        normal = _define_texture(stage, f"{path}/normal", page.normal, place, "raw", scale=2.0, bias=-1.0)
         surface.CreateInput("normal", kinds.Normal3f).ConnectToSource(normal.CreateOutput("rgb", kinds.Float3))
-        orm = _texture(stage, f"{path}/orm", page.orm, place, "raw")
+        orm = _define_texture(stage, f"{path}/orm", page.orm, place, "raw")
         for channel, name in zip("rgb", ("occlusion", "roughness", "metallic"), strict=True):
             surface.CreateInput(name, kinds.Float).ConnectToSource(orm.CreateOutput(channel, kinds.Float))
     else:
-        surface.CreateInput("roughness", kinds.Float).Set(ROUGHNESS)
+        surface.CreateInput("roughness", kinds.Float).Set(DEFAULT_ROUGHNESS)
         surface.CreateInput("metallic", kinds.Float).Set(0.0)
-    surface.CreateInput("ior", kinds.Float).Set(REFRACTION)
+    surface.CreateInput("ior", kinds.Float).Set(INDEX_OF_REFRACTION)
     out = surface.CreateOutput("surface", kinds.Token)
     material.CreateSurfaceOutput().ConnectToSource(out)
     return material
 
 
-def _shine(stage: Any, name: str, node: Node, pages: Sequence[PageFiles]) -> None:
+def _connect_emissive(stage: Any, name: str, node: GltfNode, pages: Sequence[TextureFiles]) -> None:
     """Windows give light."""
     from pxr import Sdf, UsdShade
 
     for primitive in node.primitives:
-        path, glow = f"/{name}/Looks/page_{primitive.picture}", pages[primitive.picture].glow
-        if glow:
+        path, emissive = f"/{name}/Looks/page_{primitive.material}", pages[primitive.material].emissive
+        if emissive:
             place = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
-            texture = _texture(stage, f"{path}/glow", glow, place, "sRGB", scale=STRENGTH)
+            texture = _define_texture(stage, f"{path}/glow", emissive, place, "sRGB", scale=EMISSIVE_STRENGTH)
             surface = UsdShade.Shader.Get(stage, f"{path}/surface")
             lit = surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Color3f)
             lit.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
 
 
-def _texture(
+def _define_texture(
     stage: Any, path: str, picture: str, place: Any, space: str, *, scale: float = 1.0, bias: float = 0.0
 ) -> Any:
     """What reads a picture where `place` says, as numbers of a colour space, times `scale` and `bias` more."""

@@ -12,7 +12,7 @@ from facade_core.export.city_models.attribution import Attribution
 
 
 @dataclass(frozen=True)
-class Annotated:
+class AnnotatedFacade:
     """A rectified facade: its id, its picture's file, width and height in pixels, the side of one in metres, and its elements
     in pixels, y down."""
 
@@ -23,7 +23,7 @@ class Annotated:
     metres_per_pixel: float
     elements: Sequence[Element]
 
-    def clipped(self) -> list[Element]:
+    def clip_elements(self) -> list[Element]:
         """The elements that lie in the picture, cut at its border."""
         found = [
             Element(e.label, max(e.x0, 0), max(e.y0, 0), min(e.x1, self.width), min(e.y1, self.height), e.confidence)
@@ -32,12 +32,12 @@ class Annotated:
         return [e for e in found if e.width > 0 and e.height > 0]
 
 
-def coco(facades: Sequence[Annotated], description: str, attribution: Attribution) -> dict[str, Any]:
+def coco_document(facades: Sequence[AnnotatedFacade], description: str, attribution: Attribution) -> dict[str, Any]:
     """A COCO object detection document. Categories have the class ids of facade_core.core.labels; `score` is the parser's
     confidence."""
     annotations: list[dict[str, Any]] = []
     for image, facade in enumerate(facades, start=1):
-        for e in facade.clipped():
+        for e in facade.clip_elements():
             corners = (e.x0, e.y0, e.x1, e.y0, e.x1, e.y1, e.x0, e.y1)
             annotations.append(
                 {
@@ -55,8 +55,8 @@ def coco(facades: Sequence[Annotated], description: str, attribution: Attributio
         "info": {
             "description": description,
             "contributor": attribution.line,
-            **({"date_created": attribution.made} if attribution.made else {}),
-            "attribution": attribution.value(),
+            **({"date_created": attribution.production_date} if attribution.production_date else {}),
+            "attribution": attribution.to_json(),
         },
         "licenses": [{"id": i, "name": name} for i, name in enumerate(attribution.licences, start=1)],
         "images": [
@@ -78,7 +78,7 @@ def coco(facades: Sequence[Annotated], description: str, attribution: Attributio
     }
 
 
-def labelme(facade: Annotated, attribution: Attribution) -> dict[str, Any]:
+def labelme_document(facade: AnnotatedFacade, attribution: Attribution) -> dict[str, Any]:
     """The LabelMe file of one facade, beside its picture; LabelMe keeps what else it finds there: whom to name, and which
     facade it is."""
     return {
@@ -93,12 +93,12 @@ def labelme(facade: Annotated, attribution: Attribution) -> dict[str, Any]:
                 "shape_type": "rectangle",
                 "flags": {},
             }
-            for e in facade.clipped()
+            for e in facade.clip_elements()
         ],
         "imagePath": facade.file,
         "imageData": None,
         "imageHeight": facade.height,
         "imageWidth": facade.width,
         "facade": facade.facade,
-        "attribution": attribution.value(),
+        "attribution": attribution.to_json(),
     }

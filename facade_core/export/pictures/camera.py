@@ -12,22 +12,22 @@ from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 
 # Free space around the block in the aerial picture.
-FRAME = 1.04
+AERIAL_MARGIN = 1.04
 # Width of the panoramas by which a street's viewpoint is chosen.
-WIDE = 64
+SEARCH_WIDTH_PX = 64
 # What is nearer counts less, in proportion, and so does a street that ends nearer: a wall at its end fills the picture and
 # shows little.
-FAR_M, OPEN_M = 30.0, 60.0
+FULL_WORTH_DISTANCE_M, OPEN_STREET_M = 30.0, 60.0
 # Height of the eyes of who walks; how far aside of the street a picture of it looks, degrees, and how far up.
-EYE_M, ASIDE, UP = 1.7, 40.0, 7.0
+EYE_HEIGHT_M, STREET_YAW_DEG, STREET_PITCH_DEG = 1.7, 40.0, 7.0
 # From where a close-up looks at a facade's foot: metres before it and aside, and the height that it looks at.
-BEFORE_M, BESIDE_M, LOOKED_AT_M = 8.0, 6.0, 3.4
+CLOSE_UP_DISTANCE_M, CLOSE_UP_OFFSET_M, CLOSE_UP_TARGET_M = 8.0, 6.0, 3.4
 # Facades that are tried for the close-up: something may stand before one.
-TRIED = 12
+MAX_CLOSE_UPS_TRIED = 12
 
 
 @dataclass(frozen=True)
-class Camera:
+class PerspectiveCamera:
     """A pinhole camera: position and target (3,) metres, horizontal field of view in degrees, size = (height, width)."""
 
     position: np.ndarray
@@ -36,9 +36,9 @@ class Camera:
     size: tuple[int, int]
 
     @classmethod
-    def towards(
+    def from_heading(
         cls, position: np.ndarray, *, heading: float, pitch: float, field_of_view: float, size: tuple[int, int]
-    ) -> Camera:
+    ) -> PerspectiveCamera:
         """At a position (3,), looking along a heading, degrees clockwise from the grid's north, and a pitch, degrees up."""
         turn, rise = np.radians(heading), np.radians(pitch)
         ahead = np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
@@ -47,7 +47,7 @@ class Camera:
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
         """World unit directions through the centres of all pixels, or those of some rows, (h, w, 3)."""
         height, width = self.size
-        forward, right, down, focal = self.frame()
+        forward, right, down, focal = self.axes()
         x = (np.arange(width) + 0.5 - width / 2) / focal
         y = (np.arange(height)[rows] + 0.5 - height / 2) / focal
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
@@ -57,14 +57,14 @@ class Camera:
         """Which polygons, by their corners (n, k, 3), are not wholly beside the picture or behind the camera, (n,) bool: none
         that the picture shows is missed."""
         height, width = self.size
-        forward, right, down, focal = self.frame()
+        forward, right, down, focal = self.axes()
         ahead, across, along = ((corners - self.position) @ axis for axis in (forward, right, down))
         outside = (ahead <= 0).all(axis=1)
         for beside, half in ((across, width / 2 / focal), (along, height / 2 / focal)):
             outside |= (beside > ahead * half).all(axis=1) | (-beside > ahead * half).all(axis=1)
         return ~outside
 
-    def frame(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Unit vectors ahead, to the right and down, (3,) each, and the focal length in pixels."""
         forward = self.target - self.position
         forward = forward / np.linalg.norm(forward)
@@ -74,21 +74,21 @@ class Camera:
         return forward, right, np.cross(forward, right), float(focal)
 
 
-def aerial(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None) -> Camera:
+def aerial_camera(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None) -> PerspectiveCamera:
     """The block from above, obliquely, with the whole of its buildings in view: from the south-west, or from the side that
     shows most of what is worth seeing (per chart and area)."""
     built = scene.charts.building[scene.mesh.vertex_chart] >= 0
     points = scene.mesh.vertices[built] if built.any() else scene.mesh.vertices
     target = (points.min(axis=0) + points.max(axis=0)) / 2
-    sides = [np.array([*(turn @ (-0.45, -0.62)), 0.64]) for turn in map(_turn, range(8))]
-    seen = [0.0 if worth is None else _shown(scene, side, worth) for side in sides]
+    sides = [np.array([*(turn @ (-0.45, -0.62)), 0.64]) for turn in map(_rotation, range(8))]
+    seen = [0.0 if worth is None else _visible_worth(scene, side, worth) for side in sides]
     away = sides[int(np.argmax(seen))]
     away /= np.linalg.norm(away)
     right = np.cross(-away, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(away, right)
     field_of_view = 38.0
-    half_width = np.tan(np.radians(field_of_view) / 2) / FRAME
+    half_width = np.tan(np.radians(field_of_view) / 2) / AERIAL_MARGIN
     half_height = half_width * size[0] / size[1]
     for _ in range(8):  # the nearer side spreads more, so the middle of the picture is found by steps
         relative = points - target
@@ -97,55 +97,55 @@ def aerial(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None)
         depth = distance - nearer
         middle = [(np.ptp(s) / 2 + s.min()) * distance for s in (across / depth, along / depth)]
         target = target + middle[0] * right + middle[1] * up
-    return Camera(target + away * distance, target, field_of_view, size)
+    return PerspectiveCamera(target + away * distance, target, field_of_view, size)
 
 
-def _turn(eighth: int) -> np.ndarray:
+def _rotation(eighth: int) -> np.ndarray:
     """A rotation of the plane by so many eighths of a full turn."""
     angle = eighth * np.pi / 4
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def _shown(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
+def _visible_worth(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
     charts = scene.charts
-    return float((worth * charts.size.prod(axis=1) * np.clip(charts.normal() @ side, 0, None)).sum())
+    return float((worth * charts.size.prod(axis=1) * np.clip(charts.normals() @ side, 0, None)).sum())
 
 
-def street_level(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray) -> Camera:
+def street_camera(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray) -> PerspectiveCamera:
     """As who walks along a street sees its one side, ASIDE of the way ahead or back: from the viewpoint and in the direction
     that show most of what is worth seeing (per chart)."""
-    rows, columns = slice(WIDE // 8, WIDE // 4), slice(WIDE * 3 // 8, WIDE * 5 // 8)
+    rows, columns = slice(SEARCH_WIDTH_PX // 8, SEARCH_WIDTH_PX // 4), slice(SEARCH_WIDTH_PX * 3 // 8, SEARCH_WIDTH_PX * 5 // 8)
     best, found = -1.0, (viewpoints[0], 0.0)
     for viewpoint in viewpoints:
-        _, depth, chart = scene.look(viewpoint, WIDE)
-        value = np.where(chart >= 0, worth[chart] * np.clip(depth / FAR_M, 0.0, 1.0), 0.0)
+        _, depth, chart = scene.cast_panorama(viewpoint, SEARCH_WIDTH_PX)
+        value = np.where(chart >= 0, worth[chart] * np.clip(depth / FULL_WORTH_DISTANCE_M, 0.0, 1.0), 0.0)
         for along in (0, 180):
-            middle = WIDE // 2 - round(along / 360 * WIDE)
-            end = depth[WIDE // 4 - 1, (middle - 1, middle)].min()
-            for turn in (along - ASIDE, along + ASIDE):
-                shown = np.roll(value, -round(turn / 360 * WIDE), axis=1)
-                if (score := float(shown[rows, columns].mean() * min(1.0, end / OPEN_M))) > best:
+            middle = SEARCH_WIDTH_PX // 2 - round(along / 360 * SEARCH_WIDTH_PX)
+            end = depth[SEARCH_WIDTH_PX // 4 - 1, (middle - 1, middle)].min()
+            for turn in (along - STREET_YAW_DEG, along + STREET_YAW_DEG):
+                shown = np.roll(value, -round(turn / 360 * SEARCH_WIDTH_PX), axis=1)
+                if (score := float(shown[rows, columns].mean() * min(1.0, end / OPEN_STREET_M))) > best:
                     best, found = score, (viewpoint, turn)
     viewpoint, turn = found
     heading = float(np.degrees(np.arctan2(*viewpoint.forward))) + turn
-    return Camera.towards(
-        at_eye_height(scene, viewpoint.position), heading=heading, pitch=UP, field_of_view=75.0, size=size
+    return PerspectiveCamera.from_heading(
+        lower_to_eye_height(scene, viewpoint.position), heading=heading, pitch=STREET_PITCH_DEG, field_of_view=75.0, size=size
     )
 
 
-def close_up(scene: Scene, facades: np.ndarray, size: tuple[int, int], worth: np.ndarray) -> Camera:
+def close_up_camera(scene: Scene, facades: np.ndarray, size: tuple[int, int], worth: np.ndarray) -> PerspectiveCamera:
     """At the foot of the facade (charts (n,), at least one) that is most worth seeing (per chart and area), aslant from the
     pavement: of those with nothing before them, or the first."""
     charts = scene.charts
-    order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][:TRIED]
+    order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][:MAX_CLOSE_UPS_TRIED]
     found = None
     for chart in order.tolist():
         width, height = charts.size[chart]
         foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
-        looked_at = foot + np.array([0.0, 0.0, min(LOOKED_AT_M, height / 2)])
-        for aside in (BESIDE_M, -BESIDE_M):
-            place = foot + BEFORE_M * charts.normal()[chart] + aside * charts.axis_u[chart] + [0.0, 0.0, 3.0]
-            camera = Camera(at_eye_height(scene, place), looked_at, 62.0, size)
+        looked_at = foot + np.array([0.0, 0.0, min(CLOSE_UP_TARGET_M, height / 2)])
+        for aside in (CLOSE_UP_OFFSET_M, -CLOSE_UP_OFFSET_M):
+            place = foot + CLOSE_UP_DISTANCE_M * charts.normals()[chart] + aside * charts.axis_u[chart] + [0.0, 0.0, 3.0]
+            camera = PerspectiveCamera(lower_to_eye_height(scene, place), looked_at, 62.0, size)
             found = found or camera
             _, hit = scene.caster.cast(camera.position, (looked_at - camera.position)[None])
             if hit[0] == chart:
@@ -154,7 +154,7 @@ def close_up(scene: Scene, facades: np.ndarray, size: tuple[int, int], worth: np
     return found
 
 
-def at_eye_height(scene: Scene, place: np.ndarray) -> np.ndarray:
+def lower_to_eye_height(scene: Scene, place: np.ndarray) -> np.ndarray:
     """A place (3,) lowered to EYE_M above the ground below it; as it is where there is none."""
     depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
-    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - EYE_M]
+    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - EYE_HEIGHT_M]

@@ -9,12 +9,12 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 
 # A pixel that is so many times longer on a surface than it is wide takes as many places along it, at most.
-LONGEST = 12
+MAX_ANISOTROPY = 12
 # A surface seen more aslant than this (sine) counts as if it were seen so.
-GRAZING = 0.01
+MIN_GRAZING_SINE = 0.01
 
 
-class Levels(NamedTuple):
+class MipPyramid(NamedTuple):
     """A raster (h, w, 3) uint8 and halves of it, each the means of the one before: texels (k, 3), one raster after the other;
     first, rows, columns (levels,)."""
 
@@ -24,7 +24,7 @@ class Levels(NamedTuple):
     columns: np.ndarray
 
 
-class Pinhole(NamedTuple):
+class PinholeCamera(NamedTuple):
     """A camera as kernels read it: position, and unit axes ahead, right and down (3,) each; focal length, width and height in
     pixels."""
 
@@ -37,8 +37,8 @@ class Pinhole(NamedTuple):
     height: int
 
 
-def levels_of(raster: np.ndarray, coarsest: float) -> Levels:
-    """A raster (h, w, 3) uint8 with halves of it down to where a texel is at least `coarsest` of its own wide."""
+def build_mip_pyramid(raster: np.ndarray, coarsest: float) -> MipPyramid:
+    """A raster (h, w, 3) uint8 with halves of it down to where a texel is at least `min_texel_density` of its own wide."""
     import cv2
 
     levels = [raster]
@@ -48,19 +48,19 @@ def levels_of(raster: np.ndarray, coarsest: float) -> Levels:
     shapes = np.array([level.shape[:2] for level in levels])
     area = shapes.prod(axis=1)
     texels = np.concatenate([level.reshape(-1, 3) for level in levels])
-    return Levels(texels, np.cumsum(area) - area, shapes[:, 0].copy(), shapes[:, 1].copy())
+    return MipPyramid(texels, np.cumsum(area) - area, shapes[:, 0].copy(), shapes[:, 1].copy())
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def paint(
+def paint_pixels(
     rgb: np.ndarray,
     pixel: np.ndarray,
     depth: np.ndarray,
-    pinhole: Pinhole,
+    pinhole: PinholeCamera,
     origin: np.ndarray,
     axes: np.ndarray,
     density: np.ndarray,
-    levels: Levels,
+    levels: MipPyramid,
 ) -> None:
     """Draw, in place, the pixels (k,) of rgb (n, 3) uint8 that show a chart, at distances (k,) from the camera.
 
@@ -80,7 +80,7 @@ def paint(
             u += (away[i] + t * ray) * axes[0, i]
             v += (away[i] + t * ray) * axes[1, i]
             slant += ray * axes[2, i]
-        least = GRAZING * long
+        least = MIN_GRAZING_SINE * long
         slant = min(slant, -least) if slant < 0 else max(slant, least)
         # how the place moves with a step of a pixel to the right and down
         along_right, along_down = 0.0, 0.0
@@ -104,8 +104,8 @@ def paint(
             major, minor, du, dv = wide, high, ux, vx
         else:
             major, minor, du, dv = high, wide, uy, vy
-        across = max(minor, major / LONGEST, 1e-6)
-        count = min(max(int(np.ceil(major / max(across, 1.0))), 1), LONGEST)
+        across = max(minor, major / MAX_ANISOTROPY, 1e-6)
+        count = min(max(int(np.ceil(major / max(across, 1.0))), 1), MAX_ANISOTROPY)
         level = np.log2(max(across, 1.0))
         lower = min(int(level), len(levels.first) - 1)
         upper = min(lower + 1, len(levels.first) - 1)
@@ -125,7 +125,7 @@ def paint(
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _bilinear(levels: Levels, level: int, u: float, v: float) -> tuple[float, float, float]:
+def _bilinear(levels: MipPyramid, level: int, u: float, v: float) -> tuple[float, float, float]:
     """A level's colour at a place of the raster, in texels of its own size."""
     rows, columns, first = levels.rows[level], levels.columns[level], levels.first[level]
     x = min(max(u * columns / levels.columns[0] - 0.5, 0.0), columns - 1.0)

@@ -7,12 +7,12 @@ import numpy as np
 from facade_core.core.types import Box
 
 # Pixels to a side of the squares in which what hides a wall is shown.
-MOSAIC = 12
+MOSAIC_PX = 12
 # Side in pixels of what is shown of a picture as given.
-LONGEST_PREVIEW = 640
+MAX_PREVIEW_PX = 640
 
 
-def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+def overlay_occlusion(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """An image with what hides the wall tinted red and so coarse that no face or number can be read, (h, w, 3) uint8."""
     tinted = image.copy()
     tinted[hidden] = (0.45 * _mosaic(image)[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
@@ -23,22 +23,22 @@ def _mosaic(image: np.ndarray) -> np.ndarray:
     import cv2
 
     height, width = image.shape[:2]
-    few = (max(1, width // MOSAIC), max(1, height // MOSAIC))
+    few = (max(1, width // MOSAIC_PX), max(1, height // MOSAIC_PX))
     coarse = cv2.resize(image, few, interpolation=cv2.INTER_AREA)
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def draw_cut(image: np.ndarray, hidden: np.ndarray, box: Box) -> np.ndarray:
+def draw_crop(image: np.ndarray, hidden: np.ndarray, box: Box) -> np.ndarray:
     """A picture (h, w, 3) uint8 as it was given, LONGEST_PREVIEW pixels at most: dark and coarse outside the box
     (x0, y0, x1, y1) that was taken of it, and tinted where hidden, (h, w) bool of the box, says that it was made anew."""
     import cv2
 
-    scale = min(1.0, LONGEST_PREVIEW / max(image.shape[:2]))
+    scale = min(1.0, MAX_PREVIEW_PX / max(image.shape[:2]))
     height, width = (max(1, round(length * scale)) for length in image.shape[:2])
     small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     x0, y0, x1, y1 = (round(at * scale) for at in box)
     x1, y1 = min(width, max(x1, x0 + 1)), min(height, max(y1, y0 + 1))
     tinted = cv2.resize(hidden.astype(np.uint8), (x1 - x0, y1 - y0), interpolation=cv2.INTER_NEAREST) == 1
     drawn = _mosaic(small) // 4
-    drawn[y0:y1, x0:x1] = overlay_hidden(small[y0:y1, x0:x1], tinted)
+    drawn[y0:y1, x0:x1] = overlay_occlusion(small[y0:y1, x0:x1], tinted)
     return drawn

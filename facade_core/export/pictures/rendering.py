@@ -14,36 +14,36 @@ from facade_core.core.grouping import RowIndex
 from facade_core.core.labels import CLASSES, COLOURS, colourise
 from facade_core.core.types import Lattice
 from facade_core.export.pictures import filtering
-from facade_core.export.pictures.camera import Camera
+from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sky import HAZE_M, HORIZON_COLOUR, backdrop_colour
 
 # An element of which more than this share was hidden is one that the completion made.
-COMPLETED = 0.3
+MIN_COMPLETED_SHARE = 0.3
 # Layouts are drawn at least so many pixels high: lines over small facades stay thin.
-LAYOUT_HEIGHT = 480
+MIN_LAYOUT_HEIGHT_PX = 480
 # Pixels that are cast, or hazed, together: few enough that what is made of them on the way stays below what malloc gives back
 # to the system (`flows.memory`). Pages that are mapped anew for every intermediate array took half of a picture's time.
-AT_ONCE = 1 << 15
+MAX_BATCH_PIXELS = 1 << 15
 
 
 @dataclass(frozen=True)
-class Picture:
+class RenderedView:
     """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for the rasters of their charts.
 
     scene and camera: what is seen, and from where; pixel (k,) flat index; chart (k,); depth (k,) float32, metres.
     """
 
     scene: Scene
-    camera: Camera
+    camera: PerspectiveCamera
     rgb: np.ndarray
     pixel: np.ndarray
     chart: np.ndarray
     depth: np.ndarray
 
     @cached_property
-    def seen(self) -> np.ndarray:
+    def visible_charts(self) -> np.ndarray:
         """The charts (c,) that it shows, ascending."""
         return np.unique(self.chart)
 
@@ -51,10 +51,10 @@ class Picture:
         """Draw, in place, the pixels that show some charts, by their rasters (h, w, 3), which may be coarser than the atlas:
         bilinear, and by the means of what a pixel covers where that is more than a texel."""
         charts, place = self.scene.charts, self.scene.placement
-        ahead, right, down, focal = self.camera.frame()
+        ahead, right, down, focal = self.camera.axes()
         height, width = self.camera.size
-        pinhole = filtering.Pinhole(self.camera.position, ahead, right, down, focal, width, height)
-        axes = np.stack([charts.axis_u, charts.axis_v, charts.normal()], axis=1)
+        pinhole = filtering.PinholeCamera(self.camera.position, ahead, right, down, focal, width, height)
+        axes = np.stack([charts.axis_u, charts.axis_v, charts.normals()], axis=1)
         for chart, raster in rasters.items():
             here = self._by_chart.rows_with(chart)
             if not len(here):
@@ -62,15 +62,15 @@ class Picture:
             depth = self.depth[here]
             share = np.array(raster.shape[1::-1]) / (place.width[chart], place.height[chart])
             density = place.texels_per_metre[chart] * share
-            levels = filtering.levels_of(raster, float(depth.max() / focal * density.max()) * filtering.LONGEST)
+            levels = filtering.build_mip_pyramid(raster, float(depth.max() / focal * density.max()) * filtering.MAX_ANISOTROPY)
             flat = self.rgb.reshape(-1, 3)
-            filtering.paint(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)
+            filtering.paint_pixels(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)
 
-    def hazed(self) -> np.ndarray:
+    def apply_haze(self) -> np.ndarray:
         """The painted picture with the haze between what is nearest and what is far, (h, w, 3) uint8."""
         nearest = self.depth.min(initial=np.inf)
         drawn = self.rgb.copy().reshape(-1, 3)
-        for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // AT_ONCE):
+        for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // MAX_BATCH_PIXELS):
             share = (1 - np.exp((nearest - self.depth[some]) / HAZE_M))[:, None].astype(np.float32)
             here = self.pixel[some]
             drawn[here] = (drawn[here] * (1 - share) + HORIZON_COLOUR.astype(np.float32) * share + 0.5).astype(np.uint8)
@@ -81,13 +81,13 @@ class Picture:
         return RowIndex(self.chart)
 
 
-def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
+def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> RenderedView:
     """What every pixel shows, and how far away. Rays are `samples` times denser per axis; average the picture down after
     painting."""
     size = (camera.size[0] * samples, camera.size[1] * samples)
     dense = replace(camera, size=size)
     depth, chart, rgb = np.empty(size, np.float32), np.empty(size, np.int32), np.zeros((*size, 3), np.uint8)
-    band = max(1, AT_ONCE // size[1])
+    band = max(1, MAX_BATCH_PIXELS // size[1])
     for top in range(0, size[0], band):
         rows = slice(top, top + band)
         rays = dense.rays(rows)
@@ -95,26 +95,26 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
         missed = chart[rows] == MISS
         rgb[rows][missed] = backdrop_colour(rays[missed])
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
-    return Picture(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
+    return RenderedView(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
 
 
-def perspective(scene: Scene, camera: Camera, raster: Callable[[int], np.ndarray], *, samples: int = 2) -> np.ndarray:
+def render_perspective(scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], np.ndarray], *, samples: int = 2) -> np.ndarray:
     """The textured block as a camera sees it, (h, w, 3) uint8: filtered, with sky and haze.
 
-    raster gives the raster (h, w, 3) uint8 of a chart; that of published pages is `textured_scene(scene, page).raster`, as
+    raster gives the raster (h, w, 3) uint8 of a chart; that of published pages is `build_textured_mesh(scene, page).raster`, as
     `tasks.published.opened.published(out)` has it:
 
         with published(out) as found:
-            camera = Camera.towards(position, heading=40, pitch=3, field_of_view=75, size=(900, 1440))
+            camera = PerspectiveCamera.from_heading(position, heading=40, pitch=3, field_of_view=75, size=(900, 1440))
             rgb = perspective(found.plan.scene, camera, found.textured.raster)
     """
-    picture = aim(scene, camera, samples=samples)
-    for chart in picture.seen[np.argsort(scene.placement.page[picture.seen], kind="stable")].tolist():
+    picture = cast_view(scene, camera, samples=samples)
+    for chart in picture.visible_charts[np.argsort(scene.placement.page[picture.visible_charts], kind="stable")].tolist():
         picture.paint({chart: raster(chart)})
-    return averaged(picture.hazed(), samples)
+    return average_samples(picture.apply_haze(), samples)
 
 
-def averaged(rgb: np.ndarray, samples: int) -> np.ndarray:
+def average_samples(rgb: np.ndarray, samples: int) -> np.ndarray:
     """A picture (h * samples, w * samples, 3) as means of its samples, (h, w, 3) uint8."""
     import cv2
 
@@ -122,7 +122,7 @@ def averaged(rgb: np.ndarray, samples: int) -> np.ndarray:
     return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
 
 
-def file_of(rgb: np.ndarray, format: str, **options: int) -> bytes:
+def encode_image(rgb: np.ndarray, format: str, **options: int) -> bytes:
     """A picture (h, w, 3) uint8 as a file of a format and with options of Pillow."""
     from PIL import Image
 
@@ -131,7 +131,7 @@ def file_of(rgb: np.ndarray, format: str, **options: int) -> bytes:
     return buffer.getvalue()
 
 
-def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
+def draw_parse(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
     """A parse in its colours with the lattice's split lines over it, (h, w, 3) uint8."""
     drawn = colourise(label_map)
     height, width = label_map.shape
@@ -149,13 +149,13 @@ def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequen
     """
     import cv2
 
-    times = max(1, -(-LAYOUT_HEIGHT // image.shape[0]))
+    times = max(1, -(-MIN_LAYOUT_HEIGHT_PX // image.shape[0]))
     drawn = np.repeat(np.repeat(image, times, axis=0), times, axis=1)
     for name, *box, _ in elements:
         x0, y0, x1, y1 = (round(value) for value in box)
         colour = COLOURS[CLASSES.index(name)] if name in CLASSES else np.full(3, 128, np.uint8)
         part = hidden[max(0, y0) : y1, max(0, x0) : x1]
-        if part.size and part.mean() > COMPLETED:
+        if part.size and part.mean() > MIN_COMPLETED_SHARE:
             area = drawn[max(0, y0) * times : y1 * times, max(0, x0) * times : x1 * times]
             area[:] = (0.45 * area + 0.55 * colour).astype(np.uint8)
         cv2.rectangle(drawn, (x0 * times, y0 * times), (x1 * times - 1, y1 * times - 1), colour.tolist(), 2)

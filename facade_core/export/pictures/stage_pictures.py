@@ -17,21 +17,21 @@ from facade_core.core.errors import StoreError
 from facade_core.core.labels import colourise
 from facade_core.core.types import Lattice
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.occlusion_overlay import overlay_hidden
-from facade_core.export.pictures.rendering import draw_facade, draw_layout
+from facade_core.export.pictures.occlusion_overlay import overlay_occlusion
+from facade_core.export.pictures.rendering import draw_layout, draw_parse
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.geometry.chart_packing import Placement
 
 # The name of the one stage that the report has of every facade.
-TEXTURE = "result"
+TEXTURE_STAGE = "result"
 # Levels of the hierarchy that the report draws.
-LEVELS_SHOWN = 3
+MAX_REPORT_LEVELS = 3
 # Sampled variations: the seeds of those that the report draws, as their files sort, and of the one that the viewer does.
-SAMPLES, SAMPLE = (1, 2, 0), 1
+REPORT_SAMPLE_SEEDS, VIEWER_SAMPLE_SEED = (1, 2, 0), 1
 
 
-class Shown(NamedTuple):
+class StageTitle(NamedTuple):
     """A stage where it is shown: its name in addresses and file names there, and its title."""
 
     name: str
@@ -39,12 +39,12 @@ class Shown(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stage:
+class StagePicture:
     """A picture of a facade, (h, w, 3) uint8, drawn when somebody looks. viewer, report: None where it is not shown there."""
 
     draw: Callable[[], np.ndarray]
-    viewer: Shown | None = None
-    report: Shown | None = None
+    viewer: StageTitle | None = None
+    report: StageTitle | None = None
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,14 @@ class StoredFacade:
     record: Mapping[str, Any] | None
     exemplars: Sequence[str]
 
-    def raster(self, name: str) -> np.ndarray:
+    def read_raster(self, name: str) -> np.ndarray:
         """Its texels (h, w, ...) in an array of the store, such as facade_maps/labels."""
-        return chart_raster(self.group, self.placement, self.chart, name)
+        return read_chart_raster(self.group, self.placement, self.chart, name)
 
     @cached_property
-    def hidden(self) -> np.ndarray:
+    def occlusion_mask(self) -> np.ndarray:
         """Where something stood before it, (h, w) bool."""
-        return self.raster("facade_maps/occluded")
+        return self.read_raster("facade_maps/occluded")
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
@@ -74,68 +74,68 @@ class StoredFacade:
             raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
         return Hierarchy.from_bytes(read_stored_file(self.group, record["variation_file"], record["variation_digest"]))
 
-    def level(self, level: int) -> np.ndarray:
+    def reconstruct_level(self, level: int) -> np.ndarray:
         """It at a level of its hierarchy."""
         return self.hierarchy.reconstruct(level)
 
-    def types(self, level: int) -> np.ndarray:
+    def draw_types(self, level: int) -> np.ndarray:
         """The same, and below it the types of elements that it is made of."""
         return draw_level(self.hierarchy, level)
 
-    def sample(self, seed: int) -> np.ndarray:
+    def draw_sample(self, seed: int) -> np.ndarray:
         """A variation of it, from the middle of its hierarchy."""
         return self.hierarchy.sample(len(self.hierarchy.levels) // 2, seed)
 
 
-def chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
+def read_chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
     """The texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
-    flat = read_rasters(group[name], placement, TexelLayout.of(placement, [chart]))
+    flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
     return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
 
 
-def stages_of(facade: StoredFacade) -> Iterator[Stage]:
+def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
     """The stages of a facade in their order; none before it is done."""
     record = facade.record
     if record is None or "lattice" not in record:
         return
-    hidden = bool(facade.hidden.any())
+    hidden = bool(facade.occlusion_mask.any())
     photo = hidden or (record.get("provenance") or [0])[-1] > 0
     exemplar = Path(record["source"] or "").stem
     if exemplar in facade.exemplars:
         image = f"exemplars/{facade.exemplars.index(exemplar)}/image"
-        yield Stage(lambda: np.asarray(facade.group[image]), Shown("source", "Exemplar it is made from"))
+        yield StagePicture(lambda: np.asarray(facade.group[image]), StageTitle("source", "Exemplar it is made from"))
     if photo:
-        rectified = Shown("rectified", f"Photo, rectified{_cut(record)}")
-        evidence = partial(facade.raster, "facade_maps/evidence")
-        yield Stage(evidence, rectified, None if hidden else rectified)
+        rectified = StageTitle("rectified", f"Photo, rectified{_crop_note(record)}")
+        evidence = partial(facade.read_raster, "facade_maps/evidence")
+        yield StagePicture(evidence, rectified, None if hidden else rectified)
     if hidden:
-        yield Stage(
-            lambda: overlay_hidden(facade.raster("facade_maps/evidence"), facade.hidden),
-            Shown("hidden", "What hides the wall"),
-            Shown("hidden", f"Photo{_cut(record)}, hidden part tinted"),
+        yield StagePicture(
+            lambda: overlay_occlusion(facade.read_raster("facade_maps/evidence"), facade.occlusion_mask),
+            StageTitle("hidden", "What hides the wall"),
+            StageTitle("hidden", f"Photo{_crop_note(record)}, hidden part tinted"),
         )
-    yield Stage(lambda: colourise(facade.raster("facade_maps/labels")), Shown("parse", "Parse"))
+    yield StagePicture(lambda: colourise(facade.read_raster("facade_maps/labels")), StageTitle("parse", "Parse"))
     lattice = Lattice(tuple(record["lattice"]["rows"]), tuple(record["lattice"]["columns"]))
-    yield Stage(
-        lambda: draw_facade(facade.raster("facade_maps/labels"), lattice),
-        Shown("lattice", "Lattice"),
-        Shown("parse", "Parse and lattice"),
+    yield StagePicture(
+        lambda: draw_parse(facade.read_raster("facade_maps/labels"), lattice),
+        StageTitle("lattice", "Lattice"),
+        StageTitle("parse", "Parse and lattice"),
     )
-    yield Stage(
-        lambda: draw_layout(facade.raster("atlas/seed"), facade.hidden, record["elements"]),
-        Shown("layout", "Layout, completed" if photo else "Layout"),
+    yield StagePicture(
+        lambda: draw_layout(facade.read_raster("atlas/seed"), facade.occlusion_mask, record["elements"]),
+        StageTitle("layout", "Layout, completed" if photo else "Layout"),
     )
-    yield Stage(
-        partial(facade.raster, "atlas/seed"),
-        Shown("texture", "Texture, inpainted" if photo else "Texture, retargeted from the exemplar"),
-        Shown(TEXTURE, "Texture"),
+    yield StagePicture(
+        partial(facade.read_raster, "atlas/seed"),
+        StageTitle("texture", "Texture, inpainted" if photo else "Texture, retargeted from the exemplar"),
+        StageTitle(TEXTURE_STAGE, "Texture"),
     )
-    yield from _variations(facade, record.get("variation_levels") or 0)
-    if facade.raster("atlas/provenance").any():  # its surface is finished
-        yield Stage(partial(facade.raster, "atlas/colour"), Shown("street", "In the street: final texture"))
+    yield from _variation_pictures(facade, record.get("variation_levels") or 0)
+    if facade.read_raster("atlas/provenance").any():  # its surface is finished
+        yield StagePicture(partial(facade.read_raster, "atlas/colour"), StageTitle("street", "In the street: final texture"))
 
 
-def _cut(record: Mapping[str, Any]) -> str:
+def _crop_note(record: Mapping[str, Any]) -> str:
     """What of a photo was cut out as the facade, in words."""
     kept = record.get("cut_kept", 1.0)
     if not record.get("cut_found", True):
@@ -143,22 +143,22 @@ def _cut(record: Mapping[str, Any]) -> str:
     return f" and cut to {100 * kept:.0f} % of it" if kept < 1 else ""
 
 
-def _variations(facade: StoredFacade, levels: int) -> Iterator[Stage]:
+def _variation_pictures(facade: StoredFacade, levels: int) -> Iterator[StagePicture]:
     """The viewer has every level, the report some of them, with their types of elements; both have samples."""
     for level in range(levels):
         title = f"Variation, level {level} of {levels - 1}"
-        yield Stage(partial(facade.level, level), Shown(f"level-{level}", title))
-    for level in shown_levels(levels):
-        report = Shown(f"level-{level}", f"Variation level {level}")
-        yield Stage(partial(facade.types, level), report=report)
-    for seed in SAMPLES if levels else ():
-        yield Stage(
-            partial(facade.sample, seed),
-            Shown("sample", "Variation, a sample") if seed == SAMPLE else None,
-            Shown(f"sample-{seed}" if seed else "sample", "Sampled variation"),
+        yield StagePicture(partial(facade.reconstruct_level, level), StageTitle(f"level-{level}", title))
+    for level in select_report_levels(levels):
+        report = StageTitle(f"level-{level}", f"Variation level {level}")
+        yield StagePicture(partial(facade.draw_types, level), report=report)
+    for seed in REPORT_SAMPLE_SEEDS if levels else ():
+        yield StagePicture(
+            partial(facade.draw_sample, seed),
+            StageTitle("sample", "Variation, a sample") if seed == VIEWER_SAMPLE_SEED else None,
+            StageTitle(f"sample-{seed}" if seed else "sample", "Sampled variation"),
         )
 
 
-def shown_levels(levels: int) -> list[int]:
+def select_report_levels(levels: int) -> list[int]:
     """The levels of a hierarchy that the report draws: the first, the last, and what fits between."""
-    return sorted({round(i * (levels - 1) / max(1, LEVELS_SHOWN - 1)) for i in range(LEVELS_SHOWN)}) if levels else []
+    return sorted({round(i * (levels - 1) / max(1, MAX_REPORT_LEVELS - 1)) for i in range(MAX_REPORT_LEVELS)}) if levels else []

@@ -8,21 +8,21 @@ from typing import TypeVar
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.export.pictures.camera import Camera, aerial, close_up, street_level
-from facade_core.export.pictures.rendering import Picture, averaged
+from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
+from facade_core.export.pictures.rendering import RenderedView, average_samples
 from facade_core.geometry.walls import STREET
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import Sun, sun_direction
 
 VIEW_SIZE = (900, 1440)
 # Rays along each side of a pixel.
-SAMPLES = 2
+SAMPLES_PER_PIXEL_SIDE = 2
 # A facade from a photo is so much more worth showing than one from an exemplar.
 PHOTO_WORTH = 4
 # What lies in its own shade is so much less worth showing than what the sun is on.
 SHADED_WORTH = 0.4
 # Streets that have a view, and viewpoints of a street that are tried for it.
-STREETS, LOOKED_AT = 3, 24
+MAX_STREET_VIEWS, MAX_VIEWPOINTS_TRIED = 3, 24
 
 T = TypeVar("T")
 
@@ -30,36 +30,36 @@ T = TypeVar("T")
 def view_names(plan: Plan) -> list[str]:
     """The views of a block: from above, along some streets, and of a facade from near."""
     near = ["close-up"] if len(plan.facades.chart) else []
-    return ["above", *(f"street-{number}" for number in range(len(_streets(plan)))), *near]
+    return ["above", *(f"street-{number}" for number in range(len(_view_streets(plan)))), *near]
 
 
-def pictured(plan: Plan) -> np.ndarray:
+def select_pictured_facades(plan: Plan) -> np.ndarray:
     """The facades (k,) of which there are pictures: those on streets."""
     return np.flatnonzero(plan.facades.role == STREET)
 
 
-def cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None) -> list[Camera]:
+def choose_cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None) -> list[PerspectiveCamera]:
     """The cameras of `view_names`, from where most of the facades is seen, photos before others, and those that the sun is on.
 
     records: those of facades.
     """
-    worth = _worth(plan, records, sun)
-    found = [aerial(plan.scene, VIEW_SIZE, worth)]
-    for street in _streets(plan):
-        own = spread(plan.of_street(street), LOOKED_AT)
-        found.append(street_level(plan.scene, own, VIEW_SIZE, worth))
+    worth = _chart_worth(plan, records, sun)
+    found = [aerial_camera(plan.scene, VIEW_SIZE, worth)]
+    for street in _view_streets(plan):
+        own = sample_evenly(plan.street_viewpoints(street), MAX_VIEWPOINTS_TRIED)
+        found.append(street_camera(plan.scene, own, VIEW_SIZE, worth))
     if len(plan.facades.chart):
-        found.append(close_up(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
+        found.append(close_up_camera(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
     return found
 
 
-def _worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) -> np.ndarray:
+def _chart_worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) -> np.ndarray:
     """How much each chart (n,) is worth showing; what is no facade on a street, nothing."""
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
         worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
     if sun is not None:
-        worth *= np.where(plan.scene.charts.normal() @ sun_direction(sun) > 0, 1.0, SHADED_WORTH)
+        worth *= np.where(plan.scene.charts.normals() @ sun_direction(sun) > 0, 1.0, SHADED_WORTH)
     return worth
 
 
@@ -68,26 +68,26 @@ def photo_share(record: Record | None) -> float:
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
-def paint(picture: Picture, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
+def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
     """A picture aimed with SAMPLES, painted from the rasters of charts, (h, w, 3) uint8; parts: some by chart at a time."""
     for rasters in parts:
         picture.paint(rasters)
-    return averaged(picture.hazed(), SAMPLES)
+    return average_samples(picture.apply_haze(), SAMPLES_PER_PIXEL_SIDE)
 
 
-def spread(values: list[T], count: int) -> list[T]:
+def sample_evenly(values: list[T], count: int) -> list[T]:
     """At most `count` of the values, evenly spread."""
     if len(values) <= count:
         return values
     return [values[round(i * (len(values) - 1) / (count - 1))] for i in range(count)]
 
 
-def _streets(plan: Plan) -> list[int]:
+def _view_streets(plan: Plan) -> list[int]:
     """The streets that have a view: those with the most facades, by area; a lane between backs shows a wall."""
     facades = plan.facades
     area = np.bincount(
         facades.street, facades.width * facades.height * (facades.role == STREET), minlength=len(plan.streets)
     )
     walked = np.unique(plan.street_of_viewpoints)
-    most = walked[np.argsort(-area[walked], kind="stable")][:STREETS]
+    most = walked[np.argsort(-area[walked], kind="stable")][:MAX_STREET_VIEWS]
     return sorted(most.tolist())

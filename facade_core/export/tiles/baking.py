@@ -6,29 +6,29 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from facade_core.export.models.textured_mesh import Textured
+from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 
 # Walls are looked at from this far before the shell, and as far behind it.
-BEFORE_M, BEHIND_M = 2.0, 12.0
+RAY_START_M, MAX_RAY_BEHIND_M = 2.0, 12.0
 # No ray is nearer to the edge of a shell's wall or roof.
-EDGE_M = 0.03
+MIN_EDGE_DISTANCE_M = 0.03
 # Rays per texel and axis.
-SAMPLES = 3
+SAMPLES_PER_TEXEL = 3
 
 
-def bake(
-    source: Textured,
+def bake_rasters(
+    source: TexturedMesh,
     triangles: np.ndarray,
     charts: Charts,
-    chosen: np.ndarray,
+    baked_charts: np.ndarray,
     texels: np.ndarray,
     density: float,
-    looks: Sequence[Callable[[int], np.ndarray]],
+    rasters: Sequence[Callable[[int], np.ndarray]],
 ) -> list[dict[int, np.ndarray]]:
-    """Rasters (h, w, 3) uint8 of the charts in `chosen`, showing the building whose `triangles` of the source are given, one
-    for each of `looks`, which give a source chart's raster of any size.
+    """Rasters (h, w, 3) uint8 of the charts in `baked_charts`, showing the building whose `triangles` of the source are given, one
+    for each of `rasters`, which give a source chart's raster of any size.
 
     texels (n, 2), width and height of the charts' rasters; density, texels per metre. What no ray finds takes the colour found
     nearest on its chart, else the building's mean.
@@ -40,47 +40,47 @@ def bake(
     )
     caster = RayCaster(own)
     highest = own.vertices[:, 2].max()
-    normals = charts.normal()
-    shown: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in looks]
-    for chart in chosen.tolist():
+    normals = charts.normals()
+    shown: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in rasters]
+    for chart in baked_charts.tolist():
         width, height = texels[chart].tolist()
-        x = (np.arange(width * SAMPLES) + 0.5) / SAMPLES / density
-        y = (np.arange(height * SAMPLES) + 0.5) / SAMPLES / density
+        x = (np.arange(width * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
+        y = (np.arange(height * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
         # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
-        x, y = (np.clip(v, EDGE_M, side - EDGE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
+        x, y = (np.clip(v, MIN_EDGE_DISTANCE_M, side - MIN_EDGE_DISTANCE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
         points = charts.points(chart, x[None], y[:, None])
         wall = charts.kind[chart] == ChartKind.WALL
-        before = BEFORE_M if wall else highest - charts.origin[chart, 2] + 1.0
+        before = RAY_START_M if wall else highest - charts.origin[chart, 2] + 1.0
         ahead = -normals[chart]
         origins = points - before * ahead
         depth, hit = caster.cast(origins, np.broadcast_to(ahead, points.shape))
-        found = (hit != MISS) & (depth < (before + BEHIND_M if wall else np.inf))
-        for baked, look in zip(shown, looks, strict=True):
+        found = (hit != MISS) & (depth < (before + MAX_RAY_BEHIND_M if wall else np.inf))
+        for baked, raster in zip(shown, rasters, strict=True):
             colour = np.zeros((*hit.shape, 3), np.uint8)
-            colour[found] = _look_up(source, hit[found], origins[found] + depth[found][:, None] * ahead, look)
+            colour[found] = _sample_colours(source, hit[found], origins[found] + depth[found][:, None] * ahead, raster)
             baked[chart] = colour, found
-    return [_whole(baked) for baked in shown]
+    return [_complete_rasters(baked) for baked in shown]
 
 
-def _whole(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dict[int, np.ndarray]:
+def _complete_rasters(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dict[int, np.ndarray]:
     seen = [colour[found] for colour, found in shown.values() if found.any()]
     mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
-    return {chart: _averaged(_filled(colour, found, mean)) for chart, (colour, found) in shown.items()}
+    return {chart: _average_samples(_fill_missing(colour, found, mean)) for chart, (colour, found) in shown.items()}
 
 
-def _look_up(source: Textured, chart: np.ndarray, points: np.ndarray, look: Callable[[int], np.ndarray]) -> np.ndarray:
+def _sample_colours(source: TexturedMesh, chart: np.ndarray, points: np.ndarray, raster_of_chart: Callable[[int], np.ndarray]) -> np.ndarray:
     """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
     share = source.charts.coordinates(chart, points) / source.extent[chart]
     colours = np.empty((len(chart), 3), np.uint8)
     for one in np.unique(chart).tolist():
-        here, raster = chart == one, look(one)
+        here, raster = chart == one, raster_of_chart(one)
         size = np.array(raster.shape[1::-1])
         column, row = np.clip((share[here] * size).astype(np.int64), 0, size - 1).T
         colours[here] = raster[row, column]
     return colours
 
 
-def _filled(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np.ndarray:
+def _fill_missing(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np.ndarray:
     from scipy.ndimage import distance_transform_edt
 
     if found.all():
@@ -91,7 +91,7 @@ def _filled(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np.ndarr
     return colour[tuple(nearest)]
 
 
-def _averaged(colour: np.ndarray) -> np.ndarray:
+def _average_samples(colour: np.ndarray) -> np.ndarray:
     height, width, _ = colour.shape
-    cells = colour.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, 3)
+    cells = colour.reshape(height // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, width // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, 3)
     return cells.mean(axis=(1, 3)).round().astype(np.uint8)

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.models.textured_mesh import y_up
+from facade_core.export.models.textured_mesh import to_y_up
 
 # Metres over which the turn between grid north and true north is measured.
-STEP_M = 100.0
+NORTH_STEP_M = 100.0
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class EarthFrame:
     earth-centred frame, so that neither the scale of the projection nor the earth's curve moves it.
     """
 
-    earth_centred: Callable[[np.ndarray], np.ndarray]
+    to_earth_centred: Callable[[np.ndarray], np.ndarray]
     centre: np.ndarray
     axes: np.ndarray
-    turn: float
+    grid_convergence: float
 
     def transform(self) -> np.ndarray:
         """The frame in the earth-centred one, (4, 4)."""
@@ -35,13 +35,13 @@ class EarthFrame:
         return matrix
 
     def points(self, world: np.ndarray) -> np.ndarray:
-        return y_up((self.earth_centred(world) - self.centre) @ self.axes.T)
+        return to_y_up((self.to_earth_centred(world) - self.centre) @ self.axes.T)
 
     def directions(self, world: np.ndarray) -> np.ndarray:
         """Directions (n, 3), turned from grid to true north as at the origin."""
         x, y, z = world.T
-        c, s = np.cos(self.turn), np.sin(self.turn)
-        return y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
+        c, s = np.cos(self.grid_convergence), np.sin(self.grid_convergence)
+        return to_y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
 
 
 def earth_frame(crs: Any, origin: np.ndarray, geoid_separation: float = 0.0) -> EarthFrame:
@@ -62,6 +62,6 @@ def earth_frame(crs: Any, origin: np.ndarray, geoid_separation: float = 0.0) -> 
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
     axes = np.stack([east, np.cross(up, east), up])
-    centre, ahead = earth_centred(np.stack([origin, origin + np.array([0.0, STEP_M, 0.0])]))
+    centre, ahead = earth_centred(np.stack([origin, origin + np.array([0.0, NORTH_STEP_M, 0.0])]))
     x, y, _ = axes @ (ahead - centre)
     return EarthFrame(earth_centred, centre, axes, float(np.arctan2(x, y)))

@@ -10,117 +10,117 @@ import shapely
 from shapely import Polygon
 
 from facade_core.core.grouping import group_rows
-from facade_core.export.bodies.footprints import footprint
-from facade_core.export.models.pages import Maps, scaled
-from facade_core.export.models.textured_mesh import Textured, shown_area
-from facade_core.export.tiles.baking import bake
-from facade_core.geometry.charts import ChartKind, Charts, Mesh, Pieces
-from facade_core.geometry.ground.ground_charts import add_level, add_planar
+from facade_core.export.bodies.footprints import building_footprint
+from facade_core.export.models.pages import PbrMaps, downscale
+from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
+from facade_core.export.tiles.baking import bake_rasters
+from facade_core.geometry.charts import ChartKind, Charts, Mesh, ChartBuilder
+from facade_core.geometry.ground.ground_charts import add_level_surface, add_planar_chart
 
 # Corners nearer than this to their neighbours' line are left out of an outline.
 TOLERANCE_M = 1.0
 # Gaps of twice this between a building's parts are closed, and courtyards smaller than this.
-CLOSED_M, COURTYARD_M2 = 0.01, 16.0
+GAP_CLOSING_M, MIN_COURTYARD_M2 = 0.01, 16.0
 # The shell's roof is above this share of the roofs' area.
 ROOF_SHARE = 0.7
 # A building of which roofs leave the shell by more than this keeps its own surfaces.
-OFF_M = 4.0
+MAX_DEVIATION_M = 4.0
 # Smaller triangles are chimneys' and the like: a shell leaves them out.
-SMALL_M2 = 0.5
+MIN_ROOF_TRIANGLE_M2 = 0.5
 
 # A normal straight out, and of occlusion, roughness and metal what a wall has seen from afar.
-FLAT, MATT = (128, 128, 255), (255, 217, 0)
+FLAT_NORMAL, DEFAULT_ORM = (128, 128, 255), (255, 217, 0)
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True)
-class Shells:
+class BuildingShells:
     """Shells with rasters; kept (k,), the buildings without one; off, building -> metres, how far its shell leaves it."""
 
-    textured: Textured
-    kept: np.ndarray
-    off: Mapping[int, float]
+    textured_mesh: TexturedMesh
+    without_shell: np.ndarray
+    deviation_m: Mapping[int, float]
 
 
-def simplified_shells(source: Textured, density: float, tell: Callable[[], None] = lambda: None) -> Shells:
-    """A shell for every building, with rasters of `density` texels per metre; `tell` is called after each building."""
-    pieces, kept = Pieces(), []
+def build_shells(source: TexturedMesh, density: float, on_progress: Callable[[], None] = lambda: None) -> BuildingShells:
+    """A shell for every building, with rasters of `density` texels per metre; `on_progress` is called after each building."""
+    pieces, kept = ChartBuilder(), []
     off: dict[int, float] = {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
     for building, mine in triangles.items():
         if building < 0:
             continue
-        body = _body(source, mine)
+        body = _shell_outlines(source, mine)
         if body is None:
             kept.append(building)
-            tell()
+            on_progress()
             continue
         outlines, base, top, off[building] = body
         for outline in outlines:
             _extrude(pieces, building, outline, base, top)
-    charts, mesh = pieces.values() if len(pieces) else _nothing()
+    charts, mesh = pieces.build() if len(pieces) else _empty_mesh()
     texels = charts.texels(density)
     maps = source.maps
-    looks = [source.raster, *([] if maps is None else [lambda chart: _glow(maps(chart))])]
+    looks = [source.raster, *([] if maps is None else [lambda chart: _emissive_raster(maps(chart))])]
     rasters: list[dict[int, np.ndarray]] = [{} for _ in looks]
     for building, mine in group_rows(charts.building).items():
         for own, baked in zip(
-            rasters, bake(source, triangles[building], charts, mine, texels, density, looks), strict=True
+            rasters, bake_rasters(source, triangles[building], charts, mine, texels, density, looks), strict=True
         ):
             own |= baked
-        tell()
-    shown = Textured(charts, mesh, texels / density, texels, rasters[0].__getitem__)
+        on_progress()
+    shown = TexturedMesh(charts, mesh, texels / density, texels, rasters[0].__getitem__)
     if maps is not None:
-        shown = replace(shown, maps=lambda chart: _plain(rasters[1][chart]))
-    return Shells(shown, np.array(kept, np.int64), off)
+        shown = replace(shown, maps=lambda chart: _flat_maps(rasters[1][chart]))
+    return BuildingShells(shown, np.array(kept, np.int64), off)
 
 
-def _glow(maps: Maps) -> np.ndarray:
-    return np.zeros_like(maps.normal) if maps.glow is None else maps.glow
+def _emissive_raster(maps: PbrMaps) -> np.ndarray:
+    return np.zeros_like(maps.normal) if maps.emissive is None else maps.emissive
 
 
-def _plain(glow: np.ndarray) -> Maps:
+def _flat_maps(emissive: np.ndarray) -> PbrMaps:
     """Maps of what is seen from so far that it has no relief; glow (h, w, 3) at its own texels."""
-    height, width = glow.shape[:2]
-    small = scaled(glow, (-(-width // 2), -(-height // 2)))
-    flat, matt = (np.broadcast_to(np.array(one, np.uint8), small.shape) for one in (FLAT, MATT))
-    return Maps(flat, matt, small if small.any() else None)
+    height, width = emissive.shape[:2]
+    small = downscale(emissive, (-(-width // 2), -(-height // 2)))
+    flat, matt = (np.broadcast_to(np.array(one, np.uint8), small.shape) for one in (FLAT_NORMAL, DEFAULT_ORM))
+    return PbrMaps(flat, matt, small if small.any() else None)
 
 
-def _body(source: Textured, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:
+def _shell_outlines(source: TexturedMesh, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:
     """Outlines, base and top of a building's shell, and how far it leaves the roofs; None where it would leave them too far."""
     mesh = source.mesh
     roof = triangles[source.charts.kind[mesh.chart[triangles]] == ChartKind.ROOF]
     if not len(roof):
         return None
     corners = mesh.vertices[mesh.triangles[roof]]
-    covered = shapely.union_all(shapely.buffer(footprint(source, triangles), CLOSED_M, join_style="mitre"))
+    covered = shapely.union_all(shapely.buffer(building_footprint(source, triangles), GAP_CLOSING_M, join_style="mitre"))
     outlines = [
-        shapely.orient_polygons(Polygon(part.exterior, [r for r in part.interiors if Polygon(r).area > COURTYARD_M2]))
+        shapely.orient_polygons(Polygon(part.exterior, [r for r in part.interiors if Polygon(r).area > MIN_COURTYARD_M2]))
         for part in shapely.get_parts(shapely.simplify(covered, TOLERANCE_M))
         if part.area > TOLERANCE_M**2
     ]
     heights = corners[..., 2].mean(axis=1)
     order = np.argsort(heights)
-    areas = shown_area(mesh)[roof]
+    areas = triangle_areas(mesh)[roof]
     area = np.cumsum(areas[order])
     top = float(heights[order][np.searchsorted(area, ROOF_SHARE * area[-1])])
     base = float(mesh.vertices[mesh.triangles[triangles], 2].min())
     off = np.abs(corners[..., 2] - top).max(axis=1)
-    apart = max(float(off[areas > SMALL_M2].max(initial=0.0)), TOLERANCE_M)
-    if apart > OFF_M or top - base < TOLERANCE_M or not outlines or not all(o.is_valid for o in outlines):
+    apart = max(float(off[areas > MIN_ROOF_TRIANGLE_M2].max(initial=0.0)), TOLERANCE_M)
+    if apart > MAX_DEVIATION_M or top - base < TOLERANCE_M or not outlines or not all(o.is_valid for o in outlines):
         return None
     return outlines, base, top, apart
 
 
-def _extrude(pieces: Pieces, building: int, outline: Polygon, base: float, top: float) -> None:
+def _extrude(pieces: ChartBuilder, building: int, outline: Polygon, base: float, top: float) -> None:
     for ring in (outline.exterior, *outline.interiors):
         corners = np.asarray(ring.coords)
         for a, b in zip(corners[:-1], corners[1:], strict=True):
             length = float(np.hypot(*(b - a)))
             along = np.append((b - a) / length, 0.0)
-            add_planar(
+            add_planar_chart(
                 pieces,
                 ChartKind.WALL,
                 building,
@@ -129,11 +129,11 @@ def _extrude(pieces: Pieces, building: int, outline: Polygon, base: float, top: 
                 _DOWN,
                 shapely.box(0, 0, length, top - base),
             )
-            pieces.surfaces += 1
-    add_level(pieces, ChartKind.ROOF, building, outline, top, np.inf, np.inf)
+            pieces.surface_count += 1
+    add_level_surface(pieces, ChartKind.ROOF, building, outline, top, np.inf, np.inf)
 
 
-def _nothing() -> tuple[Charts, Mesh]:
+def _empty_mesh() -> tuple[Charts, Mesh]:
     none, index = np.zeros((0, 3)), np.zeros(0, np.int32)
     charts = Charts(index.astype(np.uint8), index, index, none, none, none, np.zeros((0, 2)))
     return charts, Mesh(none, np.zeros((0, 3), np.int32), index, index)

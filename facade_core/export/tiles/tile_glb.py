@@ -10,18 +10,18 @@ import numpy as np
 
 from facade_core.export.models.buffers import BYTE, ELEMENT_ARRAY_BUFFER, UNSIGNED_INT, UNSIGNED_SHORT, GlbBuffer
 from facade_core.export.models.encoders import TextureEncoder
-from facade_core.export.models.features import LABELS, Features, feature_ids
-from facade_core.export.models.glb import SAMPLERS, glb_of, tangents
-from facade_core.export.models.gltf_materials import Look, Time, materials_of
+from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, add_feature_ids
+from facade_core.export.models.glb import SAMPLERS, pack_glb, tangent_vectors
+from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
 
 # The largest of the component types of quantised data.
-BYTE_MOST, SHORT_MOST = 127, 65535
+MAX_BYTE, MAX_UNSIGNED_SHORT = 127, 65535
 # Positions lie on a grid of a power of two of this many metres at least, which tiles of one size share: no cracks between them.
-FINEST_M = 2.0**-10
+MIN_STEP_M = 2.0**-10
 
 
 @dataclass(frozen=True)
-class Batch:
+class TileBatch:
     """Triangles that show one picture, whatever they are of; in glTF's frame (y up).
 
     position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, v down; triangles (t, 3); rows (v, 2): the features'
@@ -36,21 +36,21 @@ class Batch:
     tangent: np.ndarray | None = None
 
 
-def tile_glb(
-    batches: Sequence[Batch],
-    looks: Sequence[Look],
+def encode_tile_glb(
+    batches: Sequence[TileBatch],
+    pages: Sequence[MaterialTextures],
     encoder: TextureEncoder,
-    features: Features,
+    features: FeatureTable,
     copyright: str,
-    time: Time = "day",
+    time: TimeOfDay = "day",
 ) -> bytes:
     """The tile of batches, the i-th of which shows the i-th look."""
-    shown = materials_of(looks, encoder, time)
+    materials = build_gltf_materials(pages, encoder, time)
     buffer = GlbBuffer()
     everything = np.concatenate([batch.position for batch in batches])
-    low, step = quantised_frame(everything)
+    low, step = quantisation_grid(everything)
     used, index = np.unique(np.concatenate([batch.rows for batch in batches]), return_inverse=True)
-    index = index.reshape(-1, len(LABELS))
+    index = index.reshape(-1, len(FEATURE_ID_LABELS))
     primitives = []
     start = 0
     for number, batch in enumerate(batches):
@@ -60,16 +60,16 @@ def tile_glb(
         bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
         attributes = {
             "POSITION": buffer.add_accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
-            "NORMAL": buffer.add_accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
+            "NORMAL": buffer.add_accessor(np.round(batch.normal * MAX_BYTE).astype("i1"), BYTE, "VEC3", normalized=True),
             "TEXCOORD_0": buffer.add_accessor(
-                np.round(batch.uv * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
+                np.round(batch.uv * MAX_UNSIGNED_SHORT).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
             ),
         }
         if batch.tangent is not None:
-            along = np.round(tangents(batch.tangent) * BYTE_MOST).astype("i1")
+            along = np.round(tangent_vectors(batch.tangent) * MAX_BYTE).astype("i1")
             attributes["TANGENT"] = buffer.add_accessor(along, BYTE, "VEC4", normalized=True)
-        named, mesh_features = feature_ids(ids, len(used), buffer)
-        wide = len(batch.position) > SHORT_MOST
+        named, mesh_features = add_feature_ids(ids, len(used), buffer)
+        wide = len(batch.position) > MAX_UNSIGNED_SHORT
         triangles = batch.triangles.astype("<u4" if wide else "<u2").reshape(-1, 1)
         primitives.append(
             {
@@ -81,8 +81,8 @@ def tile_glb(
                 "extensions": {"EXT_mesh_features": mesh_features},
             }
         )
-    metadata = features.metadata(used, buffer.add_view)
-    images = [{"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type} for picture in shown.pictures]
+    metadata = features.structural_metadata(used, buffer.add_view)
+    images = [{"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type} for picture in materials.images]
     required = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
@@ -90,7 +90,7 @@ def tile_glb(
             "KHR_mesh_quantization",
             "EXT_mesh_features",
             "EXT_structural_metadata",
-            *shown.used,
+            *materials.extensions_used,
         ],
         "extensionsRequired": ["KHR_mesh_quantization", *required],
         "extensions": {"EXT_structural_metadata": metadata},
@@ -98,20 +98,20 @@ def tile_glb(
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": [step] * 3}],
         "meshes": [{"primitives": primitives}],
-        "materials": shown.document["materials"],
-        "textures": shown.document["textures"],
+        "materials": materials.document_parts["materials"],
+        "textures": materials.document_parts["textures"],
         "images": images,
         "samplers": SAMPLERS,
         **buffer.document_parts,
     }
-    return glb_of(document, buffer.chunks)
+    return pack_glb(document, buffer.chunks)
 
 
-def quantised_frame(points: np.ndarray) -> tuple[np.ndarray, float]:
+def quantisation_grid(points: np.ndarray) -> tuple[np.ndarray, float]:
     """Origin (3,) and step, metres, of the grid on which points (n, 3) fit 16 bits: the step a power of two, the origin on a
     grid of whole steps that starts at zero."""
     low, high = points.min(axis=0), points.max(axis=0)
-    step = FINEST_M
-    while float((high - low).max()) / step > SHORT_MOST - 2:
+    step = MIN_STEP_M
+    while float((high - low).max()) / step > MAX_UNSIGNED_SHORT - 2:
         step *= 2
     return np.floor(low / step) * step, step

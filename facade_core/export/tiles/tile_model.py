@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from facade_core.atlas.journal import unit_key
-from facade_core.export.models.glb import glb_bytes, pictures_of
-from facade_core.export.models.pages import scaled
-from facade_core.export.models.textured_mesh import LocalFrame, Textured, layout_of, nodes_of, page_jpeg
+from facade_core.export.models.glb import embedded_images, encode_glb
+from facade_core.export.models.pages import downscale
+from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_page, pack_charts
 
 # Coarse rasters have one of so many texels along each side.
-COARSER = 4
+COARSE_DIVISOR = 4
 # The rasters (h, w, 3) uint8 of some charts (k,), by chart.
 ReadRasters = Callable[[np.ndarray], Mapping[int, np.ndarray]]
 
@@ -28,58 +28,58 @@ class TileModel:
     glb: bytes
     box: np.ndarray
     coarse: np.ndarray
-    made_of: tuple[str, ...]
+    picture_digests: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Earlier:
+class EarlierTile:
     """A tile of the same charts, of as many texels, as it was before."""
 
     glb: bytes
     coarse: np.ndarray
-    made_of: tuple[str, ...]
+    picture_digests: tuple[str, ...]
 
 
-def tile_model(
-    source: Textured,
+def build_tile_model(
+    source: TexturedMesh,
     charts: np.ndarray,
     digests: Sequence[str | None],
     names: Mapping[int, str],
-    read: ReadRasters,
+    read_rasters: ReadRasters,
     extras: Mapping[str, Any],
-    earlier: Earlier | None = None,
+    earlier: EarlierTile | None = None,
 ) -> TileModel:
     """A tile of some charts (k,), ascending, which have triangles; its frame is around `extras["origin"]`, world metres.
 
     digests: of the rasters of its charts (k,). names: building -> the name of its node. `read` is asked for the charts of one
     picture at a time, for none of a picture that the `earlier` tile has.
     """
-    drawn = layout_of(source, charts)
+    drawn = pack_charts(source, charts)
     size = coarse_size(source.texels[charts])
     start = np.cumsum(size.prod(axis=1)) - size.prod(axis=1)
     coarse = earlier.coarse.copy() if earlier else np.zeros((int(size.prod(axis=1).sum()), 3), np.uint8)
-    pictures, made_of = [], []
+    pictures, picture_digests = [], []
     for page in range(len(drawn.layout.pages)):
         here = np.flatnonzero(drawn.layout.page == page)
-        made_of.append(unit_key([digests[i] for i in here.tolist()]))
-        if earlier and earlier.made_of[page] == made_of[page]:
-            pictures.append(pictures_of(earlier.glb)[page])
+        picture_digests.append(unit_key([digests[i] for i in here.tolist()]))
+        if earlier and earlier.picture_digests[page] == picture_digests[page]:
+            pictures.append(embedded_images(earlier.glb)[page])
             continue
-        rasters = read(charts[here])
-        pictures.append(page_jpeg(replace(drawn, source=replace(source, raster=rasters.__getitem__)), page))
+        rasters = read_rasters(charts[here])
+        pictures.append(encode_page(replace(drawn, source=replace(source, raster=rasters.__getitem__)), page))
         for i in here.tolist():
             width, height = size[i].tolist()
-            small = scaled(rasters[int(charts[i])], (width, height))
+            small = downscale(rasters[int(charts[i])], (width, height))
             coarse[start[i] : start[i] + width * height] = small.reshape(-1, 3)
     origin = np.array(extras["origin"], float)
-    nodes, bounds = nodes_of([drawn], names, LocalFrame(origin))
+    nodes, bounds = build_nodes([drawn], names, LocalFrame(origin))
     corners = bounds[:, [0, 2, 1]] * [1, -1, 1] + origin
-    return TileModel(glb_bytes(nodes, pictures, extras=extras), np.sort(corners, axis=0), coarse, tuple(made_of))
+    return TileModel(encode_glb(nodes, pictures, extras=extras), np.sort(corners, axis=0), coarse, tuple(picture_digests))
 
 
 def coarse_size(texels: np.ndarray) -> np.ndarray:
     """Width and height (n, 2) of coarse rasters of charts of so many texels (n, 2)."""
-    return -(-texels // COARSER)
+    return -(-texels // COARSE_DIVISOR)
 
 
 def coarse_rasters(texels: np.ndarray, charts: np.ndarray, coarse: np.ndarray) -> dict[int, np.ndarray]:

@@ -8,41 +8,47 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.grouping import group_rows
-from facade_core.export.models.page_packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
-from facade_core.export.models.pages import Layout, Pictures, halved, scaled
-from facade_core.export.models.textured_mesh import Drawn, Textured, drawn_maps
+from facade_core.export.models.page_packing import (
+    CELL_TEXELS,
+    MAX_PAGE_TEXELS,
+    pack_pages,
+    rasterise_cells,
+    shrink_for_border,
+)
+from facade_core.export.models.pages import PageImages, PageLayout, downscale, halve_layout
+from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh, draw_page_maps
 
 
 @dataclass(frozen=True)
 class TilePages:
     """Charts on pages; masks of cells with their borders; used, texels that triangles show."""
 
-    drawn: Drawn
+    packed: PackedCharts
     masks: tuple[np.ndarray, ...]
-    used: float
+    used_texels: float
 
     @property
-    def texels(self) -> int:
+    def page_texels(self) -> int:
         """Of all pages."""
-        return int(self.drawn.layout.pages.prod(axis=1).sum())
+        return int(self.packed.layout.pages.prod(axis=1).sum())
 
-    def pictures(self, page: int) -> Pictures:
+    def draw_images(self, page: int) -> PageImages:
         """A page, with its maps where its source has them."""
-        drawn = self.drawn
+        packed = self.packed
 
         def raster(i: int) -> np.ndarray:
-            width, height = drawn.layout.size[i].tolist()
-            return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
+            width, height = packed.layout.size[i].tolist()
+            return downscale(packed.source.raster(int(packed.charts[i])), (width, height))
 
-        half = halved(drawn.layout)
-        return Pictures(
-            self._drawn(drawn.layout, page, raster, CELL),
+        half = halve_layout(packed.layout)
+        return PageImages(
+            self._draw_layer(packed.layout, page, raster, CELL_TEXELS),
             None
-            if drawn.source.maps is None
-            else drawn_maps(drawn, page, lambda raster: self._drawn(half, page, raster, CELL // 2)),
+            if packed.source.maps is None
+            else draw_page_maps(packed, page, lambda raster: self._draw_layer(half, page, raster, CELL_TEXELS // 2)),
         )
 
-    def _drawn(self, layout: Layout, page: int, raster: Callable[[int], np.ndarray], cell: int) -> np.ndarray:
+    def _draw_layer(self, layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], cell: int) -> np.ndarray:
         """A page (h, w, 3) uint8 of a layout: what is shown with its border, and their mean between."""
         width, height = layout.pages[page].tolist()
         image = np.zeros((height, width, 3), np.uint8)
@@ -63,15 +69,15 @@ class TilePages:
         return image
 
 
-def tile_pages(source: Textured, charts: np.ndarray, scale: float = 1.0) -> TilePages:
+def pack_tile_pages(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) -> TilePages:
     """Pages of charts (k,), ascending, at `scale` of their texels."""
     wanted = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
-    size = room(np.minimum(wanted, LARGEST_PAGE))
+    size = shrink_for_border(np.minimum(wanted, MAX_PAGE_TEXELS))
     of_chart = group_rows(source.mesh.chart)
     masks, used = [], 0.0
     for chart, (width, height) in zip(charts.tolist(), size.tolist(), strict=True):
         corners = source.coordinates[source.mesh.triangles[of_chart[chart]]] / source.extent[chart] * [width, height]
-        masks.append(mask_of(corners, (width, height)))
+        masks.append(rasterise_cells(corners, (width, height)))
         (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
         used += float(np.abs(ax * by - ay * bx).sum() / 2)
-    return TilePages(Drawn(source, charts, pack_pages(masks, size)), tuple(masks), used)
+    return TilePages(PackedCharts(source, charts, pack_pages(masks, size)), tuple(masks), used)

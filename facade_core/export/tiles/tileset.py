@@ -11,37 +11,37 @@ import numpy as np
 from facade_core.core.grouping import group_rows
 from facade_core.export.city_models.attribution import Attribution
 from facade_core.export.models.encoders import MIPMAP_FACTOR, TextureEncoder
-from facade_core.export.models.features import Features
-from facade_core.export.models.gltf_materials import Time, look_of, texels_held
-from facade_core.export.models.textured_mesh import Textured
-from facade_core.export.tiles.cells import COARSE, Cell
+from facade_core.export.models.features import FeatureTable
+from facade_core.export.models.gltf_materials import TimeOfDay, encode_textures, relative_texel_count
+from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.export.tiles.cells import COARSE_SCALE, QuadtreeCell
 from facade_core.export.tiles.earth import EarthFrame
-from facade_core.export.tiles.far_shells import Shells
-from facade_core.export.tiles.tile_glb import Batch, tile_glb
-from facade_core.export.tiles.tile_pages import TilePages, tile_pages
+from facade_core.export.tiles.far_shells import BuildingShells
+from facade_core.export.tiles.tile_glb import TileBatch, encode_tile_glb
+from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
 
 # A tile is replaced once a texel of its pictures covers a pixel: viewers do that where the error covers this many.
 ERROR_PIXELS = 16
 # A view holds the finest tiles within so many metres of it, and coarse tiles of all else.
-VIEW_M = 300.0
+VIEW_RADIUS_M = 300.0
 # Texels are made fewer in steps of this, or longer ones, until a view fits.
-FEWER = 0.97
+MAX_SCALE_STEP = 0.97
 
 
 @dataclass(frozen=True)
-class Tiled:
+class WrittenTileset:
     """A tileset: its files of JSON by their paths, tileset.json among them; of its tiles texels of all pages, those that
     triangles show, draw calls, and bytes."""
 
     tilesets: Mapping[str, Any]
-    texels: int
-    used: float
-    draws: int
+    page_texels: int
+    used_texels: float
+    draw_calls: int
     bytes: int
 
 
 @dataclass(frozen=True)
-class Level:
+class DetailLevel:
     """A level of detail of a leaf: a name, its GLB, its least and greatest corner (2, 3), z up, how far it is off what is below
     it, metres, and its draw calls."""
 
@@ -49,62 +49,62 @@ class Level:
     glb: bytes
     corners: np.ndarray
     error: float
-    draws: int
+    draw_calls: int
 
 
 # The levels of a leaf, the coarsest first, of which the last is off by nothing.
-Levels = Callable[[Cell], Sequence[Level]]
+MakeDetailLevels = Callable[[QuadtreeCell], Sequence[DetailLevel]]
 
 
 @dataclass
-class _Writer:
-    source: Textured
-    shells: Shells
+class _TilesetWriter:
+    source: TexturedMesh
+    shells: BuildingShells
     frame: EarthFrame
-    features: Features
+    features: FeatureTable
     encoder: TextureEncoder
     copyright: str
     write: Callable[[str, bytes], None]
     scale: float
-    time: Time
-    levels: Levels | None
+    time: TimeOfDay
+    levels: MakeDetailLevels | None
 
     def __post_init__(self) -> None:
         self.tilesets: dict[str, Any] = {}
-        self.texels, self.used, self.draws, self.bytes = 0, 0.0, 0, 0
-        self.shell_rows = self.features.of_building(self.shells.textured.charts.building, self.source.charts.building)
+        self.page_texels, self.used_texels, self.draw_calls, self.bytes = 0, 0.0, 0, 0
+        self.shell_rows = self.features.select_building_rows(self.shells.textured_mesh.charts.building, self.source.charts.building)
 
-    def content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
+    def write_content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
         """Write a tile of pages with the rows (charts, 2) of their charts; its least and greatest corner (2, 3), z up."""
-        batches, looks = [], []
+        batches, page_textures = [], []
         for pages, rows in parts:
-            batches += _batches(pages, rows, self.frame)
-            looks += [look_of(pages.pictures(page), self.encoder) for page in range(len(pages.drawn.layout.pages))]
-            self.texels += pages.texels
-            self.used += pages.used
-        self.model(uri, tile_glb(batches, looks, self.encoder, self.features, self.copyright, self.time), len(batches))
-        return corners_of([batch.position for batch in batches])
+            batches += _page_batches(pages, rows, self.frame)
+            page_textures += [encode_textures(pages.draw_images(page), self.encoder) for page in range(len(pages.packed.layout.pages))]
+            self.page_texels += pages.page_texels
+            self.used_texels += pages.used_texels
+        self.write_model(uri, encode_tile_glb(batches, page_textures, self.encoder, self.features, self.copyright, self.time), len(batches))
+        return bounding_corners([batch.position for batch in batches])
 
-    def model(self, uri: str, data: bytes, draws: int) -> None:
-        self.draws += draws
+    def write_model(self, uri: str, data: bytes, draws: int) -> None:
+        self.draw_calls += draws
         self.bytes += len(data)
         self.write(uri, data)
 
-    def full(self, cell: Cell) -> dict[str, Any]:
+    def full_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
         if self.levels is not None:
-            return self.leaf(cell, self.levels(cell))
-        charts = charts_of(self.source, cell)
+            return self.leaf_tile(cell, self.levels(cell))
+        charts = cell_charts(self.source, cell)
         uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
-        corners = self.content(uri, [(tile_pages(self.source, charts, self.scale), self.rows)])
-        return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": f"../{uri}"}}
+        corners = self.write_content(uri, [(pack_tile_pages(self.source, charts, self.scale), self.rows)])
+        return {"boundingVolume": {"box": _bounding_box(corners)}, "geometricError": 0.0, "content": {"uri": f"../{uri}"}}
 
-    def leaf(self, cell: Cell, levels: Sequence[Level]) -> dict[str, Any]:
+    def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> dict[str, Any]:
         """Levels of detail, each of which the next replaces."""
         tile: dict[str, Any] | None = None
-        box = _box(np.concatenate([level.corners for level in levels]))
+        box = _bounding_box(np.concatenate([level.corners for level in levels]))
         for level in reversed(levels):
             uri = f"tiles/{level.name}{cell.path and '-'}{cell.path}.glb"
-            self.model(uri, level.glb, level.draws)
+            self.write_model(uri, level.glb, level.draw_calls)
             below = {} if tile is None else {"refine": "REPLACE", "children": [tile]}
             tile = {
                 "boundingVolume": {"box": box},
@@ -117,16 +117,16 @@ class _Writer:
 
     @property
     def rows(self) -> np.ndarray:
-        return np.column_stack([self.features.of_chart, self.features.of_owner])
+        return np.column_stack([self.features.chart_rows, self.features.owner_rows])
 
-    def below(self, cell: Cell) -> list[dict[str, Any]]:
+    def finer_tiles(self, cell: QuadtreeCell) -> list[dict[str, Any]]:
         """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
-        finer = [t for c in cell.children for t in ([self.linked(c)] if c.scale > cell.scale else self.below(c))]
-        return finer or [self.full(cell)]
+        finer = [t for c in cell.children for t in ([self.linked_tile(c)] if c.scale > cell.scale else self.finer_tiles(c))]
+        return finer or [self.full_tile(cell)]
 
-    def linked(self, cell: Cell) -> dict[str, Any]:
+    def linked_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
         """A coarse tile with all below it as a tileset of its own."""
-        root = self.coarse(cell)
+        root = self.coarse_tile(cell)
         uri = f"tilesets/{cell.path}.json"
         error = root["geometricError"]
         self.tilesets[uri] = {"asset": {"version": "1.1"}, "geometricError": error, "root": root}
@@ -136,24 +136,24 @@ class _Writer:
             "content": {"uri": f"../{uri}"},
         }
 
-    def coarse(self, cell: Cell) -> dict[str, Any]:
-        children = self.below(cell)
-        shelled = np.setdiff1d(cell.buildings, self.shells.kept)
+    def coarse_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
+        children = self.finer_tiles(cell)
+        shelled = np.setdiff1d(cell.buildings, self.shells.without_shell)
         uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
-        simple, own = coarse_pages(self.source, self.shells, cell, self.scale)
+        simple, own = pack_coarse_pages(self.source, self.shells, cell, self.scale)
         parts = [(pages, np.column_stack([self.shell_rows] * 2)) for pages in simple] + [
             (pages, self.rows) for pages in own
         ]
-        corners = [self.content(uri, parts), *map(_corners, children)]
-        charts = charts_of(self.source, cell)
+        corners = [self.write_content(uri, parts), *map(_box_corners, children)]
+        charts = cell_charts(self.source, cell)
         density = float((self.source.texels[charts] / self.source.extent[charts]).max())
         errors = [
             ERROR_PIXELS / (density * self.scale * cell.scale),
-            *(self.shells.off[building] for building in shelled.tolist()),
+            *(self.shells.deviation_m[building] for building in shelled.tolist()),
             *(child["geometricError"] for child in children),
         ]
         return {
-            "boundingVolume": {"box": _box(np.concatenate(corners))},
+            "boundingVolume": {"box": _bounding_box(np.concatenate(corners))},
             "geometricError": max(errors),
             "refine": "REPLACE",
             "content": {"uri": f"../{uri}"},
@@ -162,20 +162,20 @@ class _Writer:
 
 
 def write_tileset(
-    source: Textured,
-    cells: Cell,
-    shells: Shells,
+    source: TexturedMesh,
+    cells: QuadtreeCell,
+    shells: BuildingShells,
     frame: EarthFrame,
-    features: Features,
+    features: FeatureTable,
     encoder: TextureEncoder,
     write: Callable[[str, bytes], None],
     *,
     scale: float = 1.0,
-    time: Time = "day",
+    time: TimeOfDay = "day",
     extras: Mapping[str, Any],
     attribution: Attribution,
-    levels: Levels | None = None,
-) -> Tiled:
+    levels: MakeDetailLevels | None = None,
+) -> WrittenTileset:
     """The tileset of a quadtree; its tiles are given to `write` as (relative path, bytes), one at a time.
 
     The lowest tiles show the source at `scale` of its texels per metre, or what `levels` makes of them. Every tile above
@@ -183,84 +183,84 @@ def write_tileset(
     without a shell and the ground as they are, with as many fewer. A tile has one primitive a picture; its geometric error is
     that of what it shows itself and of nothing elsewhere. Every coarse tile but the root begins a tileset of its own.
     """
-    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale, time, levels)
-    root = _moved_up(writer.coarse(cells))
+    writer = _TilesetWriter(source, shells, frame, features, encoder, attribution.line, write, scale, time, levels)
+    root = _move_up(writer.coarse_tile(cells))
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
     top = {
-        "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.value()}},
+        "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.to_json()}},
         "geometricError": max(reach, 2 * root["geometricError"]),
         "root": root,
     }
-    return Tiled({"tileset.json": top, **writer.tilesets}, writer.texels, writer.used, writer.draws, writer.bytes)
+    return WrittenTileset({"tileset.json": top, **writer.tilesets}, writer.page_texels, writer.used_texels, writer.draw_calls, writer.bytes)
 
 
-def count_tiles(cell: Cell, levels: int = 1, above: float = 0.0) -> int:
+def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:
     """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`, of so many levels of a leaf."""
     return (cell.scale > above) + (sum(count_tiles(child, levels, cell.scale) for child in cell.children) or levels)
 
 
-def corners_of(positions: Sequence[np.ndarray]) -> np.ndarray:
+def bounding_corners(positions: Sequence[np.ndarray]) -> np.ndarray:
     """The least and greatest corner (2, 3), z up, of points (n, 3) in glTF's frame."""
     points = np.concatenate(positions)
     return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
 
 
-def scale_of_view(
-    source: Textured, shells: Shells, cells: Cell, encoder: TextureEncoder, most_bytes: float, time: Time = "day"
+def view_scale(
+    source: TexturedMesh, shells: BuildingShells, cells: QuadtreeCell, encoder: TextureEncoder, max_bytes: float, time: TimeOfDay = "day"
 ) -> float:
     """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
     tiles within VIEW_M of the middle of any of them, and of the coarse tiles above these, which viewers keep beside them."""
     leaves = list(cells.leaves())
-    middle = np.array([source.centres[charts_of(source, leaf), :2].mean(axis=0) for leaf in leaves])
-    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_M
-    coarse = list(_coarse_cells(cells))
+    middle = np.array([source.centres[cell_charts(source, leaf), :2].mean(axis=0) for leaf in leaves])
+    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_RADIUS_M
+    coarse = list(_iterate_coarse_cells(cells))
     # a leaf's path begins with those of the cells above it; (views, coarse tiles)
     above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
-    texel_bytes = encoder.bytes_per_texel * MIPMAP_FACTOR * texels_held(source.maps is not None, time)
+    texel_bytes = encoder.bytes_per_texel * MIPMAP_FACTOR * relative_texel_count(source.maps is not None, time)
     scale = 1.0
     while True:
-        fine = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
+        fine = np.array([pack_tile_pages(source, cell_charts(source, leaf), scale).page_texels for leaf in leaves])
         more = [
-            sum(one.texels for part in coarse_pages(source, shells, cell, scale) for one in part) for cell in coarse
+            sum(one.page_texels for part in pack_coarse_pages(source, shells, cell, scale) for one in part) for cell in coarse
         ]
         held = float((near @ fine + above @ np.array(more)).max()) * texel_bytes
-        if held <= most_bytes or scale < COARSE:
+        if held <= max_bytes or scale < COARSE_SCALE:
             return scale
-        scale *= max(COARSE, min(FEWER, float(np.sqrt(most_bytes / held))))
+        scale *= max(COARSE_SCALE, min(MAX_SCALE_STEP, float(np.sqrt(max_bytes / held))))
 
 
-def coarse_pages(
-    source: Textured, shells: Shells, cell: Cell, scale: float
+def pack_coarse_pages(
+    source: TexturedMesh, shells: BuildingShells, cell: QuadtreeCell, scale: float
 ) -> tuple[Sequence[TilePages], Sequence[TilePages]]:
     """What the coarse tile of a cell shows: pages of shells, and of the source, each of which it may have none; at `scale` of
     their texels, or rather of those that the cell says."""
-    kept = np.intersect1d(cell.buildings, shells.kept)
-    own = np.union1d(cell.ground, source.chosen(kept)).astype(np.int64)
-    simple = shells.textured.chosen(np.setdiff1d(cell.buildings, kept))
+    kept = np.intersect1d(cell.buildings, shells.without_shell)
+    own = np.union1d(cell.ground, source.select_charts(kept)).astype(np.int64)
+    simple = shells.textured_mesh.select_charts(np.setdiff1d(cell.buildings, kept))
     # a shell's rasters are as coarse already as the finest coarse tile
     return (
-        [tile_pages(shells.textured, simple, scale * cell.scale / COARSE)] if len(simple) else [],
-        [tile_pages(source, own, scale * cell.scale)] if len(own) else [],
+        [pack_tile_pages(shells.textured_mesh, simple, scale * cell.scale / COARSE_SCALE)] if len(simple) else [],
+        [pack_tile_pages(source, own, scale * cell.scale)] if len(own) else [],
     )
 
 
-def _coarse_cells(cell: Cell, above: float = 0.0) -> Iterator[Cell]:
+def _iterate_coarse_cells(cell: QuadtreeCell, above: float = 0.0) -> Iterator[QuadtreeCell]:
     """The cells of which `write_tileset` makes a coarse tile, below one of scale `above`."""
     if cell.scale > above:
         yield cell
     for child in cell.children:
-        yield from _coarse_cells(child, cell.scale)
+        yield from _iterate_coarse_cells(child, cell.scale)
 
 
-def charts_of(source: Textured, cell: Cell) -> np.ndarray:
+def cell_charts(source: TexturedMesh, cell: QuadtreeCell) -> np.ndarray:
     """The charts (k,) that a cell shows, ascending."""
-    return np.union1d(cell.ground, source.chosen(cell.buildings)).astype(np.int64)
+    return np.union1d(cell.ground, source.select_charts(cell.buildings)).astype(np.int64)
 
 
-def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batch]:
+def _page_batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[TileBatch]:
     """A batch for every page."""
-    drawn = pages.drawn
+    drawn = pages.packed
     source, mesh = drawn.source, drawn.source.mesh
     place = np.full(len(source.charts), -1, np.int64)
     place[drawn.charts] = np.arange(len(drawn.charts))
@@ -270,7 +270,7 @@ def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batc
         used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
         chart = mesh.vertex_chart[used]
         found.append(
-            Batch(
+            TileBatch(
                 frame.points(mesh.vertices[used]),
                 frame.directions(source.normals[used]),
                 drawn.texture_coordinates(chart, source.coordinates[used]),
@@ -282,25 +282,25 @@ def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batc
     return found
 
 
-def _moved_up(tile: dict[str, Any]) -> dict[str, Any]:
+def _move_up(tile: dict[str, Any]) -> dict[str, Any]:
     """A tile of a tileset in a folder, for the tileset above that folder."""
     content = tile["content"] | {"uri": tile["content"]["uri"].removeprefix("../")}
     # what is below in the same file is there too; a tileset that it leads to is not
     return (
         tile
         | {"content": content}
-        | ({"children": [_moved_up(child) for child in tile["children"]]} if "children" in tile else {})
+        | ({"children": [_move_up(child) for child in tile["children"]]} if "children" in tile else {})
     )
 
 
-def _box(points: np.ndarray) -> list[float]:
+def _bounding_box(points: np.ndarray) -> list[float]:
     """The bounding volume of points (n, 3), z up: centre and half axes, never flat."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2, 0.01)
     return np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()
 
 
-def _corners(tile: Mapping[str, Any]) -> np.ndarray:
+def _box_corners(tile: Mapping[str, Any]) -> np.ndarray:
     box = np.array(tile["boundingVolume"]["box"])
     half = box[[3, 7, 11]]
     return np.stack([box[:3] - half, box[:3] + half])

@@ -1,7 +1,7 @@
-"""Densities of the ten scores: Gaussian mixtures whose number of components BIC chooses, and small tables.
+"""Densities of the ten scores: Gaussian mixtures with a number of components chosen by BIC, and small tables.
 
-A mixture is a (COMPONENTS, 5) float64 array: weight, mean and standard deviation of the value, then of the condition
-(zero where there is none); unused components have weight zero.
+A mixture is a (COMPONENT_COUNT, 5) float64 array: weight, mean and standard deviation of the value, then mean and
+deviation of the condition (zero without one). Unused components have weight zero.
 """
 
 from __future__ import annotations
@@ -14,32 +14,46 @@ from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.statistics import LABEL_COUNT
 
 COMPONENT_COUNT = 4
-# Log-densities are never below this: a term can speak against a layout, not forbid it (Eq. 8 is ln 0 for a single type).
+# Lower bound of log-densities: a term can speak against a layout, not forbid it (Eq. 8 is ln 0 for a single type).
 MIN_LOG_DENSITY = float(np.log(1e-3))
-# Narrower components are spikes at values such as "complete", whose density says more of rounding than of facades.
+# Narrower components are spikes at values such as 1; their density would measure rounding, not facades.
 _MIN_DEVIATION = 0.03
 _LOG_TWO_PI = float(np.log(2 * np.pi))
 
-# The weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
+# Weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
 # symmetry.
 TERMS = ("as", "ed", "gr", "completeness", "gp", "ga", "ec", "coverage", "fb", "fs")
 
 # Rows of Densities.mixtures after one aspect ratio per label.
-WIDTH_RATIO_ROW, HEIGHT_RATIO_ROW, REGULAR_X_ROW, REGULAR_Y_ROW, COMPLETENESS_ROW, ALIGN_X_ROW, ALIGN_Y_ROW, COVERAGE_ROW, SIDE_BORDER_ROW, TOP_BORDER_ROW, BOTTOM_BORDER_ROW = range(
-    LABEL_COUNT, LABEL_COUNT + 11
-)
+(
+    WIDTH_RATIO_ROW,
+    HEIGHT_RATIO_ROW,
+    REGULAR_X_ROW,
+    REGULAR_Y_ROW,
+    COMPLETENESS_ROW,
+    ALIGN_X_ROW,
+    ALIGN_Y_ROW,
+    COVERAGE_ROW,
+    SIDE_BORDER_ROW,
+    TOP_BORDER_ROW,
+    BOTTOM_BORDER_ROW,
+) = range(LABEL_COUNT, LABEL_COUNT + 11)
 MIXTURE_COUNT = LABEL_COUNT + 11
-# Bins of the symmetric share and of the doors' place; the first door bin is "no door".
-SYMMETRY_BINS, DOOR_BINS = 10, 6
+# Bins of the symmetric share.
+SYMMETRY_BINS = 10
+# Bins of the door position; the first one is "no door".
+DOOR_BINS = 6
 
 
 class Densities(NamedTuple):
-    """What is learned of the terms.
+    """Learned densities of the score terms.
 
-    mixtures (MIXTURES, COMPONENTS, 5);
-    patterns (PATTERNS,): their log-probabilities;
-    symmetry (DOOR_BINS, SYMMETRY_BINS): log-probabilities of the symmetric share by door place;
-    compatibility (2**KINDS,): of each set of element types.
+    Attributes
+    ----------
+    mixtures : (MIXTURE_COUNT, COMPONENT_COUNT, 5) Gaussian mixtures.
+    patterns : (PATTERNS,) log-probabilities of interleaving patterns.
+    symmetry : (DOOR_BINS, SYMMETRY_BINS) log-probabilities of the symmetric share by door position.
+    compatibility : (2**ELEMENT_TYPE_COUNT,) log-probability of each set of element types.
     """
 
     mixtures: np.ndarray
@@ -49,7 +63,16 @@ class Densities(NamedTuple):
 
 
 def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
-    """Mixture of (N,) values, or of (N, 2) values with their condition; the components' covariances are diagonal."""
+    """Fit a Gaussian mixture with diagonal covariances; BIC chooses the number of components.
+
+    Parameters
+    ----------
+    values : (N,) values, or (N, 2) values with their condition.
+
+    Returns
+    -------
+    (COMPONENT_COUNT, 5) components by ascending mean.
+    """
     from sklearn.mixture import GaussianMixture
 
     data = values[:, None] if values.ndim == 1 else values
@@ -79,7 +102,7 @@ def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:
 
 @njit(cache=True)
 def log_density(value: float, mixture: np.ndarray) -> float:
-    """ln p(value), not below FLOOR."""
+    """Return ln p(value), at least MIN_LOG_DENSITY."""
     total = 0.0
     for k in range(COMPONENT_COUNT):
         if mixture[k, 0] > 0:
@@ -90,7 +113,7 @@ def log_density(value: float, mixture: np.ndarray) -> float:
 
 @njit(cache=True)
 def log_conditional(value: float, condition: float, mixture: np.ndarray) -> float:
-    """ln p(value | condition), not below FLOOR."""
+    """Return ln p(value | condition), at least MIN_LOG_DENSITY."""
     joint, marginal = 0.0, 0.0
     for k in range(COMPONENT_COUNT):
         if mixture[k, 0] > 0:

@@ -1,4 +1,4 @@
-"""Where rows and columns may stand that nothing shows: floors carried on as those of the database go on, and holes filled."""
+"""Hypotheses of hidden rows and columns: floors extrapolated as in the database, and lines at other pitches."""
 
 from __future__ import annotations
 
@@ -6,16 +6,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
-# No facade has more rows or columns between two that are seen, or beyond the last.
+# Most lines added between two observed lines, or beyond the last.
 _MAX_LINES = 64
 
 
-def extrapolate_floors(floors: np.ndarray, heights: np.ndarray, progression: np.ndarray, low: float, high: float) -> np.ndarray:
-    """(rows, 2) centres and heights of floors below, and above, those seen.
+def extrapolate_floors(
+    floors: np.ndarray, heights: np.ndarray, progression: np.ndarray, low: float, high: float
+) -> np.ndarray:
+    """Extrapolate floors below and above the observed ones.
 
-    floors, heights (F,) of those seen, from top to bottom, at least two; how (4,): the first step, every later one, both in
-    pitches seen, and the height of the first window and of later ones in heights seen, as `floor_progressions` learns them; low,
-    high: the domain. Steps upwards are the inverse: storeys that grow downwards shrink upwards.
+    Parameters
+    ----------
+    floors : (F,) centres of at least two observed floors, top to bottom.
+    heights : (F,) their window heights.
+    progression : (4,) first and later step in observed pitches, height of the first and of later windows in observed
+        heights, as `floor_progressions` measures them. Upward steps use the inverse: floors that grow downwards
+        shrink upwards.
+    low, high : y extent of the domain.
+
+    Returns
+    -------
+    (rows, 2) centres and heights.
     """
     pitch, height = float(np.median(np.diff(floors))), float(np.median(heights))
     found = []
@@ -32,7 +43,17 @@ def extrapolate_floors(floors: np.ndarray, heights: np.ndarray, progression: np.
 
 
 def floor_progressions(floors: np.ndarray, heights: np.ndarray) -> list[tuple[float, ...]]:
-    """How a whole facade's floors go on below each of its floors but the first: logarithms of what `extrapolate_floors` takes."""
+    """Return the logarithmic progression of a whole facade's floors below each floor from the third on.
+
+    Parameters
+    ----------
+    floors : (F,) floor centres, top to bottom.
+    heights : (F,) window heights.
+
+    Returns
+    -------
+    One tuple of four for each floor, in the order of `extrapolate_floors`.
+    """
     found = []
     for k in range(2, len(floors)):
         pitch, height = np.median(np.diff(floors[:k])), np.median(heights[:k])
@@ -43,9 +64,22 @@ def floor_progressions(floors: np.ndarray, heights: np.ndarray) -> list[tuple[fl
     return found
 
 
-def resample_lines(lines: Sequence[float] | np.ndarray, pitch: float, size: float, low: float, high: float) -> np.ndarray:
-    """Lines with every gap divided into the whole number of steps nearest to `pitch`, and both ends carried on by it as far as
-    elements of `size` fit into [low, high]."""
+def resample_lines(
+    lines: Sequence[float] | np.ndarray, pitch: float, size: float, low: float, high: float
+) -> np.ndarray:
+    """Divide every gap into the whole number of steps nearest to `pitch` and extend both ends.
+
+    Parameters
+    ----------
+    lines : ascending centres.
+    pitch : wanted distance between lines.
+    size : extent of an element on a line; it must fit into [low, high].
+    low, high : extent of the domain along this axis.
+
+    Returns
+    -------
+    (K,) ascending centres.
+    """
     found: list[float] = []
     for a, b in zip(lines[:-1], lines[1:], strict=True):
         steps = min(max(1, round((b - a) / pitch)), _MAX_LINES)

@@ -1,4 +1,4 @@
-"""Rows and columns of a completion made whole: gaps in those that are nearly full are filled, what is alone in its row goes."""
+"""Complete rows and columns of a selection: fill gaps of nearly full lines, remove single windows of empty rows."""
 
 from __future__ import annotations
 
@@ -7,23 +7,37 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import ONE_LINE, cluster_centres
-from facade_core.facade.layout.grids import box_array
+from facade_core.facade.layout.facade_frame import cluster_centres
+from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
 from facade_core.facade.layout.proposals import Proposals
 from facade_core.facade.layout.rectangles import WINDOW, pairwise_overlap
 
-# A cell is filled where at least this share of its row and of its column is taken; a row of which less is, and none seen,
-# is none.
-_MIN_FILLED_SHARE, _MIN_ROW_SHARE = 0.5, 0.26
+# Smallest occupied share of the row and of the column of a filled cell.
+_MIN_FILLED_SHARE = 0.5
+# Smallest occupied share of a row without observed windows.
+_MIN_ROW_SHARE = 0.26
 
 
 def find_gaps_and_strays(
-    proposals: Proposals, selected: np.ndarray, probability: np.ndarray, observed: Sequence[Element], obstacles: np.ndarray
+    proposals: Proposals,
+    selected: np.ndarray,
+    probability: np.ndarray,
+    observed: Sequence[Element],
+    obstacles: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) bool each, of proposals: windows that fill gaps of the layout that is picked, `kept`; those of it that are alone.
+    """Find the proposals that fill gaps of a selection, and its windows that are isolated in their row.
 
-    likely (N,): how likely each is, which decides between several for one cell, 0 of one that is not there; blocked (M, 4):
-    where none can be.
+    Parameters
+    ----------
+    proposals : N proposals.
+    selected : indices of the selected proposals.
+    probability : (N,) probability of each; decides between several for one cell; 0 excludes a proposal.
+    observed : observed elements.
+    obstacles : (M, 4) boxes that no proposal may overlap.
+
+    Returns
+    -------
+    (N,) bool windows that fill gaps, and (N,) bool selected windows to remove.
     """
     fill, alone = np.zeros(len(proposals.box), bool), np.zeros(len(proposals.box), bool)
     own = selected[proposals.label[selected] == WINDOW]
@@ -31,7 +45,9 @@ def find_gaps_and_strays(
     if not len(own):
         return fill, alone
     centre, size = (box[:, :2] + box[:, 2:]) / 2, np.median(box[:, 2:] - box[:, :2], axis=0)
-    (x, column), (y, row) = (cluster_centres(centre[:, axis], ONE_LINE * float(size[axis])) for axis in (0, 1))
+    (x, column), (y, row) = (
+        cluster_centres(centre[:, axis], ALIGNMENT_TOLERANCE * float(size[axis])) for axis in (0, 1)
+    )
     taken = np.zeros((len(y), len(x)), bool)
     taken[row, column] = True
     free = (proposals.label == WINDOW) & (probability > 0)
@@ -40,7 +56,7 @@ def find_gaps_and_strays(
     index = np.flatnonzero(free)
     index = index[np.argsort(-probability[index], kind="stable")]
     middle = (proposals.box[index, :2] + proposals.box[index, 2:]) / 2
-    away = [np.abs(middle[:, axis, None] - at) < ONE_LINE * size[axis] for axis, at in ((0, x), (1, y))]
+    away = [np.abs(middle[:, axis, None] - at) < ALIGNMENT_TOLERANCE * size[axis] for axis, at in ((0, x), (1, y))]
     cell = np.full(taken.shape, -1)
     for r, c in np.argwhere(~taken).tolist():
         there = np.flatnonzero(away[0][:, c] & away[1][:, r])

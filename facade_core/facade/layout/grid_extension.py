@@ -1,4 +1,4 @@
-"""Candidate elements for the hidden part of a facade: grids carried on at their own spacing, and their attachments."""
+"""Extend repetition grids into the hidden part of a facade at their own spacing, with attached balconies."""
 
 from __future__ import annotations
 
@@ -10,18 +10,25 @@ import numpy as np
 
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import Grid, box_array
-from facade_core.parsing.elements import per_window
+from facade_core.parsing.elements import split_balconies
 
-# Spacings that agree to this share are equal; the far margin may bend the spacing by as much.
+# Relative difference of equal spacings; the far margin may bend the spacing by as much.
 _SPACING_TOLERANCE = 0.12
-# A grid is carried on by so many lines at each end, and fills a gap with so many, at most: more are no facade's.
+# Most lines added at each end of a grid or in a gap.
 _MAX_ADDED_LINES = 64
 
 
 @dataclass(frozen=True, slots=True)
 class Extension:
-    """How a grid is carried on: mirrored about the facade's middle before its cells are filled, its spacing balanced
-    so that both margins agree, its outermost new row or column left out."""
+    """Variant of grid extension.
+
+    Attributes
+    ----------
+    mirrored : mirror columns about the facade's middle before cells are filled.
+    balanced : bend the spacing so that both margins agree.
+    trim_row : omit the outermost new row.
+    trim_column : omit the outermost new column.
+    """
 
     mirrored: bool
     balanced: bool
@@ -31,17 +38,30 @@ class Extension:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExtensionContext:
-    """What extensions of one layout share: its grids, the widths of their columns and heights of their rows by position,
-    and how windows carry balconies."""
+    """Facts shared by all extensions of one layout.
 
-    fitted: Sequence[Grid]
+    Attributes
+    ----------
+    grids : repetition grids of the observed elements.
+    widths : per grid, element width by column position.
+    heights : per grid, element height by row position.
+    balconies : attachment of balconies to windows, if any.
+    """
+
+    grids: Sequence[Grid]
     widths: Sequence[dict[float, float]]
     heights: Sequence[dict[float, float]]
     balconies: _BalconyAttachment | None
 
 
 def extension_context(seen: Sequence[Element], fitted: Sequence[Grid]) -> ExtensionContext:
-    """fitted: the grids of `seen`."""
+    """Collect the facts that extensions of one layout share.
+
+    Parameters
+    ----------
+    seen : observed elements.
+    fitted : grids of `seen`.
+    """
     box = box_array(seen)
     side = (box[:, 2:] - box[:, :2]).tolist()
     return ExtensionContext(
@@ -52,18 +72,23 @@ def extension_context(seen: Sequence[Element], fitted: Sequence[Grid]) -> Extens
     )
 
 
-def extend_grids(context: ExtensionContext, domain: tuple[float, float, float, float], variant: Extension) -> Iterator[Element]:
-    """Proposals in order of trust, not yet cleared of overlaps: windows with balconies, shops, doors, other balconies."""
+def extend_grids(
+    context: ExtensionContext, domain: tuple[float, float, float, float], variant: Extension
+) -> Iterator[Element]:
+    """Yield proposals in order of trust: windows with balconies, shops, doors, other balconies.
+
+    Overlaps are not removed yet.
+    """
     x0, y0, x1, y1 = domain
     balcony_of = context.balconies
     for label in ("window", "shop", "door", "balcony"):
-        for number, grid in enumerate(context.fitted):
+        for number, grid in enumerate(context.grids):
             if grid.label != label:
                 continue
             columns = extend_lines(grid.columns, grid.width, x0, x1, variant.balanced, variant.trim_column)
             if variant.mirrored or len(grid.columns) == 1:
                 columns = mirror_columns(columns, grid.width, x0 + x1)
-            # Doors and shops stand on the ground, so only their row is carried on.
+            # Doors and shops are on the ground, so only their own row is extended.
             rows = np.array(grid.rows)
             if label in ("window", "balcony"):
                 rows = extend_lines(grid.rows, grid.height, y0, y1, False, variant.trim_row)
@@ -75,8 +100,23 @@ def extend_grids(context: ExtensionContext, domain: tuple[float, float, float, f
                     yield from _attached_balcony(e, balcony_of)
 
 
-def extend_lines(positions_seen: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool) -> np.ndarray:
-    """Positions with gaps of whole multiples filled and both ends carried on as far as [low, high] reaches."""
+def extend_lines(
+    positions_seen: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool
+) -> np.ndarray:
+    """Fill gaps of whole multiples of the pitch and extend both ends within [low, high].
+
+    Parameters
+    ----------
+    positions_seen : ascending centres of the observed lines.
+    size : extent of an element on a line.
+    low, high : extent of the domain along this axis.
+    balanced : bend the spacing so that both margins agree.
+    trim : omit the outermost new line at both ends.
+
+    Returns
+    -------
+    (K,) ascending centres.
+    """
     spacing = np.diff(positions_seen)
     if not len(spacing):
         return np.array(positions_seen)
@@ -86,7 +126,11 @@ def extend_lines(positions_seen: Sequence[float], size: float, low: float, high:
     for p in positions_seen[1:]:
         gap = p - positions[-1]
         steps = round(gap / pitch)
-        if len(pattern) == 1 and 1 < steps <= _MAX_ADDED_LINES and abs(gap / steps - pitch) <= _SPACING_TOLERANCE * pitch:
+        if (
+            len(pattern) == 1
+            and 1 < steps <= _MAX_ADDED_LINES
+            and abs(gap / steps - pitch) <= _SPACING_TOLERANCE * pitch
+        ):
             positions += [positions[-1] + gap * k / steps for k in range(1, steps)]
         positions.append(p)
     before, after = [], []
@@ -107,19 +151,19 @@ def extend_lines(positions_seen: Sequence[float], size: float, low: float, high:
 
 
 def _spacing_cycle(spacing: np.ndarray) -> np.ndarray:
-    """The shortest cycle (1-3 spacings) that repeats, phase at the first spacing; else the median alone."""
+    """Return the shortest cycle of 1 to 3 spacings that repeats from the first spacing on, else the median."""
     for period in (1, 2, 3):
         if len(spacing) > period:
             cycle = np.array([np.median(spacing[k::period]) for k in range(period)])
             error = np.abs(spacing - np.resize(cycle, len(spacing)))
             if (error <= _SPACING_TOLERANCE * spacing.mean()).all():
                 return cycle
-    # A missing cell makes a spacing too long, never too short: the lower middle one is the safer guess.
+    # A missing cell makes a spacing too long, never too short, so the lower median is safer.
     return np.sort(spacing)[[(len(spacing) - 1) // 2]]
 
 
 def balance_margins(start: float, new: list[float], target: float, pitch: float) -> list[float]:
-    """The new positions bent so that the last one meets `target`, when the spacing hardly changes by that."""
+    """Bend new positions so that the last one meets `target`, if the spacing changes by little."""
     steps = round(abs(target - start) / pitch)
     if steps < 1 or abs(abs(target - start) / steps - pitch) > _SPACING_TOLERANCE * pitch:
         return new
@@ -127,6 +171,18 @@ def balance_margins(start: float, new: list[float], target: float, pitch: float)
 
 
 def mirror_columns(columns: np.ndarray, width: float, twice_middle: float) -> np.ndarray:
+    """Add the mirror image of every column that overlaps no other column.
+
+    Parameters
+    ----------
+    columns : (C,) column centres.
+    width : width of an element.
+    twice_middle : twice the x of the mirror axis.
+
+    Returns
+    -------
+    Ascending centres.
+    """
     mirror = twice_middle - columns
     free = np.abs(mirror[:, None] - columns).min(axis=1) >= width
     return np.sort(np.concatenate([columns, mirror[free]]))
@@ -135,7 +191,7 @@ def mirror_columns(columns: np.ndarray, width: float, twice_middle: float) -> np
 def _cell_elements(
     grid: Grid, widths: dict[float, float], heights: dict[float, float], rows: np.ndarray, columns: np.ndarray
 ) -> Iterator[Element]:
-    """An element at every cell, as wide as its column and as high as its row where these are seen."""
+    """Yield an element for every cell, in the width of its column and the height of its row where observed."""
     for y in rows.tolist():
         for x in columns.tolist():
             w, h = widths.get(x, grid.width) / 2, heights.get(y, grid.height) / 2
@@ -154,10 +210,12 @@ class _BalconyAttachment:
 
 
 def _fit_attachment(seen: Sequence[Element]) -> _BalconyAttachment | None:
-    """How the observed windows carry a balcony, of their own or their part of one that runs on: which do, and its median
-    box from their foot."""
+    """Measure which observed windows have a balcony and the median balcony box relative to the window's foot.
+
+    Balconies that span several windows are split per window.
+    """
     windows = box_array([e for e in seen if e.label == "window"])
-    balconies = box_array([e for e in per_window(seen) if e.label == "balcony"])
+    balconies = box_array([e for e in split_balconies(seen) if e.label == "balcony"])
     if not len(windows) or not len(balconies):
         return None
     middle = (windows[:, 0] + windows[:, 2]) / 2
@@ -176,7 +234,7 @@ def _fit_attachment(seen: Sequence[Element]) -> _BalconyAttachment | None:
 
 
 def _attached_balcony(window: Element, known: _BalconyAttachment) -> Iterator[Element]:
-    """The balcony of a proposed window when most windows of its floor, or of all floors if none is seen, have one."""
+    """Yield the balcony of a proposed window if most windows of its floor have one; of all floors if none is observed."""
     middle = (window.y0 + window.y1) / 2
     floor = (known.windows[:, 1] < middle) & (middle < known.windows[:, 3])
     seen = known.has[floor] if floor.any() else known.has

@@ -1,4 +1,4 @@
-"""Repetition grids of facade elements: same label, comparable size, shared rows and columns."""
+"""Repetition grids of facade elements: equal label, comparable size, common rows and columns."""
 
 from __future__ import annotations
 
@@ -11,19 +11,25 @@ from facade_core.core.errors import LayoutError
 from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element
 
-# Two elements are of comparable size when neither side differs by more than this factor (natural logarithm).
+# Largest difference of sides of comparable size (natural logarithm).
 _SIZE_TOLERANCE = 0.45
-# Centres closer than this share of the element size lie on one row or column.
+# Largest distance between centres of one row or column, as a share of the element size.
 ALIGNMENT_TOLERANCE = 0.35
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
-    """Elements of one label on common rows and columns (Fan et al. 2014, section 3.2); cells may be missing.
+    """Elements of one label on common rows and columns; cells may be empty.
 
-    rows, columns: centre positions, ascending, in the elements' unit;
-    width, height: the elements' median size;
-    cells (rows, columns) int32: index into the sequence given to `fit_grids`, -1 where the grid has no element.
+    Attributes
+    ----------
+    rows, columns : centre positions, ascending, in the elements' unit.
+    width, height : median size of the elements.
+    cells : (rows, columns) int32 index into the sequence given to `fit_grids`, -1 for an empty cell.
+
+    References
+    ----------
+    Fan et al. 2014, section 3.2.
     """
 
     label: str
@@ -35,17 +41,17 @@ class Grid:
 
     @property
     def row_spacing(self) -> np.ndarray:
-        """(rows - 1,) distances between neighbouring row centres."""
+        """Return the (rows - 1,) distances between neighbouring row centres."""
         return np.diff(self.rows)
 
     @property
     def completeness(self) -> float:
-        """Share of the cells that hold an element (Eq. 4 of Fan et al. 2014)."""
+        """Return the share of cells with an element (Eq. 4 of Fan et al. 2014)."""
         return float((self.cells >= 0).mean())
 
 
 def box_array(elements: Sequence[Element]) -> np.ndarray:
-    """(N, 4) float array of x0, y0, x1, y1."""
+    """Return the (N, 4) float array of x0, y0, x1, y1."""
     return np.array([(e.x0, e.y0, e.x1, e.y1) for e in elements], float).reshape(-1, 4)
 
 
@@ -61,11 +67,20 @@ def check_boxes(elements: Sequence[Element]) -> None:
 
 
 def fit_grids(elements: Sequence[Element]) -> list[Grid]:
-    """Fit repetition grids: each element lies in exactly one cell of one grid; the result does not depend on order.
+    """Fit repetition grids so that each element is in exactly one cell of one grid.
 
     Elements are grouped by label and comparable size, groups are cut into rows, and rows that share most of their
-    columns make one grid. So the rows of interleaved patterns fall into grids of their own, and grids may overlap.
-    Largest grid of a label first, labels in the order of CLASSES. Raises LayoutError for unknown labels or no area.
+    columns form one grid. The rows of interleaved patterns therefore form separate grids, and grids may overlap. The
+    result does not depend on the order of the elements.
+
+    Returns
+    -------
+    Labels in the order of CLASSES; the largest grid of a label first.
+
+    Raises
+    ------
+    LayoutError
+        For an unknown label, a non-finite side or an element without area.
     """
     box = box_array(elements)
     found: dict[str, list[Grid]] = {}
@@ -80,9 +95,9 @@ def fit_grids(elements: Sequence[Element]) -> list[Grid]:
 
 
 def group_by_size(elements: Sequence[Element]) -> list[np.ndarray]:
-    """Indices of the elements of one label and comparable size, labels in the order of CLASSES.
+    """Group the indices of elements by label and comparable size, labels in the order of CLASSES.
 
-    Every grid of `fit_grids` lies within one group. Raises LayoutError as `fit_grids` does.
+    Every grid of `fit_grids` is part of one group. Raises LayoutError as `fit_grids` does.
     """
     check_boxes(elements)
     box = box_array(elements)
@@ -104,7 +119,7 @@ def _split_by_size(box: np.ndarray, members: np.ndarray) -> list[np.ndarray]:
 
 
 def _cluster_index(values: np.ndarray, gap: float) -> np.ndarray:
-    """(N,) index of the run each value lies in, runs ascending and more than `gap` apart."""
+    """Return the (N,) cluster of each value; clusters ascend and are more than `gap` apart."""
     order = np.argsort(values, kind="stable")
     index = np.empty(len(values), int)
     index[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
@@ -117,14 +132,14 @@ def _cluster_means(values: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 def _fit(label: str, box: np.ndarray, members: np.ndarray) -> list[Grid]:
     found: list[Grid] = []
-    while len(members):  # elements that share a cell lie in grids of their own, as many as there are in it
+    while len(members):  # elements that share a cell form separate grids
         some, members = _fit_once(label, box, members)
         found += some
     return found
 
 
 def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Grid], np.ndarray]:
-    """Grids of members, and those for which a cell was taken already."""
+    """Fit grids, and return the members whose cell was already taken."""
     centre = (box[members, :2] + box[members, 2:]) / 2
     width, height = np.median(box[members, 2:] - box[members, :2], axis=0)
     gap_x, gap_y = ALIGNMENT_TOLERANCE * width, ALIGNMENT_TOLERANCE * height
@@ -150,7 +165,7 @@ def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Gr
 
 
 def _row_groups(x: np.ndarray, row: np.ndarray, width: float, gap: float) -> list[list[int]]:
-    """Rows joined, fullest first, when half the shorter one's columns agree and the others do not cut into them."""
+    """Join rows, fullest first, if half the shorter row's columns agree and the others do not overlap them."""
     counts = np.bincount(row)
     groups: list[tuple[list[int], np.ndarray]] = []
     for r in np.argsort(-counts, kind="stable"):

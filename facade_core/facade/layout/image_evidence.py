@@ -1,4 +1,4 @@
-"""What the image still shows of a proposed element: a parse's confidence where nothing stands in front."""
+"""Image evidence for proposed elements: a parse's confidence over their visible pixels."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from facade_core.core.errors import LayoutError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.core.types import Parsing
 
-# A parser that is quite sure is still wrong this often.
+# Error rate of a parser with full confidence.
 _CONFIDENCE_MARGIN = 0.01
-# However regular a facade is, what the picture shows may break its rule.
+# Upper bound of the prior: the picture may contradict even a regular facade.
 _MAX_PROBABILITY = 0.95
 
 
@@ -21,11 +21,27 @@ def apply_image_evidence(
     evidence: Parsing,
     domain: tuple[float, float, float, float],
 ) -> np.ndarray:
-    """Probabilities (N,) of rectangles (N, 4) of labels (N,) after a look at what is visible of each.
+    """Update the probabilities of rectangles by the parse of their visible pixels.
 
-    The domain covers the parse. The odds are multiplied by those of the parser's mean confidence in the label over the
-    visible pixels of the rectangle, to the power of the visible share: what is wholly hidden keeps its probability.
-    Raises LayoutError for a parse without confidences.
+    The odds are multiplied by those of the parser's mean confidence in the label over the visible pixels, to the
+    power of the visible share. A wholly hidden rectangle keeps its probability.
+
+    Parameters
+    ----------
+    probability : (N,) prior probabilities.
+    box : (N, 4) x0, y0, x1, y1 in the unit of the domain.
+    label : (N,) index into ELEMENT_CLASSES.
+    evidence : parse of the image that the domain covers.
+    domain : (x0, y0, x1, y1) of the facade.
+
+    Returns
+    -------
+    (N,) posterior probabilities.
+
+    Raises
+    ------
+    LayoutError
+        For a parse without confidences.
     """
     height, width = evidence.occluded.shape
     if evidence.confidence.shape != (height, width, len(CLASSES)):
@@ -51,7 +67,7 @@ def apply_image_evidence(
 
 
 def _box_sums(values: np.ndarray, corner: np.ndarray) -> np.ndarray:
-    """Sums of values (H, W) over rectangles (N, 4) of whole pixels."""
+    """Sum values (H, W) over (N, 4) rectangles of whole pixels."""
     table = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     table[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
     x0, y0, x1, y1 = corner.T

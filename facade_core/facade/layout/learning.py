@@ -1,4 +1,4 @@
-"""Learning the layout model from a database of whole layouts (Fan et al. 2014, section 4)."""
+"""Learn the layout model from a database of whole layouts (Fan et al. 2014, section 4)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import statistics as st
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.blind_layouts import facade_style
 from facade_core.facade.layout.densities import (
     ALIGN_X_ROW,
     ALIGN_Y_ROW,
@@ -37,20 +36,36 @@ from facade_core.facade.layout.densities import (
 from facade_core.facade.layout.facade_frame import fit_facade_frame
 from facade_core.facade.layout.floor_hypotheses import floor_progressions
 from facade_core.facade.layout.grids import box_array
+from facade_core.facade.layout.layout_sampling import facade_style
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out
-from facade_core.facade.layout.policy_optimisation import POLICY_POPULATION, sample_policies, optimise_policy, initial_layout
+from facade_core.facade.layout.policy_optimisation import (
+    POLICY_POPULATION,
+    initial_layout,
+    optimise_policy,
+    sample_policies,
+)
 from facade_core.facade.layout.proposals import ElementPriors
 from facade_core.facade.layout.ranking import BoostedTrees
 from facade_core.facade.layout.scores import door_bin, measure_elements, score_terms
 from facade_core.facade.layout.statistics import LABEL_COUNT, PATTERNS
-from facade_core.facade.layout.training_examples import Layout, Progress, make_examples, choose_thresholds, train_ranking
+from facade_core.facade.layout.training_examples import (
+    Layout,
+    Progress,
+    choose_thresholds,
+    make_examples,
+    train_ranking,
+)
 
-# Eq. 20: the share of the elements that is removed, the passes over the database and the step.
-_REMOVED_SHARE, _PASSES, _LEARNING_RATE = 0.1, 3, 0.08
-# Floors whose step or height differs by more than this factor from the others are not carried on by anybody.
+# Share of the elements that Eq. 20 removes.
+_REMOVED_SHARE = 0.1
+# Passes over the database for the weights.
+_PASSES = 3
+# Step of the first pass.
+_LEARNING_RATE = 0.08
+# Floors whose step or height differs by more than this factor from the others are no progression.
 _MAX_FLOOR_RATIO = 2.2
-# Policies are optimised for so many facades of the database.
+# Facades of the database for which policies are optimised.
 _POLICY_FACADES = 30
 
 
@@ -62,10 +77,19 @@ def learn_layout_model(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> LayoutModel:
-    """Learn densities, policies, weights and ranking trees from whole layouts (elements, domain).
+    """Learn densities, policies, weights and ranking trees from whole layouts.
 
-    names: theirs, for the record; metric: layouts in metres, for walls of which nothing is seen. Raises LayoutError for
-    fewer than ten layouts with elements.
+    Parameters
+    ----------
+    layouts : (elements, domain) pairs.
+    names : names of the layouts, stored with the model.
+    metric : layouts in metres, for walls without any observation.
+    progress : called with step, done and total.
+
+    Raises
+    ------
+    LayoutError
+        For fewer than ten layouts with at least four elements.
     """
     from dataclasses import replace
 
@@ -90,7 +114,9 @@ def learn_layout_model(
         ),
         np.array([s for s in (facade_style(es, fit_facade_frame(es, d), d) for es, d in used) if s is not None]),
         metric_priors(metric),
-        BoostedTrees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
+        BoostedTrees(
+            *(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0
+        ),
         np.ones(LABEL_COUNT),
         tuple(names),
     )
@@ -101,11 +127,20 @@ def learn_layout_model(
     report("trees", 0, 3)
     model = replace(model, trees=train_ranking(shown, seed=seed))
     report("trees", 1, 3)
-    return replace(model, likely=choose_thresholds(shown, seed=seed, progress=report))
+    return replace(model, min_probability=choose_thresholds(shown, seed=seed, progress=report))
 
 
 def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], seed: int) -> Densities:
-    """The densities of section 4.1-4.3 from the statistics of whole layouts."""
+    """Fit the densities of the ten terms to the statistics of whole layouts.
+
+    Parameters
+    ----------
+    statistics : one (unary, pairs, overall) triple of `measure_layout` for each layout.
+
+    References
+    ----------
+    Fan et al. 2014, sections 4.1-4.3.
+    """
     unary, pairs = (np.concatenate([s[k] for s in statistics]) for k in (0, 1))
     overall = np.stack([s[2] for s in statistics])
     mixtures = np.zeros((MIXTURE_COUNT, COMPONENT_COUNT, 5))
@@ -137,7 +172,7 @@ def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _symmetry_table(overall: np.ndarray) -> np.ndarray:
-    """ln p(symmetric share | doors' place), Eq. 11, from a histogram smoothed by a Gaussian kernel; no door is its own row."""
+    """Return ln p(symmetric share | door position), Eq. 11, from a smoothed histogram; row 0 is "no door"."""
     from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
     histogram = np.zeros((DOOR_BINS, SYMMETRY_BINS))
@@ -150,14 +185,15 @@ def _symmetry_table(overall: np.ndarray) -> np.ndarray:
 
 
 def _compatibility_table(types: np.ndarray) -> np.ndarray:
-    """Eq. 7-8 for every set of element types: how few coherence sets, those of more than one facade, cover it.
+    """Tabulate Eq. 7-8: the fewest coherence sets, those of more than one facade, that cover each set of types.
 
-    ln(1 - (number - 1) / types): the paper's number / types forbids a facade of one type and speaks for any that has more.
+    Entries are ln(1 - (number - 1) / types): the paper's number / types forbids a facade of one type and favours any
+    facade with more types.
     """
     sets = [mask for mask, count in Counter(types.tolist()).items() if mask and count > 1]
     fewest = np.full(2**st.ELEMENT_TYPE_COUNT, st.ELEMENT_TYPE_COUNT + 1)
     fewest[0] = 0
-    for wanted in range(1, 2**st.ELEMENT_TYPE_COUNT):  # what is left of a set once another covers its part is a smaller number
+    for wanted in range(1, 2**st.ELEMENT_TYPE_COUNT):  # the uncovered rest of a set is a smaller number
         left = [wanted & ~mask for mask in sets if wanted & mask]
         fewest[wanted] = min((fewest[rest] + 1 for rest in left), default=st.ELEMENT_TYPE_COUNT + 1)
     number = np.array([bin(wanted).count("1") for wanted in range(2**st.ELEMENT_TYPE_COUNT)])
@@ -166,7 +202,12 @@ def _compatibility_table(types: np.ndarray) -> np.ndarray:
 
 
 def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
-    """(POPULATION, LENGTH): the optimal policies of some of the database's facades, the most different ones."""
+    """Optimise policies for some of the database's facades and keep the most different ones.
+
+    Returns
+    -------
+    (POLICY_POPULATION, POLICY_LENGTH) policies.
+    """
     rng = np.random.default_rng([seed, 1])
     chosen = rng.permutation(len(layouts))[:_POLICY_FACADES]
     found = []
@@ -178,21 +219,32 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, pro
         if seen:
             start = initial_layout(seen, domain, box_array([]) if not region else np.array(region, float), model)
             first = sample_policies(POLICY_POPULATION, rng)
-            used, _, scores = optimise_policy(first, start, model.densities, model.weights, model.mean, 4, 2, seed)
+            used, _, scores = optimise_policy(
+                first, start, model.densities, model.weights, model.averages_terms, 4, 2, seed
+            )
             found.append(used[scores.argmax()])
         progress("policies", count + 1, len(chosen))
     policies = np.array(found)
     kept = [0]
-    while len(kept) < POLICY_POPULATION:  # the farthest from those that are kept
+    while len(kept) < POLICY_POPULATION:  # add the policy farthest from those kept
         away = np.abs(policies[:, None] - policies[kept]).sum(axis=2).min(axis=1)
         kept.append(int(away.argmax()))
     return policies[kept].reshape(POLICY_POPULATION, POLICY_LENGTH)
 
 
 def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
-    """(10,) weights by contrastive divergence (Eq. 17-20): whole layouts against completions of them with 10 % removed.
+    """Learn the weights of the ten terms by contrastive divergence.
 
-    Weights stay positive, since every term speaks for a layout, and of length one, since only their ratio ranks layouts.
+    Whole layouts are compared with completions of them after 10 % of their elements were removed. Weights stay
+    positive, since every term favours a layout, and of unit length, since only their ratio ranks layouts.
+
+    Returns
+    -------
+    (10,) weights in the order of TERMS.
+
+    References
+    ----------
+    Fan et al. 2014, Eq. 17-20.
     """
     from dataclasses import replace
 
@@ -210,7 +262,14 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
                 continue
             start = initial_layout(seen, domain, box_array([]), model)
             used, seeds, scores = optimise_policy(
-                model.policies, start, model.densities, current.weights, model.mean, 1, 1, seed + turn
+                model.policies,
+                start,
+                model.densities,
+                current.weights,
+                model.averages_terms,
+                1,
+                1,
+                seed + turn,
             )
             best = int(scores.argmax())
             box, label, _ = roll_out(used[best], start, int(seeds[best]))
@@ -225,7 +284,7 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
 
 
 def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
-    """Median floor and column pitch in metres."""
+    """Return the median floor and column pitch in metres."""
     pitches: list[list[float]] = [[], []]
     for elements, domain in layouts:
         facade = fit_facade_frame([e for e in elements if e.label == "window"], domain)
@@ -240,7 +299,7 @@ def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
 
 
 def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int) -> np.ndarray:
-    """(count, 3) width, height and gap below, in window sizes, around which the doors or shops of the database lie."""
+    """Return (count, 3) cluster centres of width, height and gap below, in window sizes, of doors or shops."""
     from sklearn.cluster import KMeans
 
     found = []
@@ -253,12 +312,12 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
     if len(found) < count:
         return np.array([[1.4, 1.5, 0.05]])
     values = np.log(np.array(found))
-    values = values[values[:, 2] < 0.5]  # what hangs higher is no entrance
+    values = values[values[:, 2] < 0.5]  # no entrance hangs higher
     return np.exp(KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_)
 
 
 def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> np.ndarray:
-    """(count, 4), or fewer, ways around which floors of the database go on downwards, as `continued` takes them."""
+    """Return at most (count, 4) cluster centres of downward floor progressions, as in `extrapolate_floors`."""
     from sklearn.cluster import KMeans
 
     found = []
@@ -274,7 +333,7 @@ def _typical_progressions(layouts: Sequence[Layout], count: int, seed: int) -> n
 
 
 def _size_to_spacing_quantiles(layouts: Sequence[Layout]) -> np.ndarray:
-    """(16, 2) quantiles of window size to spacing, horizontal and vertical."""
+    """Return (16, 2) quantiles of window size to spacing, horizontal and vertical."""
     found: list[list[float]] = [[], []]
     for elements, domain in layouts:
         facade = fit_facade_frame(elements, domain)

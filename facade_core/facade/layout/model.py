@@ -1,4 +1,4 @@
-"""The learned layout model: densities, weights, starting policies, priors and the ranking trees, as one JSON file."""
+"""Learned layout model in one JSON file: densities, weights, policies, priors and ranking trees."""
 
 from __future__ import annotations
 
@@ -15,7 +15,14 @@ import numpy as np
 from facade_core.core.errors import ModelError
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.facade.layout import proposal_features
-from facade_core.facade.layout.densities import COMPONENT_COUNT, DOOR_BINS, MIXTURE_COUNT, SYMMETRY_BINS, TERMS, Densities
+from facade_core.facade.layout.densities import (
+    COMPONENT_COUNT,
+    DOOR_BINS,
+    MIXTURE_COUNT,
+    SYMMETRY_BINS,
+    TERMS,
+    Densities,
+)
 from facade_core.facade.layout.policy import POLICY_LENGTH
 from facade_core.facade.layout.proposals import ElementPriors
 from facade_core.facade.layout.ranking import BoostedTrees
@@ -28,41 +35,50 @@ _REMEDY = "fetch it again or run `streetloom train layout`"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LayoutModel:
-    """What is learned from a database of layouts.
+    """Learned statistics of a database of layouts.
 
-    weights (10,): of densities.TERMS;
-    mean: a term is the mean over its grids, else their sum as in the paper;
-    policies (10, 15): the most different of the optimal ones;
-    labels (LABELS,): shares of the labels;
-    usual: doors, shops, floors and spacings where none is seen;
-    styles (S, STYLE): see `styles`;
-    metric: medians in metres;
-    trees: the ranking of proposed elements;
-    likely (LABELS,): how likely one must be to be picked;
-    training_set: names of what it learned from.
+    Attributes
+    ----------
+    densities : densities of the ten terms.
+    weights : (10,) weights of densities.TERMS.
+    averages_terms : True if a term is the mean over its grids, False for their sum as in the paper.
+    policies : (10, 15) optimal policies, the most different ones.
+    label_shares : (LABEL_COUNT,) frequency of each label.
+    priors : doors, shops, floors and spacings for layouts that show none.
+    styles : (S, STYLE_LENGTH) styles of `layout_sampling`.
+    metric_pitches : median pitches in metres.
+    trees : ranking of proposed elements.
+    min_probability : (LABEL_COUNT,) probability from which a proposal is selected.
+    training_set : names of the training layouts.
     """
 
     densities: Densities
     weights: np.ndarray
-    mean: bool
+    averages_termsages_terms: bool
     policies: np.ndarray
-    labels: np.ndarray
-    usual: ElementPriors
+    label_shares: np.ndarray
+    priors: ElementPriors
     styles: np.ndarray
-    metric: Mapping[str, float]
+    metric_pitches: Mapping[str, float]
     trees: BoostedTrees
-    likely: np.ndarray
+    min_probability: np.ndarray
     training_set: tuple[str, ...]
 
 
 @lru_cache(maxsize=1)
 def shipped_layout_model() -> LayoutModel:
-    """The model that comes with the package."""
+    """Return the model of this package."""
     return load_layout_model(SHIPPED_LAYOUT_MODEL)
 
 
 def load_layout_model(path: str | Path) -> LayoutModel:
-    """Read a model. Raises ModelError where the file is missing, its checksum differs, or it was made for another version."""
+    """Read a model.
+
+    Raises
+    ------
+    ModelError
+        If the file is missing, its checksum differs, or another version wrote it.
+    """
     path = Path(path)
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
@@ -84,7 +100,7 @@ def load_layout_model(path: str | Path) -> LayoutModel:
 
 
 def load_cached_model(path: Path) -> LayoutModel:
-    """`load_layout_model`, once for a file as it stands."""
+    """Load a model once for each version of its file."""
     state = path.stat()
     return _load_version(path, state.st_size, state.st_mtime_ns)
 
@@ -95,7 +111,7 @@ def _load_version(path: Path, _size: int, _modified: int) -> LayoutModel:
 
 
 def save_layout_model(model: LayoutModel, path: str | Path, *, seed: int) -> None:
-    """Write a model; the same model gives the same bytes."""
+    """Write a model; equal models give equal bytes."""
     content = _to_record(model)
     record = {
         "format": MODEL_FORMAT,
@@ -122,16 +138,16 @@ def _to_record(model: LayoutModel) -> dict[str, Any]:
         "symmetry": model.densities.symmetry.tolist(),
         "compatibility": model.densities.compatibility.tolist(),
         "weights": dict(zip(TERMS, model.weights.tolist(), strict=True)),
-        "mean": model.mean,
+        "mean": model.averages_termsages_terms,
         "policies": model.policies.tolist(),
-        "labels": model.labels.tolist(),
-        "doors": model.usual.door.tolist(),
-        "shops": model.usual.shop.tolist(),
-        "floors": model.usual.floors.tolist(),
-        "ratios": model.usual.ratios.tolist(),
+        "labels": model.label_shares.tolist(),
+        "doors": model.priors.door_sizes.tolist(),
+        "shops": model.priors.shop_sizes.tolist(),
+        "floors": model.priors.floor_progressions.tolist(),
+        "ratios": model.priors.size_to_spacing.tolist(),
         "styles": model.styles.tolist(),
-        "metric": dict(model.metric),
-        "likely": model.likely.tolist(),
+        "metric": dict(model.metric_pitches),
+        "likely": model.min_probability.tolist(),
         "trees": {
             "base": model.trees.base,
             **{name: getattr(model.trees, name).tolist() for name in BoostedTrees._fields if name != "base"},

@@ -1,4 +1,4 @@
-"""Where an action of the policy puts its element: spacings, gaps, snapping and what keeps a place from being free; compiled."""
+"""Placement of elements by the policy: spacings, gaps, snapping and hard constraints; compiled."""
 
 # ruff: noqa: NPY002  (compiled code has its own copy of the legacy generator, seeded at each roll-out)
 
@@ -11,25 +11,29 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.rectangles import BALCONY, WINDOW
 
-# A NULL element takes up space and is no part of the layout.
+# Label of an element that takes up space and is no part of the layout.
 NULL = 4
-# An element snaps to the centre of another nearer than this share of its size.
+# Largest snapping distance, as a share of the element's size.
 _SNAP_SHARE = 0.4
 
 
 class InitialLayout(NamedTuple):
-    """The observed layout as `roll_out` takes it.
+    """Observed layout in the arrays that `roll_out` needs.
 
-    box (N, 4), label (N,), grid (N,);
-    spacing (N, 2): see `grid_spacings`;
-    gaps (N,) bool: see `concave_elements`;
-    grids: how many;
-    domain (4,);
-    region (M, 4): what is visible;
-    size (LABELS, 2): of an element where its label has no grid;
-    ratios (K, 2): size to spacing in the database, horizontal and vertical;
-    labels (LABELS,): shares of the labels in the database;
-    ground: where doors and shops stand.
+    Attributes
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    label : (N,) index into ELEMENT_CLASSES.
+    grid : (N,) grid index of each element.
+    spacing : (N, 2) distances of `grid_spacings`.
+    gaps : (N,) bool of `concave_elements`.
+    grids : number of grids.
+    domain : (4,) x0, y0, x1, y1 of the facade.
+    region : (M, 4) visible boxes.
+    size : (LABEL_COUNT, 2) size of an element whose label has no grid.
+    ratios : (K, 2) size to spacing in the database, horizontal and vertical.
+    labels : (LABEL_COUNT,) frequency of the labels in the database.
+    ground : y of the ground line of doors and shops.
     """
 
     box: np.ndarray
@@ -48,7 +52,17 @@ class InitialLayout(NamedTuple):
 
 @njit(cache=True)
 def neighbour_distance(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis: int, sign: int) -> float:
-    """Centre distance to the next element of the grid on that side, on the same line; -1 where there is none."""
+    """Return the centre distance to the next element of the grid in a direction, -1 without one.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    grid : (N,) grid index of each element.
+    n : number of elements to consider.
+    at : index of the element.
+    axis : 0 for x, 1 for y.
+    sign : 1 for right or down, -1 for left or up.
+    """
     other = 1 - axis
     best = np.inf
     side = box[at, other + 2] - box[at, other]
@@ -63,7 +77,17 @@ def neighbour_distance(box: np.ndarray, grid: np.ndarray, n: int, at: int, axis:
 
 @njit(cache=True)
 def grid_spacings(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """(N, 2) centre distance of each element to the next one to the right and below, in its grid; -1 where there is none."""
+    """Return the distance from each element to the next one to the right and below in its grid.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    grid : (N,) grid index of each element.
+
+    Returns
+    -------
+    (N, 2) centre distances, -1 without a next element.
+    """
     out = np.empty((len(box), 2))
     for i in range(len(box)):
         for axis in range(2):
@@ -73,7 +97,7 @@ def grid_spacings(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
-    """A spacing of the seed's grid as seen, drawn at random, else of any grid; -1 where none is seen."""
+    """Draw an observed spacing of the seed element's grid, else of any grid; -1 if none is observed."""
     for attempt in range(8):
         i = np.random.randint(len(start.box))
         if (attempt >= 4 or start.grid[i] == own) and start.spacing[i, axis] > 0:
@@ -83,7 +107,7 @@ def sample_spacing(own: int, axis: int, start: InitialLayout) -> float:
 
 @njit(cache=True)
 def _add_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
-    """Add a line to the first `count` unless one is near it; how many there are now."""
+    """Add a line to the first `count` unless one is near it; return the new number of lines."""
     for k in range(count):
         if abs(lines[k] - value) < near:
             return count
@@ -95,7 +119,22 @@ def _add_line(lines: np.ndarray, count: int, value: float, near: float) -> int:
 def nearest_gap(
     box: np.ndarray, grid: np.ndarray, n: int, at: int, x: float, y: float, width: float, height: float
 ) -> tuple[bool, float, float]:
-    """The nearest empty cell on the seed's row or column whose other line the grid has: its box does not grow by it."""
+    """Find the nearest empty cell on the row or column of the seed element.
+
+    The other line of the cell must be a line of the grid, so that the cell does not enlarge the grid's bounding box.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    grid : (N,) grid index of each element.
+    n : number of elements to consider.
+    at : index of the seed element.
+    x, y, width, height : its centre and size.
+
+    Returns
+    -------
+    True if there is one, and its centre x, y.
+    """
     best, best_x, best_y = np.inf, 0.0, 0.0
     own = grid[at]
     xs, ys = np.empty(n), np.empty(n)
@@ -123,7 +162,7 @@ def nearest_gap(
 
 @njit(cache=True)
 def concave_elements(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """(N,) bool: whether `nearest_gap` finds an empty cell of the element's grid, what Eq. 23 calls concave."""
+    """Mark, (N,) bool, elements next to an empty cell of their grid; Eq. 23 calls them concave."""
     out = np.empty(len(box), np.bool_)
     for i in range(len(box)):
         x, y = (box[i, 0] + box[i, 2]) / 2, (box[i, 1] + box[i, 3]) / 2
@@ -132,7 +171,10 @@ def concave_elements(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def grid_element_size(box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise: np.ndarray) -> tuple[float, float]:
+def grid_element_size(
+    box: np.ndarray, grid: np.ndarray, n: int, own: int, otherwise: np.ndarray
+) -> tuple[float, float]:
+    """Return width and height of an element of a grid, `otherwise` if the grid has none."""
     for i in range(n):
         if own >= 0 and grid[i] == own:
             return box[i, 2] - box[i, 0], box[i, 3] - box[i, 1]
@@ -143,6 +185,7 @@ def grid_element_size(box: np.ndarray, grid: np.ndarray, n: int, own: int, other
 def snap_to_lines(
     box: np.ndarray, label: np.ndarray, n: int, x: float, y: float, width: float, height: float
 ) -> tuple[float, float]:
+    """Return the centre moved to the nearest centre lines of other elements."""
     best_x, best_y = _SNAP_SHARE * width, _SNAP_SHARE * height
     to_x, to_y = x, y
     for j in range(n):
@@ -169,7 +212,10 @@ def place_element(
     own: int,
     start: InitialLayout,
 ) -> bool:
-    """Write the element at index n if its place is free; what is seen, the domain and other elements are hard constraints."""
+    """Write the element at index n if its place is free; return whether it was.
+
+    The visible region, the domain and other elements are hard constraints.
+    """
     x0, y0, x1, y1 = x - width / 2, y - height / 2, x + width / 2, y + height / 2
     d = start.domain
     if x0 < d[0] or y0 < d[1] or x1 > d[2] or y1 > d[3]:
@@ -189,7 +235,7 @@ def place_element(
 
 @njit(cache=True)
 def compute_grid_areas(box: np.ndarray, grid: np.ndarray, n: int, domain: np.ndarray, out: np.ndarray) -> None:
-    """Area of each grid's bounding box as a share of the domain, for Eq. 23."""
+    """Write the area of each grid's bounding box as a share of the domain, for Eq. 23."""
     whole = (domain[2] - domain[0]) * (domain[3] - domain[1])
     for g in range(len(out)):
         x0, y0, x1, y1 = np.inf, np.inf, -np.inf, -np.inf

@@ -1,8 +1,13 @@
-"""The planning policy of Fan et al. 2014, section 5.1: a layout is completed by adding one element after another, compiled.
+"""Planning policy that completes a layout by adding one element after another; compiled.
 
-A policy is a (15,) float64 array: lambda_0 to lambda_2, the five directions in order of priority (lambda_3), lambda_4 to
-lambda_10. As in the paper an action adds an element, none moves or deletes one; the reward is the layout's score at the
-end, so a candidate is measured once. Doors and shops stand on the ground: they extend to the sides only.
+A policy is a (15,) float64 array: lambda_0 to lambda_2, the five extension directions in order of priority
+(lambda_3), lambda_4 to lambda_10. As in the paper an action adds an element, none moves or deletes one. The
+reward is the layout's score at the end, so a candidate is measured once. Doors and shops are on the ground: they
+extend to the sides only.
+
+References
+----------
+Fan et al. 2014, section 5.1.
 """
 
 # ruff: noqa: NPY002  (compiled code has its own copy of the legacy generator, seeded at each roll-out)
@@ -15,12 +20,12 @@ from facade_core.core.numba_cache import njit
 from facade_core.facade.layout.placement import (
     NULL,
     InitialLayout,
-    place_element,
-    nearest_gap,
     compute_grid_areas,
-    neighbour_distance,
-    sample_spacing,
     grid_element_size,
+    nearest_gap,
+    neighbour_distance,
+    place_element,
+    sample_spacing,
     snap_to_lines,
 )
 from facade_core.facade.layout.rectangles import DOOR, SHOP, WINDOW
@@ -30,15 +35,26 @@ PRIORITY = slice(3, 8)
 COPY_LABEL, OBSERVED_LABEL, DATABASE_LABEL, COPY_SPACING, OBSERVED_SPACING, SNAP, MIRROR = range(8, 15)
 POLICY_LENGTH = 15
 LEFT, RIGHT, UP, DOWN, FILL = range(5)
-# At most so many elements are added.
+# Most elements that a roll-out adds.
 MAX_ADDED_ELEMENTS = 160
-# The random offset of a sampled spacing, standard deviation as its share.
+# Standard deviation of the random offset of a sampled spacing, as its share.
 _OFFSET_SHARE = 0.1
 
 
 @njit(cache=True)
 def roll_out(policy: np.ndarray, start: InitialLayout, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Complete the layout once: box (N', 4), label (N',), grid (N',), the observed elements first."""
+    """Complete the layout once with a policy.
+
+    Parameters
+    ----------
+    policy : (POLICY_LENGTH,) parameters.
+    start : observed layout.
+    seed : seed of the generator of compiled code.
+
+    Returns
+    -------
+    box (N', 4), label (N',) and grid (N',) of all elements, the observed ones first.
+    """
     np.random.seed(seed)
     observed = len(start.box)
     capacity = observed + MAX_ADDED_ELEMENTS
@@ -64,7 +80,7 @@ def roll_out(policy: np.ndarray, start: InitialLayout, seed: int) -> tuple[np.nd
         found, x, y = _extension_centre(policy, box, label, grid, n, seed_at, way, start)
         if not found:
             if way == FILL:
-                # no gap on this row, so its other elements need not look; one on another row is found from there
+                # This row has no gap, so its other elements need not search; gaps of other rows are found from there.
                 height = box[seed_at, 3] - box[seed_at, 1]
                 for j in range(n):
                     if grid[j] == grid[seed_at] and abs(box[j, 1] - box[seed_at, 1]) < height:
@@ -110,7 +126,7 @@ def _copy_element(
     of_grid: np.ndarray,
     i: int,
 ) -> None:
-    """Write another's element i at a place: numba takes seconds to compile slices that are assigned."""
+    """Copy element i of other arrays to index `at`; numba takes seconds to compile slice assignments."""
     for k in range(4):
         box[at, k] = of_box[i, k]
     label[at], grid[at] = of_label[i], of_grid[i]
@@ -127,7 +143,7 @@ def _select_seed(
     area: np.ndarray,
     gaps: np.ndarray,
 ) -> int:
-    """The seed element, among those with a direction left: at random or by the rank of Eq. 23; -1 where none is left."""
+    """Select the seed element among those with a direction left, randomly or by Eq. 23; -1 if none is left."""
     count = 0
     for i in range(n):
         count += tried[i] < 31 and label[i] != NULL
@@ -143,7 +159,7 @@ def _select_seed(
     best, best_rank = -1, -1.0
     for i in range(n):
         if tried[i] < 31 and label[i] != NULL:
-            # beside a gap of its grid, until that is tried; what was added was added beside others
+            # Concave next to a gap of its grid until FILL was tried; added elements are next to others.
             concave = 1.0 if i < len(gaps) and gaps[i] and not tried[i] & (1 << FILL) else 0.0
             rank = policy[CONCAVITY] * concave + (1 - policy[CONCAVITY]) * (1 - area[grid[i]])
             if rank > best_rank:
@@ -167,7 +183,7 @@ def _select_direction(policy: np.ndarray, tried: int) -> int:
 
 @njit(cache=True)
 def _select_label(policy: np.ndarray, start: InitialLayout, observed: int, kind: int) -> int:
-    """lambda_4: the seed's own; else lambda_5 sampled from the observed, lambda_6 from the database, or NULL."""
+    """Select the extension label by lambda_4 to lambda_6: of the seed, observed, of the database, or NULL."""
     if np.random.random() < policy[COPY_LABEL]:
         return kind
     u = np.random.random()
@@ -194,7 +210,7 @@ def _extension_centre(
     way: int,
     start: InitialLayout,
 ) -> tuple[bool, float, float]:
-    """The new element's centre; False where the direction has none."""
+    """Return the new element's centre; False if the direction has none."""
     x, y = (box[seed_at, 0] + box[seed_at, 2]) / 2, (box[seed_at, 1] + box[seed_at, 3]) / 2
     width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
     if way == FILL:

@@ -1,7 +1,7 @@
 """Policy optimisation by a genetic algorithm (Fan et al. 2014, section 5.2).
 
-What makes a candidate and what measures it is compiled; the loop over candidates is not: all that it calls would be compiled
-once more into it, for seconds, to save a run a tenth of one.
+The functions that generate and score a candidate are compiled. The loop over candidates is not: it would compile
+all its callees a second time, for seconds, to save a tenth of a second in a run.
 """
 
 # ruff: noqa: NPY002  (compiled code has its own copy of the legacy generator, seeded at each roll-out)
@@ -15,15 +15,15 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Element
 from facade_core.facade.layout.densities import Densities
-from facade_core.facade.layout.facade_frame import Box, fit_facade_frame
+from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.placement import InitialLayout, concave_elements, grid_spacings
 from facade_core.facade.layout.policy import (
     COPY_SPACING,
     DATABASE_LABEL,
-    POLICY_LENGTH,
     OBSERVED_LABEL,
     OBSERVED_SPACING,
+    POLICY_LENGTH,
     roll_out,
 )
 from facade_core.facade.layout.scores import element_arrays, sum_log_densities
@@ -33,11 +33,20 @@ POLICY_POPULATION = 10
 _MUTATION_DEVIATION = 0.15
 
 
-def initial_layout(seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel) -> InitialLayout:
-    """The observed layout as the policy takes it."""
+def initial_layout(seen: Sequence[Element], domain: Rectangle, region: np.ndarray, model: LayoutModel) -> InitialLayout:
+    """Return the observed layout in the form that the policy needs.
+
+    Parameters
+    ----------
+    seen : observed elements.
+    domain : (x0, y0, x1, y1) of the facade.
+    region : (M, 4) visible boxes.
+    """
     box, label, grid = element_arrays(seen)
     facade = fit_facade_frame(seen, domain)
-    sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.usual.door[0, :2], model.usual.shop[0, :2]]) * facade.size
+    sizes = (
+        np.array([(1.0, 1.0), (1.3, 0.5), model.priors.door_sizes[0, :2], model.priors.shop_sizes[0, :2]]) * facade.size
+    )
     return InitialLayout(
         np.ascontiguousarray(box),
         label,
@@ -48,8 +57,8 @@ def initial_layout(seen: Sequence[Element], domain: Box, region: np.ndarray, mod
         np.array(domain, float),
         np.ascontiguousarray(region),
         sizes,
-        model.usual.ratios,
-        model.labels,
+        model.priors.size_to_spacing,
+        model.label_shares,
         float(facade.ground),
     )
 
@@ -64,10 +73,24 @@ def optimise_policy(
     tries: int,
     seed: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Optimise the policy for one facade (Eq. 24); a policy's value is the best score among its `tries` completions.
+    """Optimise the policy for one facade.
 
-    policies (POPULATION, LENGTH): where to start from. Returns, for every candidate made, its policy (C, LENGTH), the seed
-    that makes it anew by `roll_out`, and its score (C,), C = generations * POPULATION * tries.
+    The value of a policy is the best score among its `tries` completions.
+
+    Parameters
+    ----------
+    policies : (POLICY_POPULATION, POLICY_LENGTH) initial policies.
+    weights : (10,) weights of the terms.
+    mean : True to average terms over grids, False to sum them.
+
+    Returns
+    -------
+    For each of C = generations * POLICY_POPULATION * tries candidates its policy (C, POLICY_LENGTH), the seed (C,)
+    that reproduces it by `roll_out`, and its score (C,).
+
+    References
+    ----------
+    Fan et al. 2014, Eq. 24.
     """
     size = len(policies)
     count = generations * size * tries
@@ -88,7 +111,7 @@ def optimise_policy(
         if generation == 0:
             value = fitness
             continue
-        for p in range(size):  # the best of parents and children live on
+        for p in range(size):  # the best of parents and children survive
             worst = np.argmin(value)
             if fitness[p] > value[worst]:
                 value[worst], population[worst] = fitness[p], children[p]
@@ -104,7 +127,17 @@ def score_candidate(
     weights: np.ndarray,
     mean: bool,
 ) -> float:
-    """The score of a candidate on the grids that the policy kept."""
+    """Return the score of a candidate on the grids that the policy kept.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    label : (N,) index into ELEMENT_CLASSES.
+    grid : (N,) grid index of each element.
+    domain : (4,) x0, y0, x1, y1 of the facade.
+    weights : (10,) weights of the terms.
+    mean : True to average terms over grids, False to sum them.
+    """
     unary, pairs, overall = measure_layout(box, label, grid, domain)
     total, count = sum_log_densities(
         unary, pairs, overall, densities.mixtures, densities.patterns, densities.symmetry, densities.compatibility
@@ -117,7 +150,7 @@ def score_candidate(
 
 @njit(cache=True)
 def _breed_policies(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarray:
-    """Crossover takes each parameter from one of two parents (of the better halves of two draws); one is mutated."""
+    """Cross pairs of tournament winners parameter by parameter, and mutate one parameter of each child."""
     np.random.seed(seed)
     size = len(population)
     out = np.empty_like(population)
@@ -149,7 +182,7 @@ def _breed_policies(population: np.ndarray, value: np.ndarray, seed: int) -> np.
 
 @njit(cache=True)
 def project_to_simplex(policy: np.ndarray) -> None:
-    """Bring the probabilities that share a simplex (lambda_5-6, lambda_7-8) back to it."""
+    """Scale the probabilities that share a simplex (lambda_5-6, lambda_7-8) back to it, in place."""
     for a, b in ((OBSERVED_LABEL, DATABASE_LABEL), (COPY_SPACING, OBSERVED_SPACING)):
         total = policy[a] + policy[b]
         if total > 1:
@@ -158,9 +191,9 @@ def project_to_simplex(policy: np.ndarray) -> None:
 
 
 def sample_policies(count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, LENGTH) policies drawn at random, probabilities uniform."""
+    """Draw (count, POLICY_LENGTH) random policies with uniform probabilities."""
     out = rng.uniform(size=(count, POLICY_LENGTH))
-    out[:, 8] = rng.uniform(0.6, 1.0, count)  # most elements are of their neighbour's label
+    out[:, 8] = rng.uniform(0.6, 1.0, count)  # most elements have their neighbour's label
     out[:, 3:8] = np.argsort(out[:, 3:8], axis=1)
     for policy in out:
         project_to_simplex(policy)

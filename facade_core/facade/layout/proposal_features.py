@@ -1,4 +1,4 @@
-"""What is known of a proposed element: who proposes it, where it would stand, what is seen in its floor and column."""
+"""Features of a proposed element: support of the variants, position, and observed elements on its floor and column."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Box, FacadeFrame
+from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
 from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.facade.layout.proposals import EXTENSION_VARIANTS, Proposals
 from facade_core.facade.layout.rectangles import SHOP, pairwise_iou
@@ -22,10 +22,24 @@ def compute_features(
     seen: Sequence[Element],
     fitted: Sequence[Grid],
     facade: FacadeFrame,
-    domain: Box,
+    domain: Rectangle,
     region: np.ndarray,
 ) -> np.ndarray:
-    """(N, features) float32, none of which depends on the unit or the facade's place."""
+    """Compute the features of all proposals; none depends on the unit or the facade's place.
+
+    Parameters
+    ----------
+    proposals : N proposals.
+    seen : observed elements.
+    fitted : their grids.
+    facade : their columns and floors.
+    domain : (x0, y0, x1, y1) of the facade.
+    region : (M, 4) visible boxes.
+
+    Returns
+    -------
+    (N, features) float32.
+    """
     box, label = proposals.box, proposals.label.astype(int)
     if not len(box):
         return np.zeros((0, 0), np.float32)
@@ -46,7 +60,10 @@ def compute_features(
     low, high = box[:, :2] - domain[:2], np.array(domain[2:]) - box[:, 2:]
     margin_seen = _min_margin(observed, domain)
     for axis in (0, 1):
-        columns += [np.minimum(low[:, axis] / unit[axis], _FEATURE_CAP), np.minimum(high[:, axis] / unit[axis], _FEATURE_CAP)]
+        columns += [
+            np.minimum(low[:, axis] / unit[axis], _FEATURE_CAP),
+            np.minimum(high[:, axis] / unit[axis], _FEATURE_CAP),
+        ]
         columns += [
             side[:, axis] / unit[axis],
             side[:, axis] / extent[axis],
@@ -85,11 +102,13 @@ def compute_features(
     columns.append(_capped_ratio(_nearest_distance(centre[:, 1], facade.floors), unit[1]))
     shops = observed[observed_label == SHOP]
     columns.append(np.full(len(box), (np.median(shops[:, 3] - shops[:, 1]) / unit[1]) if len(shops) else 0.0))
-    return np.nan_to_num(np.column_stack(columns), nan=-1.0, posinf=_FEATURE_CAP, neginf=-_FEATURE_CAP).astype(np.float32)
+    return np.nan_to_num(np.column_stack(columns), nan=-1.0, posinf=_FEATURE_CAP, neginf=-_FEATURE_CAP).astype(
+        np.float32
+    )
 
 
 def _support_features(support: np.ndarray) -> list[np.ndarray]:
-    """How many variants of each kind agree, and how well."""
+    """Return how many variants agree, and how well."""
     n = len(EXTENSION_VARIANTS)
     held = support[:, :n] >= 0.5
     columns = [held.mean(axis=1), support[:, :n].mean(axis=1)]
@@ -101,7 +120,7 @@ def _support_features(support: np.ndarray) -> list[np.ndarray]:
 def _alignment_features(
     box: np.ndarray, centre: np.ndarray, side: np.ndarray, observed: np.ndarray, same: np.ndarray
 ) -> list[np.ndarray]:
-    """How many seen elements share the floor or the column, how well they align, how far the nearest is, how alike in size."""
+    """Return count, alignment, distance and size difference of observed elements on the floor and the column."""
     if not len(observed):
         return [np.full(len(box), v) for v in (0.0, 0.0, 1.0, 1.0, _FEATURE_CAP, _FEATURE_CAP, 1.0, 1.0)]
     middle, extent = (observed[:, :2] + observed[:, 2:]) / 2, observed[:, 2:] - observed[:, :2]
@@ -116,7 +135,7 @@ def _alignment_features(
 
 
 def _rival_features(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
-    """Agreement of the other guesses that overlap this one, of the same label and of others, and its rank among them."""
+    """Return the support of overlapping guesses of the same and of other labels, and the rank among them."""
     agreed = (proposals.support >= 0.5).mean(axis=1)
     shared = pairwise_iou(proposals.box, proposals.box)
     np.fill_diagonal(shared, 0)
@@ -126,8 +145,8 @@ def _rival_features(proposals: Proposals, centre: np.ndarray, side: np.ndarray) 
     return [rival, other, better.astype(float), ((shared > 0) & same).sum(axis=1).astype(float)]
 
 
-def _visible_share(box: np.ndarray, domain: Box, region: np.ndarray, *, vertical: bool) -> np.ndarray:
-    """(N,) the share of each element's floor (or column), over the whole domain, that is visible."""
+def _visible_share(box: np.ndarray, domain: Rectangle, region: np.ndarray, *, vertical: bool) -> np.ndarray:
+    """Return the (N,) visible share of each element's floor, or column, over the whole domain."""
     band = box.copy()
     a = 1 if vertical else 0
     band[:, a], band[:, a + 2] = domain[a], domain[a + 2]
@@ -139,7 +158,7 @@ def _visible_share(box: np.ndarray, domain: Box, region: np.ndarray, *, vertical
     return np.minimum(sides.prod(axis=2).sum(axis=1) / area, 1.0)
 
 
-def _min_margin(observed: np.ndarray, domain: Box) -> float:
+def _min_margin(observed: np.ndarray, domain: Rectangle) -> float:
     return float(min((observed[:, 0] - domain[0]).min(), (domain[2] - observed[:, 2]).min())) if len(observed) else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Elements that may stand in the hidden part of a facade: many simple guesses, each with who agrees on it."""
+"""Propose elements for the hidden part of a facade: many simple guesses, each with the variants that support it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Box, FacadeFrame, fit_facade_frame
+from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle, fit_facade_frame
 from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, resample_lines
-from facade_core.facade.layout.grid_extension import Extension, extend_grids, extension_context, extend_lines, mirror_columns
+from facade_core.facade.layout.grid_extension import (
+    Extension,
+    extend_grids,
+    extend_lines,
+    extension_context,
+    mirror_columns,
+)
 from facade_core.facade.layout.grids import Grid, box_array
 from facade_core.facade.layout.rectangles import (
     BALCONY,
@@ -25,16 +31,16 @@ from facade_core.facade.layout.rectangles import (
     select_representatives,
 )
 
-# A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
+# A guess is moved clear if less than this share of its side is in the visible region or outside the domain.
 _MAX_SHIFT_SHARE = 0.3
 _NO_GUESSES = np.zeros((0, 5))
-# Of the sixteen quantiles of window size to spacing those that are tried: rows wide apart, usual and close.
+# Tried indices of the sixteen quantiles of window size to spacing: wide, usual and close rows.
 _RATIO_QUANTILES = [3, 8, 12]
-# So many guesses of one variant are looked at: more are no facade's, and each is held against each.
+# Most guesses of one variant; the cost is quadratic.
 _MAX_VARIANT_GUESSES = 2000
-# Of all variants together so many are compared with each other; one of 225 windows has 5,500.
+# Most guesses of all variants; a facade of 225 windows has 5,500.
 _MAX_GUESSES = 15_000
-# Between shops that are as wide as their columns, in window widths.
+# Pier between shops as wide as their columns, in window widths.
 _PIER_SHARE = 0.3
 
 EXTENSION_VARIANTS = (
@@ -46,10 +52,13 @@ EXTENSION_VARIANTS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposals:
-    """Guesses, none of which overlaps what is seen.
+    """Guesses that overlap no observed element.
 
-    box (N, 4) x0, y0, x1, y1; label (N,) int8, index into ELEMENT_CLASSES; support (N, variants) float32, the largest
-    IoU with a guess of the same label of each variant that made guesses.
+    Attributes
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    label : (N,) int8 index into ELEMENT_CLASSES.
+    support : (N, variants) float32, largest IoU with a guess of the same label of each variant.
     """
 
     box: np.ndarray
@@ -59,29 +68,41 @@ class Proposals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ElementPriors:
-    """What the database says of doors and shops where none is seen, and of rows and columns of which nothing is.
+    """Database statistics for labels, rows and columns without observation.
 
-    door, shop (K, 3): width and height in window widths and heights, and gap below to the ground line in window heights;
-    floors (K, 4): how floors go on downwards, see `floors.continued`;
-    ratios (K, 2): quantiles of window size to spacing, horizontal and vertical, ascending.
+    Attributes
+    ----------
+    door_sizes, shop_sizes : (K, 3) width and height in window widths and heights, gap to the ground line in window
+        heights.
+    floor_progressions : (K, 4) downward progressions of floors, see `extrapolate_floors`.
+    size_to_spacing : (K, 2) quantiles of window size to spacing, horizontal and vertical, ascending.
     """
 
-    door: np.ndarray
-    shop: np.ndarray
-    floors: np.ndarray
-    ratios: np.ndarray
+    door_sizes: np.ndarray
+    shop_sizes: np.ndarray
+    floor_progressions: np.ndarray
+    size_to_spacing: np.ndarray
 
 
 def propose_elements(
     observed: Sequence[Element],
     grids: Sequence[Grid],
-    domain: Box,
+    domain: Rectangle,
     region: np.ndarray,
     priors: ElementPriors,
     entrances: Sequence[float] = (),
 ) -> Proposals:
-    """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible; entrances: where doors are known
-    to be, across the domain."""
+    """Propose elements for the hidden part of a facade.
+
+    Parameters
+    ----------
+    observed : observed elements.
+    grids : their grids.
+    domain : (x0, y0, x1, y1) of the facade.
+    region : (M, 4) visible boxes.
+    priors : statistics of the database.
+    entrances : x of mapped doors.
+    """
     variants: list[np.ndarray] = []
     shared = extension_context(observed, grids)
     for how in EXTENSION_VARIANTS:
@@ -90,12 +111,12 @@ def propose_elements(
     for balanced, mirror in product((False, True), repeat=2):
         variants.append(_pooled_windows(observed, facade, domain, balanced, mirror))
     variants.append(_mirror_elements(observed, domain))
-    variants.append(_ground_elements(observed, facade, domain, DOOR, priors.door, entrances))
-    variants.append(_ground_elements(observed, facade, domain, SHOP, priors.shop, ()))
+    variants.append(_ground_elements(observed, facade, domain, DOOR, priors.door_sizes, entrances))
+    variants.append(_ground_elements(observed, facade, domain, SHOP, priors.shop_sizes, ()))
     variants.append(_stretch_grids(observed, grids, domain))
     variants.append(_stack_balconies(observed, facade, domain))
-    variants += _floor_windows(observed, facade, domain, priors.floors)
-    variants += _pitch_windows(observed, facade, domain, priors.ratios[_RATIO_QUANTILES])
+    variants += _floor_windows(observed, facade, domain, priors.floor_progressions)
+    variants += _pitch_windows(observed, facade, domain, priors.size_to_spacing[_RATIO_QUANTILES])
     most = _MAX_VARIANT_GUESSES if sum(map(len, variants)) <= _MAX_GUESSES else _MAX_GUESSES // len(variants)
     variants = [guesses[:most] for guesses in variants]
     variant = np.repeat(np.arange(len(variants)), [len(guesses) for guesses in variants])
@@ -113,8 +134,10 @@ def _guess_array(elements: Iterator[Element]) -> np.ndarray:
     return np.array(rows, float).reshape(-1, 5)
 
 
-def _pooled_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, balanced: bool, mirror: bool) -> np.ndarray:
-    """A window on every column of every floor, those of all grids pooled, carried on to the domain's ends."""
+def _pooled_windows(
+    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, balanced: bool, mirror: bool
+) -> np.ndarray:
+    """Propose a window on every column of every floor, pooled over all grids and extended to the domain."""
     if not len(facade.floors) or not any(e.label == "window" for e in seen):
         return np.zeros((0, 5))
     x0, y0, x1, y1 = domain
@@ -132,16 +155,17 @@ def _pooled_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, b
 
 
 def _window_grid(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Windows at every column and row; widths (rows,), heights (rows,). Of rows beyond what is looked at none is made: where a
-    spacing is tiny they are millions."""
+    """Propose windows at every column and row, up to the limit of a variant: tiny spacings would give millions."""
     rows = _MAX_VARIANT_GUESSES // max(len(x), 1) + 1
     x, y, widths, heights = x[:_MAX_VARIANT_GUESSES], y[:rows], widths[:rows], heights[:rows]
     x, y, w, h = np.tile(x, len(y)), np.repeat(y, len(x)), np.repeat(widths, len(x)) / 2, np.repeat(heights, len(x)) / 2
     return np.column_stack([np.full(len(x), WINDOW), x - w, y - h, x + w, y + h])
 
 
-def _floor_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, how: np.ndarray) -> list[np.ndarray]:
-    """The columns of all windows on floors carried on in each of the ways in which the database's go on."""
+def _floor_windows(
+    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, how: np.ndarray
+) -> list[np.ndarray]:
+    """Propose windows on floors extrapolated by each progression of the database."""
     if len(facade.floors) < 2 or not any(e.label == "window" for e in seen):
         return [_NO_GUESSES] * len(how)
     columns = extend_lines(facade.columns.tolist(), float(facade.size[0]), domain[0], domain[2], True, False)
@@ -154,9 +178,10 @@ def _floor_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, ho
     return found
 
 
-def _pitch_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, ratios: np.ndarray) -> list[np.ndarray]:
-    """Rows, and then columns, filled and carried on at other pitches than the median one: the least one seen, and those that
-    the database has for windows of this size."""
+def _pitch_windows(
+    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, ratios: np.ndarray
+) -> list[np.ndarray]:
+    """Propose rows, then columns, at the smallest observed pitch and at pitches usual for the window size."""
     if not any(e.label == "window" for e in seen):
         return [_NO_GUESSES] * (2 * len(ratios) + 2)
     own = (facade.columns, facade.floors)
@@ -177,23 +202,28 @@ def _pitch_windows(seen: Sequence[Element], facade: FacadeFrame, domain: Box, ra
     return found
 
 
-def _mirror_elements(seen: Sequence[Element], domain: Box) -> np.ndarray:
+def _mirror_elements(seen: Sequence[Element], domain: Rectangle) -> np.ndarray:
     found = _guess_array(e for e in seen if e.label in ELEMENT_CLASSES)
     found[:, 1:] = _mirror_boxes(found[:, 1:], domain)
     return found
 
 
 def _ground_elements(
-    seen: Sequence[Element], facade: FacadeFrame, domain: Box, label: int, sizes: np.ndarray, at: Sequence[float]
+    seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle, label: int, sizes: np.ndarray, at: Sequence[float]
 ) -> np.ndarray:
-    """Doors or shops on the ground line: at known places, under every column, between two, and in the facade's middle."""
+    """Propose doors or shops on the ground line: mapped, under columns, between columns and in the middle."""
     same = box_array([e for e in seen if e.label == ELEMENT_CLASSES[label]])
     columns = np.array([(domain[0] + domain[2]) / 2])
     if len(facade.columns):
         width = float(facade.size[0])
         carried = extend_lines(facade.columns.tolist(), width, domain[0], domain[2], True, False)
         both = extend_lines(
-            mirror_columns(facade.columns, width, domain[0] + domain[2]).tolist(), width, domain[0], domain[2], False, False
+            mirror_columns(facade.columns, width, domain[0] + domain[2]).tolist(),
+            width,
+            domain[0],
+            domain[2],
+            False,
+            False,
         )
         columns = np.concatenate([carried, (carried[1:] + carried[:-1]) / 2, both, columns])
     columns = np.concatenate([np.array(at, float), columns])
@@ -205,7 +235,7 @@ def _ground_elements(
     x = np.repeat(columns, len(own))
     w, h, gap = np.tile(own, (len(columns), 1)).T
     if label == SHOP and len(facade.columns) > 1:
-        # as wide as one or two columns less a pier
+        # Also shops as wide as one or two columns less a pier.
         pitch, (_, tall, low) = float(np.median(np.diff(facade.columns))), np.median(own, axis=0)
         for wide in (pitch - _PIER_SHARE * facade.size[0], 2 * pitch - _PIER_SHARE * facade.size[0]):
             x, w = np.append(x, columns), np.append(w, np.full(len(columns), wide))
@@ -214,8 +244,8 @@ def _ground_elements(
     return np.column_stack([np.full(len(x), label), x - w / 2, foot - h, x + w / 2, foot])
 
 
-def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Box) -> np.ndarray:
-    """Every grid on the columns of all windows and on its own floors: what one grid lacks another one shows."""
+def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Rectangle) -> np.ndarray:
+    """Propose every grid on the columns of all windows and on its own floors."""
     facade = fit_facade_frame(seen, domain)
     found = []
     for grid in fitted:
@@ -229,8 +259,8 @@ def _stretch_grids(seen: Sequence[Element], fitted: Sequence[Grid], domain: Box)
     return np.concatenate(found) if found else np.zeros((0, 5))
 
 
-def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Box) -> np.ndarray:
-    """Every balcony, and its mirror image, on every other floor at the height it has on its own."""
+def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> np.ndarray:
+    """Propose every balcony and its mirror image on every other floor, at the same height above it."""
     box = box_array([e for e in seen if e.label == "balcony"])
     if not len(box) or not len(facade.floors):
         return np.zeros((0, 5))
@@ -243,14 +273,14 @@ def _stack_balconies(seen: Sequence[Element], facade: FacadeFrame, domain: Box) 
     return np.column_stack([np.full(len(found), BALCONY), found])
 
 
-def _mirror_boxes(box: np.ndarray, domain: Box) -> np.ndarray:
+def _mirror_boxes(box: np.ndarray, domain: Rectangle) -> np.ndarray:
     out = box.copy()
     out[:, [0, 2]] = domain[0] + domain[2] - box[:, [2, 0]]
     return out
 
 
-def _move_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rectangles pushed out of what is seen and into the domain where little is missing, and which are clear now."""
+def _move_clear(box: np.ndarray, domain: Rectangle, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Move rectangles out of the visible region and into the domain by little; return them and those that are clear."""
     box = box.copy()
     side = box[:, 2:] - box[:, :2]
     for r in region:
@@ -265,7 +295,10 @@ def _move_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.nd
                 box[moved, axis] = edge - side[moved, axis] if sign < 0 else edge
                 box[moved, axis + 2] = edge if sign < 0 else edge + side[moved, axis]
     low, high = np.array(domain[:2]), np.array(domain[2:])
-    for step in (np.clip(low - box[:, :2], 0, _MAX_SHIFT_SHARE * side), -np.clip(box[:, 2:] - high, 0, _MAX_SHIFT_SHARE * side)):
+    for step in (
+        np.clip(low - box[:, :2], 0, _MAX_SHIFT_SHARE * side),
+        -np.clip(box[:, 2:] - high, 0, _MAX_SHIFT_SHARE * side),
+    ):
         box[:, :2] += step
         box[:, 2:] += step
     slack = 1e-6 * (high - low)
@@ -282,7 +315,7 @@ def _avoids_observed(raw: np.ndarray, seen: Sequence[Element]) -> np.ndarray:
 
 
 def _unique_guesses(raw: np.ndarray) -> np.ndarray:
-    """Indices of guesses that stand for all others: each is alike to one of them."""
+    """Return indices of guesses that represent all others: each guess is similar to one of them."""
     found: list[np.ndarray] = []
     for label in np.unique(raw[:, 0]):
         index = np.flatnonzero(raw[:, 0] == label)

@@ -1,4 +1,4 @@
-"""How likely a proposed element is to be there: gradient-boosted trees over what is known of it, and the pick of a layout."""
+"""Probability of a proposed element: gradient-boosted trees over its features."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ from facade_core.core.numba_cache import njit
 
 
 class BoostedTrees(NamedTuple):
-    """Boosted regression trees as flat arrays; roots (T,) index of each tree's first node.
+    """Boosted regression trees as flat arrays over M nodes.
 
-    feature (M,), -1 at a leaf; threshold (M,), left if not above; left, right (M,), index of the children; value (M,), of
-    a leaf. base: the sum starts there.
+    Attributes
+    ----------
+    roots : (T,) index of each tree's first node.
+    feature : (M,) feature index, -1 at a leaf.
+    threshold : (M,) a value that is not above it goes left.
+    left, right : (M,) index of the children.
+    value : (M,) value of a leaf.
+    base : start of the sum.
     """
 
     roots: np.ndarray
@@ -27,7 +33,12 @@ class BoostedTrees(NamedTuple):
 
 @njit(cache=True)
 def predict_probability(trees: BoostedTrees, rows: np.ndarray) -> np.ndarray:
-    """(N,) the trees' probability for rows (N, features) float32."""
+    """Return the (N,) probability of each row.
+
+    Parameters
+    ----------
+    rows : (N, features) float32.
+    """
     out = np.empty(len(rows))
     for i in range(len(rows)):
         total = trees.base
@@ -42,7 +53,16 @@ def predict_probability(trees: BoostedTrees, rows: np.ndarray) -> np.ndarray:
 
 
 def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 400, leaves: int = 32) -> BoostedTrees:
-    """Boost trees on rows (N, features) with truth (N,) bool. One thread, so that the result is the same everywhere."""
+    """Boost trees on features with known truth, in one thread so that results do not depend on the machine.
+
+    Parameters
+    ----------
+    rows : (N, features) float32.
+    truth : (N,) bool.
+    seed : seed of the learner.
+    rounds : number of trees.
+    leaves : largest number of leaves of a tree.
+    """
     from sklearn.ensemble import HistGradientBoostingClassifier
     from threadpoolctl import threadpool_limits
 
@@ -59,7 +79,7 @@ def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int =
     with threadpool_limits(1):
         learner.fit(rows, truth)
     roots, parts, offset = [], [], 0
-    for (tree,) in learner._predictors:  # sklearn has no public way to its trees
+    for (tree,) in learner._predictors:  # sklearn has no public access to its trees
         nodes = tree.nodes
         leaf = nodes["is_leaf"].astype(bool)
         roots.append(offset)

@@ -1,4 +1,4 @@
-"""Rectangles of elements against each other, compiled: how much they share and which exclude each other."""
+"""Pairwise relations of element rectangles: overlap, IoU and exclusion; compiled."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
 
 WINDOW, BALCONY, DOOR, SHOP = range(len(ELEMENT_CLASSES))
-# Rectangles of one label that overlap by this share of their union are one guess.
+# Smallest IoU of duplicate guesses of one label.
 _MIN_DUPLICATE_IOU = 0.75
 
 
@@ -23,7 +23,7 @@ def _box_iou(p: np.ndarray, q: np.ndarray) -> float:
 
 @njit(cache=True)
 def pairwise_iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, M) intersection over union of (N, 4) and (M, 4) rectangles."""
+    """Return the (N, M) intersection over union of (N, 4) and (M, 4) rectangles."""
     out = np.empty((len(a), len(b)))
     for i in range(len(a)):
         for j in range(len(b)):
@@ -33,7 +33,7 @@ def pairwise_iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def pairwise_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, M) bool: the open rectangles share area."""
+    """Return, (N, M) bool, whether open rectangles (N, 4) and (M, 4) share area."""
     out = np.empty((len(a), len(b)), np.bool_)
     for i in range(len(a)):
         for j in range(len(b)):
@@ -44,8 +44,19 @@ def pairwise_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def best_iou_by_variant(kept: np.ndarray, raw: np.ndarray, variant: np.ndarray, variants: int) -> np.ndarray:
-    """(K, variants) the largest IoU of each row of `kept` with a row of each variant of the same label; rows (N, 5) are label
-    and corners, variant (N,) whose guess a row of `raw` is."""
+    """Return the largest IoU of each kept guess with a guess of each variant of the same label.
+
+    Parameters
+    ----------
+    kept : (K, 5) label and corners.
+    raw : (N, 5) label and corners of all guesses.
+    variant : (N,) variant of each row of `raw`.
+    variants : number of variants.
+
+    Returns
+    -------
+    (K, variants) float32.
+    """
     out = np.zeros((len(kept), variants), np.float32)
     for i in range(len(kept)):
         for j in range(len(raw)):
@@ -56,7 +67,7 @@ def best_iou_by_variant(kept: np.ndarray, raw: np.ndarray, variant: np.ndarray, 
 
 @njit(cache=True)
 def select_representatives(box: np.ndarray) -> np.ndarray:
-    """Rectangles, first come first served, none of which is alike to an earlier one."""
+    """Return indices of rectangles (N, 4), in order, none of which nearly equals an earlier one."""
     kept = np.empty(len(box), np.int64)
     n = 0
     for i in range(len(box)):
@@ -72,5 +83,10 @@ def select_representatives(box: np.ndarray) -> np.ndarray:
 
 
 def may_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, M) bool for labels: a balcony stands before its window; nothing else shares a place."""
+    """Return, (N, M) bool, whether elements of two labels may overlap: a balcony and its window only.
+
+    Parameters
+    ----------
+    a, b : (N,) and (M,) index into ELEMENT_CLASSES.
+    """
     return ((a[:, None] == WINDOW) & (b == BALCONY)) | ((a[:, None] == BALCONY) & (b == WINDOW))

@@ -1,4 +1,4 @@
-"""The ten scores of a layout and their sum, the logarithm of Eq. 15 without Z (Fan et al. 2014, section 4)."""
+"""Ten scores of a layout and their weighted sum, the logarithm of Eq. 15 without Z (Fan et al. 2014, section 4)."""
 
 from __future__ import annotations
 
@@ -37,11 +37,24 @@ from facade_core.facade.layout.validation import check_domain, check_elements
 def score(
     elements: Sequence[Element], domain: tuple[float, float, float, float], *, model: LayoutModel | None = None
 ) -> float:
-    """ln p(G|w) of Eq. 15 without Z: the weighted sum of the ten terms, higher is more plausible.
+    """Return ln p(G|w) without Z: the weighted sum of the ten terms, higher is more plausible.
 
-    elements: windows, balconies, doors and shops in the unit of domain = (x0, y0, x1, y1), y down; other labels do not
-    count, exact duplicates count once. The result does not depend on their order. Every log-density is at least ln 1e-3.
-    Raises LayoutError for elements or a domain that cannot be used.
+    The result does not depend on the order of the elements. Every log-density is at least ln 1e-3.
+
+    Parameters
+    ----------
+    elements : windows, balconies, doors and shops; other labels do not count, exact duplicates count once.
+    domain : (x0, y0, x1, y1) of the facade in the unit of the elements, y down.
+    model : the shipped layout model by default.
+
+    Raises
+    ------
+    LayoutError
+        For elements or a domain that cannot be used.
+
+    References
+    ----------
+    Fan et al. 2014, Eq. 15.
     """
     check_domain(domain)
     check_elements(elements, domain)
@@ -49,23 +62,35 @@ def score(
     return float(chosen.weights @ score_terms(elements, domain, chosen))
 
 
-def score_terms(elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel) -> np.ndarray:
-    """(10,) the value of each of TERMS, as the model adds them up: over all grids, or their mean."""
+def score_terms(
+    elements: Sequence[Element], domain: tuple[float, float, float, float], model: LayoutModel
+) -> np.ndarray:
+    """Return the (10,) values of TERMS, summed or averaged over grids as the model demands."""
     total, count = sum_log_densities(*measure_elements(elements, domain), *model.densities)
-    return total / np.maximum(count, 1) if model.mean else total
+    return total / np.maximum(count, 1) if model.averages_termsages_terms else total
 
 
 def measure_elements(
     elements: Sequence[Element], domain: tuple[float, float, float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`statistics.measure` of a layout's grids; elements in a fixed order first, so that sums do not depend on it."""
+    """Measure a layout's statistics with elements in a fixed order, so that sums do not depend on the input order.
+
+    Returns
+    -------
+    As `measure_layout`.
+    """
     kept = sorted({e for e in elements if e.label in ELEMENT_CLASSES}, key=lambda e: (e.label, e.y0, e.x0, e.y1, e.x1))
     box, label, grid = element_arrays(kept)
     return measure_layout(box, label, grid, np.array(domain, float))
 
 
 def element_arrays(elements: Sequence[Element]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """box (N, 4), label (N,) and grid (N,) of elements of ELEMENT_CLASSES, as the compiled parts take them."""
+    """Return the arrays that compiled functions need of elements of ELEMENT_CLASSES.
+
+    Returns
+    -------
+    box (N, 4), label (N,) and grid (N,).
+    """
     label = np.array([ELEMENT_CLASSES.index(e.label) for e in elements], np.int64)
     grid = np.zeros(len(elements), np.int64)
     for g, fitted in enumerate(fit_grids(elements)):
@@ -83,7 +108,17 @@ def sum_log_densities(
     symmetry: np.ndarray,
     compatibility: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sums of the log-densities of each of TERMS, and how many were added (10,), (10,)."""
+    """Sum the log-densities of each term over a layout's grids and pairs of grids.
+
+    Parameters
+    ----------
+    unary, pairs, overall : statistics of `measure_layout`.
+    mixtures, patterns, symmetry, compatibility : arrays of `Densities`.
+
+    Returns
+    -------
+    (10,) sums in the order of TERMS, and (10,) number of summands.
+    """
     total, count = np.zeros(10), np.zeros(10)
     for g in range(len(unary)):
         u = unary[g]
@@ -127,5 +162,5 @@ def sum_log_densities(
 
 @njit(cache=True)
 def door_bin(at: float) -> int:
-    """Row of the symmetry table: 0 without a door, else the doors' mean place from left to right."""
+    """Return the row of the symmetry table: 0 without a door, else by the mean door position from left to right."""
     return 0 if at == 0 else 1 + min(DOOR_BINS - 2, int(at * (DOOR_BINS - 1)))

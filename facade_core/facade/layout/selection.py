@@ -1,4 +1,4 @@
-"""From weighed proposals to one layout: the likely ones that do not exclude each other, set on common lines."""
+"""Selection of one layout from rated proposals, and its alignment to common lines."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import Box
+from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grids import box_array
 from facade_core.facade.layout.proposals import Proposals
 from facade_core.facade.layout.rectangles import WINDOW, may_overlap, pairwise_overlap
 
-# Edges of one label nearer than this share of the side are meant to be one line.
+# Largest distance between edges of one line, as a share of the side.
 _LINE_TOLERANCE = 0.2
 
 
@@ -25,8 +25,21 @@ def select_proposals(
     obstacles: np.ndarray,
     min_gap: float = 0.0,
 ) -> np.ndarray:
-    """Indices picked in the order of preference among those that are free (N,), clear of what was picked and of `blocked`
-    (M, 4); windows are so far apart across."""
+    """Select proposals greedily by preference, without conflicts.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    label : (N,) index into ELEMENT_CLASSES.
+    preference : (N,) higher is selected first.
+    selectable : (N,) bool.
+    obstacles : (M, 4) boxes that a proposal may not overlap.
+    min_gap : smallest horizontal distance between windows.
+
+    Returns
+    -------
+    Indices in the order of selection.
+    """
     if len(obstacles):
         selectable = selectable & ~pairwise_overlap(box, obstacles).any(axis=1)
     index = np.flatnonzero(selectable)
@@ -34,7 +47,9 @@ def select_proposals(
     excludes = pairwise_overlap(box[index], box[index]) & ~may_overlap(label[index], label[index])
     if min_gap > 0:
         window = label[index] == WINDOW
-        excludes |= pairwise_overlap(box[index] + np.array([-min_gap, 0, min_gap, 0]), box[index]) & window[:, None] & window
+        excludes |= (
+            pairwise_overlap(box[index] + np.array([-min_gap, 0, min_gap, 0]), box[index]) & window[:, None] & window
+        )
     kept: list[int] = []
     open_ = np.ones(len(index), bool)
     for k in range(len(index)):
@@ -49,12 +64,27 @@ def align_to_lines(
     selected: np.ndarray,
     probability: np.ndarray,
     observed_elements: Sequence[Element],
-    domain: Box,
+    domain: Rectangle,
     region: np.ndarray,
     obstacles: np.ndarray,
 ) -> tuple[Element, ...]:
-    """The picked proposals with edges that nearly agree made equal, to those seen first, then to the likeliest; from top to
-    bottom, left to right. One that would lose its place by that keeps its own edges."""
+    """Return the selected proposals with nearly equal edges made equal.
+
+    Edges align to observed elements first, then to the likeliest proposals. A proposal that would collide keeps its
+    edges.
+
+    Parameters
+    ----------
+    selected : indices into `proposals`.
+    probability : (N,) probability of each proposal; becomes the confidence of an element.
+    observed_elements : observed elements of ELEMENT_CLASSES.
+    region : (M, 4) visible boxes.
+    obstacles : (K, 4) boxes that no element may overlap.
+
+    Returns
+    -------
+    Elements from top to bottom, left to right.
+    """
     box, label = proposals.box[selected].copy(), proposals.label[selected].astype(int)
     observed = box_array(observed_elements)
     observed_label = np.array([ELEMENT_CLASSES.index(e.label) for e in observed_elements], int)
@@ -75,12 +105,16 @@ def align_to_lines(
                     box[i] = moved
     elements = [
         Element(ELEMENT_CLASSES[n], x0, y0, x1, y1, round(chance, 3))
-        for n, (x0, y0, x1, y1), chance in zip(label.tolist(), box.tolist(), probability[selected].tolist(), strict=True)
+        for n, (x0, y0, x1, y1), chance in zip(
+            label.tolist(), box.tolist(), probability[selected].tolist(), strict=True
+        )
     ]
     return tuple(sorted(elements, key=lambda e: (e.y0, e.x0, e.label, e.y1, e.x1)))
 
 
-def _nearest_line(known: Sequence[tuple[float, ...]], low: float, high: float, reach: float) -> tuple[float, ...] | None:
+def _nearest_line(
+    known: Sequence[tuple[float, ...]], low: float, high: float, reach: float
+) -> tuple[float, ...] | None:
     best, best_away = None, reach
     for line in known:
         away = max(abs(line[0] - low), abs(line[1] - high))
@@ -99,7 +133,7 @@ def _is_placeable(
     observed_label: np.ndarray,
     region: np.ndarray,
     blocked: np.ndarray,
-    domain: Box,
+    domain: Rectangle,
 ) -> bool:
     one, kind = moved[None], np.array([label])
     if moved[0] < domain[0] or moved[1] < domain[1] or moved[2] > domain[2] or moved[3] > domain[3]:

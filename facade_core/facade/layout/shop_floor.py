@@ -1,4 +1,4 @@
-"""The ground floor of a completion: its shops, all of one size along it or none."""
+"""Ground floor of a completion: a row of shops of one size, or none."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ import numpy as np
 from facade_core.facade.layout.proposals import Proposals
 from facade_core.facade.layout.rectangles import SHOP
 
-# Shops whose sides differ by less than this factor (natural logarithm) are of one row.
+# Size step of shops of one row (natural logarithm).
 _SIZE_TOLERANCE = 0.1
 
 
-def select_shop_row(proposals: Proposals, probability: np.ndarray, unobstructed: np.ndarray, threshold: float) -> np.ndarray:
-    """Indices of the shops of one size, clear of each other, that together are likelier than `least` by most; none where none
-    is free.
+def select_shop_row(
+    proposals: Proposals, probability: np.ndarray, unobstructed: np.ndarray, threshold: float
+) -> np.ndarray:
+    """Select the disjoint shops of one size whose probabilities exceed the threshold by the largest sum.
 
-    likely (N,): how likely each proposal is; clear (N,) bool: where nothing stands in the way. Sizes are those of shops that
-    are seen, of the database, and one or two column pitches less a pier (`proposals`).
+    Sizes are those of observed shops, of the database, and one or two column pitches less a pier (`proposals`).
+
+    Parameters
+    ----------
+    proposals : N proposals.
+    probability : (N,) probability of each.
+    unobstructed : (N,) bool proposals without obstacles.
+    threshold : probability from which a shop counts in favour of its row.
+
+    Returns
+    -------
+    Indices of the shops; empty if none is unobstructed.
     """
     index = np.flatnonzero((proposals.label == SHOP) & unobstructed)
     if not len(index):

@@ -1,8 +1,12 @@
-"""What the ten scores are read from: spacings, alignment, border and symmetry of a layout's grids (Fan et al. 2014, 4.1-4.3).
+"""Statistics under the ten scores: spacing, alignment, border and symmetry of a layout's grids.
 
-Compiled: `measure_layout` is called for every candidate layout. Elements come as arrays: box (N, 4) x0, y0, x1, y1; label (N,)
-index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 without holes. By loops: numba's own sort, median
-and unique, slices that are assigned and expressions of arrays each take longer to compile than what calls them.
+Compiled, since `measure_layout` runs for every candidate. Elements are arrays: box (N, 4) x0, y0, x1, y1; label
+(N,) index into ELEMENT_CLASSES; grid (N,) grid index, numbered from 0 without holes. The code uses loops: numba's
+sort, median and unique, slice assignments and array expressions take longer to compile than their callers.
+
+References
+----------
+Fan et al. 2014, sections 4.1-4.3.
 """
 
 from __future__ import annotations
@@ -11,13 +15,12 @@ import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.numba_cache import njit
-from facade_core.core.small_sort import ascending
+from facade_core.core.small_sort import argsort_few
+from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE
+from facade_core.facade.layout.rectangles import DOOR
 
 LABEL_COUNT = len(ELEMENT_CLASSES)
-DOOR = ELEMENT_CLASSES.index("door")
-# Centres closer than this share of the element size lie on one row or column.
-ALIGNED = 0.35
-# Interleaved patterns of Eq. 5, as many repetitions of the pattern as the two grids show; the last is any other.
+# Interleaving patterns of Eq. 5, repeated over two grids; the last is any other.
 PATTERNS = ("AB", "ABA", "AAB", "AABB", "other")
 
 # Columns of the arrays that `measure_layout` returns; NaN where a term does not apply.
@@ -25,17 +28,27 @@ ASPECT, WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, LABEL = range
 PATTERN, ALIGN_X, GAP_X, ALIGN_Y, GAP_Y = range(5)
 COVERAGE, BORDER_LEFT, BORDER_RIGHT, BORDER_TOP, BORDER_BOTTOM, SYMMETRY, DOOR_AT, TYPES = range(8)
 UNARY_SIZE, PAIR_SIZE, OVERALL_SIZE = 7, 5, 8
-# The element types of Eq. 7-8: each label above the ground, then each that stands on it: with labels alone the term is a
-# function of their number, and a door on the third floor is one more.
+# Element types of Eq. 7-8: each label above the ground, then each on the ground. With labels alone the term would only
+# count labels, and a door on the third floor would raise it.
 ELEMENT_TYPE_COUNT = 2 * LABEL_COUNT
-# An element stands on the ground where less than this share of its height lies between its foot and the domain's.
+# Largest distance of an element on the ground from the domain's foot, as a share of its height.
 _MAX_GROUND_GAP = 0.5
 
 
 @njit(cache=True)
 def cluster_lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
-    """Means of runs of values that lie at most `gap` apart, ascending, and the run of each value."""
-    order = ascending(values)
+    """Group values whose neighbours differ by at most `gap`.
+
+    Parameters
+    ----------
+    values : (N,) positions in any order.
+    gap : largest distance between neighbours of one cluster.
+
+    Returns
+    -------
+    (K,) cluster means, ascending, and (N,) cluster index of each value.
+    """
+    order = argsort_few(values)
     run = np.empty(len(values), np.int64)
     means = np.empty(len(values))
     count, total, k = 0, 0.0, -1
@@ -53,7 +66,7 @@ def cluster_lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarra
 
 @njit(cache=True)
 def _median(values: np.ndarray) -> float:
-    order = ascending(values)
+    order = argsort_few(values)
     middle = len(values) // 2
     if len(values) % 2:
         return values[order[middle]]
@@ -64,7 +77,19 @@ def _median(values: np.ndarray) -> float:
 def measure_layout(
     box: np.ndarray, label: np.ndarray, grid: np.ndarray, domain: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Statistics of a layout: (grids, UNARY), (pairs, BINARY) and (OVERALL,) float64, NaN where a term does not apply."""
+    """Measure the statistics of a layout.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    label : (N,) index into ELEMENT_CLASSES.
+    grid : (N,) grid index of each element.
+    domain : (4,) x0, y0, x1, y1 of the facade.
+
+    Returns
+    -------
+    (grids, UNARY_SIZE), (pairs, PAIR_SIZE) and (OVERALL_SIZE,) float64, NaN where a term does not apply.
+    """
     n = len(box)
     grids = 0
     for i in range(n):
@@ -92,8 +117,8 @@ def measure_layout(
                 count += 1
         width, height = _median(wide[:count]), _median(high[:count])
         size[g, 0], size[g, 1] = width, height
-        xs, _ = cluster_lines(middle_x[:count], ALIGNED * width)
-        ys, _ = cluster_lines(middle_y[:count], ALIGNED * height)
+        xs, _ = cluster_lines(middle_x[:count], ALIGNMENT_TOLERANCE * width)
+        ys, _ = cluster_lines(middle_y[:count], ALIGNMENT_TOLERANCE * height)
         column_count[g], row_count[g] = len(xs), len(ys)
         for k in range(len(xs)):
             columns[g, k] = xs[k]
@@ -123,9 +148,10 @@ def measure_layout(
 
 @njit(cache=True)
 def _measure_grid(out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray) -> None:
-    """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to its mean, share of cells filled.
+    """Write Eq. 1-4 of one grid: aspect ratio, size to spacing, relative spread of the spacing, completeness.
 
-    The paper has the spread to the grid's extent; in a grid of ten columns that hardly sees one moved by half a window.
+    The paper divides the spread by the grid's extent; with ten columns that hardly changes if one moves by half a
+    window.
     """
     out[ASPECT] = np.log(height / width)
     if len(xs) > 1:
@@ -141,7 +167,7 @@ def _measure_grid(out: np.ndarray, count: int, width: float, height: float, xs: 
 
 @njit(cache=True)
 def _spacing_moments(lines: np.ndarray) -> tuple[float, float]:
-    """Mean and standard deviation of the distances between lines that follow one another."""
+    """Return mean and standard deviation of the distances between successive lines."""
     count = len(lines) - 1
     mean, spread = 0.0, 0.0
     for k in range(count):
@@ -165,28 +191,28 @@ def _measure_pair(
     size_b: np.ndarray,
     domain: np.ndarray,
 ) -> None:
-    """Eq. 5-6 of two grids: the pattern of interleaved lines; the share of overlapping lines that align, with the gap."""
+    """Write Eq. 5-6 of two grids: interleaving pattern, and share of overlapping lines that align, with the gap."""
     apart_x = max(a[0], b[0]) - min(a[2], b[2])
     apart_y = max(a[1], b[1]) - min(a[3], b[3])
-    if apart_x < 0 and apart_y < 0:  # the bounding boxes cut: their lines may take turns
-        pattern = _interleaving_pattern(xa, xb, ALIGNED * min(size_a[0], size_b[0]))
+    if apart_x < 0 and apart_y < 0:  # the bounding boxes overlap, so their lines may alternate
+        pattern = _interleaving_pattern(xa, xb, ALIGNMENT_TOLERANCE * min(size_a[0], size_b[0]))
         if pattern < 0:
-            pattern = _interleaving_pattern(ya, yb, ALIGNED * min(size_a[1], size_b[1]))
+            pattern = _interleaving_pattern(ya, yb, ALIGNMENT_TOLERANCE * min(size_a[1], size_b[1]))
         if pattern >= 0:
             out[PATTERN] = pattern
     if apart_x < 0:
-        share = _aligned_share(xa, xb, ALIGNED * min(size_a[0], size_b[0]), a[0], a[2], b[0], b[2])
+        share = _aligned_share(xa, xb, ALIGNMENT_TOLERANCE * min(size_a[0], size_b[0]), a[0], a[2], b[0], b[2])
         if share >= 0:
             out[ALIGN_Y], out[GAP_Y] = share, max(0.0, apart_y) / (domain[3] - domain[1])
     if apart_y < 0:
-        share = _aligned_share(ya, yb, ALIGNED * min(size_a[1], size_b[1]), a[1], a[3], b[1], b[3])
+        share = _aligned_share(ya, yb, ALIGNMENT_TOLERANCE * min(size_a[1], size_b[1]), a[1], a[3], b[1], b[3])
         if share >= 0:
             out[ALIGN_X], out[GAP_X] = share, max(0.0, apart_x) / (domain[2] - domain[0])
 
 
 @njit(cache=True)
 def _aligned_share(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
-    """Share of the lines in the common stretch that have a partner; -1 where no line lies in it."""
+    """Return the share of lines in the common stretch that have a partner, -1 without a line there."""
     low, high = max(a0, b0), min(a1, b1)
     overlapping, aligned = 0, 0
     for k in range(len(p)):
@@ -201,13 +227,13 @@ def _aligned_share(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: floa
             near = False
             for k in range(len(p)):
                 near = near or abs(q[j] - p[k]) <= gap
-            overlapping += not near  # one with a partner is counted already
+            overlapping += not near  # a line with a partner is counted already
     return aligned / overlapping if overlapping else -1.0
 
 
 @njit(cache=True)
 def _unmatched_lines(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
-    """The lines of p of which none of q lies within the gap."""
+    """Return the lines of p without a line of q within the gap."""
     out = np.empty(len(p))
     n = 0
     for k in range(len(p)):
@@ -222,9 +248,9 @@ def _unmatched_lines(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
 
 @njit(cache=True)
 def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
-    """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other.
+    """Return the index into PATTERNS of the order in which two grids' lines alternate, -1 if they do not.
 
-    Lines that coincide, being one line of both, take no turns.
+    Coincident lines belong to both grids and do not count.
     """
     p, q = _unmatched_lines(all_p, all_q, gap), _unmatched_lines(all_q, all_p, gap)
     n = len(p) + len(q)
@@ -235,7 +261,7 @@ def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> i
         values[k] = p[k]
     for k in range(len(q)):
         values[len(p) + k] = q[k]
-    order = ascending(values)
+    order = argsort_few(values)
     turns, first = 0, order[0] >= len(p)
     runs = np.zeros(n, np.int64)
     previous = first
@@ -248,7 +274,7 @@ def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> i
     if turns <= 1:
         return -1
     ones, pairs, short = True, True, runs[0] <= 2 and runs[turns] <= 2
-    # of the runs at even and at odd places: whether all are one; whether all are two, the first and the last at most that
+    # For the runs at even and at odd places: all of length one; all of length two, the first and the last at most two.
     single, double = np.ones(2, np.bool_), np.ones(2, np.bool_)
     for k in range(turns + 1):
         side = k % 2
@@ -268,7 +294,7 @@ def _interleaving_pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> i
 
 @njit(cache=True)
 def _measure_whole(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.ndarray) -> np.ndarray:
-    """Eq. 8-11: types present as bits, coverage by grids, borders in mean element sizes, symmetric share, doors' place."""
+    """Write Eq. 8-11: types present as bits, coverage, borders in mean element sizes, symmetric share, door position."""
     out = np.full(OVERALL_SIZE, np.nan)
     n = len(box)
     types = 0
@@ -302,7 +328,14 @@ def _measure_whole(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domai
 
 @njit(cache=True)
 def symmetric_share(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
-    """Share of the elements' area whose mirror image about the domain's middle meets an element of the label."""
+    """Return the share of element area whose mirror image meets an element of the same label.
+
+    Parameters
+    ----------
+    box : (N, 4) x0, y0, x1, y1.
+    label : (N,) index into ELEMENT_CLASSES.
+    domain : (4,) x0, y0, x1, y1 of the facade; its middle is the axis.
+    """
     twice = domain[0] + domain[2]
     met, total = 0.0, 0.0
     for i in range(len(box)):
@@ -322,13 +355,13 @@ def symmetric_share(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> f
 
 @njit(cache=True)
 def _union_area(rectangles: np.ndarray) -> float:
-    """Area of the union of rectangles."""
+    """Return the area of the union of rectangles."""
     count = len(rectangles)
     xs, ys = np.empty(2 * count), np.empty(2 * count)
     for r in range(count):
         xs[2 * r], xs[2 * r + 1] = rectangles[r, 0], rectangles[r, 2]
         ys[2 * r], ys[2 * r + 1] = rectangles[r, 1], rectangles[r, 3]
-    by_x, by_y = ascending(xs), ascending(ys)
+    by_x, by_y = argsort_few(xs), argsort_few(ys)
     area = 0.0
     for i in range(2 * count - 1):
         x0, x1 = xs[by_x[i]], xs[by_x[i + 1]]

@@ -1,4 +1,4 @@
-"""Completion problems with a known answer, made by hiding part of a whole layout: for training and for measuring."""
+"""Completion problems with a known answer, from whole layouts with a part hidden; for training and benchmarks."""
 
 from __future__ import annotations
 
@@ -8,19 +8,26 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.core.types import Element
+from facade_core.facade.layout.facade_frame import Rectangle
 
-Box = tuple[float, float, float, float]
-
-# What the benchmark measures; training sees the others as well.
+# Kinds of the benchmark; training also uses the others.
 BENCHMARK_KINDS = ("right", "lower", "region", "sparse")
 CASE_KINDS = (*BENCHMARK_KINDS, "left", "upper")
 
 
 def hide_part(
-    kind: str, elements: Sequence[Element], domain: Box, rng: np.random.Generator
-) -> tuple[list[Element], list[Box]]:
-    """The elements that stay visible and the visible region: half of the facade hidden, a random rectangle of 30-50 %, or
-    all but 25-35 % of the elements. An element that meets the visible region is visible."""
+    kind: str, elements: Sequence[Element], domain: Rectangle, rng: np.random.Generator
+) -> tuple[list[Element], list[Rectangle]]:
+    """Hide a part of a layout and return the visible elements and the visible region.
+
+    Half of the facade is hidden, a random rectangle of 30-50 %, or all but 25-35 % of the elements. An element that
+    intersects the visible region is visible.
+
+    Parameters
+    ----------
+    kind : one of CASE_KINDS.
+    domain : (x0, y0, x1, y1) of the facade.
+    """
     x0, y0, x1, y1 = domain
     if kind == "right":
         region = [(x0, y0, (x0 + x1) / 2, y1)]
@@ -45,14 +52,14 @@ def hide_part(
     return [e for e in elements if any(_intersects(e, r) for r in region)], region
 
 
-def mirror_layout(elements: Sequence[Element], domain: Box) -> list[Element]:
-    """The layout seen in a mirror: another facade to learn from."""
+def mirror_layout(elements: Sequence[Element], domain: Rectangle) -> list[Element]:
+    """Return the mirror image of a layout."""
     twice = domain[0] + domain[2]
     return [replace(e, x0=twice - e.x1, x1=twice - e.x0) for e in elements]
 
 
-def sample_regular_layout(rng: np.random.Generator) -> tuple[list[Element], Box]:
-    """A facade of equal windows at equal distances, and its domain, in window widths."""
+def sample_regular_layout(rng: np.random.Generator) -> tuple[list[Element], Rectangle]:
+    """Sample a facade of equal windows at equal distances, and its domain, in window widths."""
     columns, floors = int(rng.integers(3, 24)), int(rng.integers(2, 16))
     height = np.exp(rng.normal(0.4, 0.2))
     pitch = rng.uniform(1.6, 3.0), height * rng.uniform(1.5, 2.6)
@@ -62,5 +69,5 @@ def sample_regular_layout(rng: np.random.Generator) -> tuple[list[Element], Box]
     return [Element("window", x, y, x + 1, y + height) for x, y in corners], (0.0, 0.0, *domain)
 
 
-def _intersects(e: Element, r: Box) -> bool:
+def _intersects(e: Element, r: Rectangle) -> bool:
     return min(e.x1, r[2]) > max(e.x0, r[0]) and min(e.y1, r[3]) > max(e.y0, r[1])

@@ -1,4 +1,4 @@
-"""What the trees of completion learn from, facades with a part hidden; and how likely an element must be to be picked."""
+"""Training examples of the ranking trees, from facades with a part hidden, and selection thresholds by label."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.labels import ELEMENT_CLASSES
 from facade_core.core.types import Element
 from facade_core.facade.layout import training_cases
-from facade_core.facade.layout.facade_frame import Box, fit_facade_frame
+from facade_core.facade.layout.facade_frame import Rectangle, fit_facade_frame
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import LayoutModel
 from facade_core.facade.layout.proposal_features import compute_features
@@ -19,17 +19,17 @@ from facade_core.facade.layout.ranking import BoostedTrees, predict_probability,
 from facade_core.facade.layout.rectangles import pairwise_iou
 from facade_core.facade.layout.selection import select_proposals
 
-Layout = tuple[Sequence[Element], Box]
+Layout = tuple[Sequence[Element], Rectangle]
 Progress = Callable[[str, int, int], None]
 
-# A proposal is right when it overlaps a hidden element of its label by this share of their union.
+# Smallest IoU of a correct proposal with a hidden element of its label.
 _MIN_IOU = 0.5
-# So many regular facades are made for a hundred of the database, which has few: what is regular is told as surely as it is.
+# Regular facades for each hundred of the database, which has few: regular layouts need high probabilities.
 _REGULAR_PERCENT = 30
-# Thresholds that are tried.
+# Candidate thresholds.
 _THRESHOLDS = np.geomspace(0.05, 0.5, 13).round(3)
 _NO_BOXES = np.zeros((0, 4))
-# Trees that choose them are of few facades, and need no more rounds.
+# Rounds of the trees that choose thresholds; they learn from fewer facades.
 _THRESHOLD_ROUNDS = 200
 
 
@@ -37,24 +37,34 @@ _THRESHOLD_ROUNDS = 200
 class TrainingExample:
     """Proposals for a facade with a part hidden.
 
-    layout: its number in the database, -1 of one that is made; measured: hidden as the benchmark hides, no mirror image;
-    box (N, 4), label (N,), rows (N, features), truth (N,) bool: the proposals, and which are right; hidden (LABELS,): elements.
+    Attributes
+    ----------
+    layout_index : index in the database, -1 of a synthetic layout.
+    is_benchmark_case : hidden as in the benchmark, not a mirror image.
+    box : (N, 4) proposals.
+    label : (N,) index into ELEMENT_CLASSES.
+    features : (N, features) float32.
+    truth : (N,) bool correct proposals.
+    hidden_counts : (LABEL_COUNT,) number of hidden elements.
     """
 
-    layout: int
-    measured: bool
+    layout_index: int
+    is_benchmark_case: bool
     box: np.ndarray
     label: np.ndarray
-    rows: np.ndarray
+    features: np.ndarray
     truth: np.ndarray
-    hidden: np.ndarray
+    hidden_counts: np.ndarray
 
 
-def make_examples(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> list[TrainingExample]:
-    """Proposals for every facade, for its mirror image and for regular ones, with each kind of part hidden."""
+def make_examples(
+    model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress
+) -> list[TrainingExample]:
+    """Make examples from every facade, its mirror image and regular facades, with each kind of part hidden."""
     found = []
     regular = [
-        training_cases.sample_regular_layout(np.random.default_rng([seed, 4, k])) for k in range(_REGULAR_PERCENT * len(layouts) // 100)
+        training_cases.sample_regular_layout(np.random.default_rng([seed, 4, k]))
+        for k in range(_REGULAR_PERCENT * len(layouts) // 100)
     ]
     everything = [
         *layouts,
@@ -62,7 +72,7 @@ def make_examples(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
         *regular,
     ]
     for k, (elements, domain) in enumerate(everything):
-        # the left half and the upper one teach the same as the right and the lower, so they take turns
+        # The left and the upper half teach the same as the right and the lower, so they alternate.
         for turn, kind in enumerate((*training_cases.BENCHMARK_KINDS, ("left", "upper")[k % 2], "region", "sparse")):
             seen, region = training_cases.hide_part(kind, elements, domain, np.random.default_rng([seed, k, turn]))
             shown = set(seen)
@@ -71,7 +81,7 @@ def make_examples(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
                 continue
             visible = np.array(region, float).reshape(-1, 4)
             fitted = fit_grids(seen)
-            guesses = propose_elements(seen, fitted, domain, visible, model.usual)
+            guesses = propose_elements(seen, fitted, domain, visible, model.priors)
             if not len(guesses.box):
                 continue
             label = np.array([ELEMENT_CLASSES.index(e.label) for e in hidden])
@@ -92,19 +102,25 @@ def make_examples(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
 
 
 def train_ranking(examples: Sequence[TrainingExample], *, seed: int, rounds: int = 400) -> BoostedTrees:
-    """Trees that say how likely a proposal is right."""
-    rows, truth = np.concatenate([e.rows for e in examples]), np.concatenate([e.truth for e in examples])
+    """Train trees that predict the probability that a proposal is correct."""
+    rows, truth = np.concatenate([e.features for e in examples]), np.concatenate([e.truth for e in examples])
     return train_trees(rows, truth, seed=seed, rounds=rounds)
 
 
 def choose_thresholds(examples: Sequence[TrainingExample], *, seed: int, progress: Progress) -> np.ndarray:
-    """(LABELS,) how likely a proposal must be to be picked: where F1 of its label is largest, on each half of the database by
-    trees that learned from the other."""
+    """Choose the probability from which proposals of each label are selected, at the largest F1.
+
+    Each half of the database is judged by trees of the other half.
+
+    Returns
+    -------
+    (LABEL_COUNT,) thresholds.
+    """
     judged: list[tuple[TrainingExample, np.ndarray]] = []
-    measured = [e for e in examples if e.measured]
+    measured = [e for e in examples if e.is_benchmark_case]
     for half in (0, 1):
-        trees = train_ranking([e for e in measured if e.layout % 2 != half], seed=seed, rounds=_THRESHOLD_ROUNDS)
-        judged += [(e, predict_probability(trees, e.rows)) for e in measured if e.layout % 2 == half]
+        trees = train_ranking([e for e in measured if e.layout_index % 2 != half], seed=seed, rounds=_THRESHOLD_ROUNDS)
+        judged += [(e, predict_probability(trees, e.features)) for e in measured if e.layout_index % 2 == half]
         progress("trees", 2 + half, 3)
     chosen = np.full(len(ELEMENT_CLASSES), 0.2)
     for label in (*range(len(ELEMENT_CLASSES)), *range(len(ELEMENT_CLASSES))):
@@ -123,5 +139,5 @@ def _f1(judged: Sequence[tuple[TrainingExample, np.ndarray]], thresholds: np.nda
     for e, p in judged:
         kept = select_proposals(e.box, e.label, p, p >= thresholds[e.label], _NO_BOXES)
         kept = kept[e.label[kept] == label]
-        right, made, hidden = right + int(e.truth[kept].sum()), made + len(kept), hidden + int(e.hidden[label])
+        right, made, hidden = right + int(e.truth[kept].sum()), made + len(kept), hidden + int(e.hidden_counts[label])
     return 2 * right / max(made + hidden, 1)

@@ -1,4 +1,4 @@
-"""Refusals of layouts, domains and observed regions that cannot be used."""
+"""Validation of layouts, domains and observed regions."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ import numpy as np
 
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
+from facade_core.facade.layout.facade_frame import Rectangle
 from facade_core.facade.layout.grids import box_array, check_boxes
 from facade_core.facade.layout.rectangles import pairwise_overlap
 
-Box = tuple[float, float, float, float]
 
-
-def check_domain(domain: Box) -> None:
+def check_domain(domain: Rectangle) -> None:
     """Raise LayoutError for a domain that is no rectangle with an area."""
     if len(domain) != 4 or not np.isfinite(domain).all() or not (domain[0] < domain[2] and domain[1] < domain[3]):
         raise LayoutError(f"domain {tuple(domain)}: give finite x0 < x1 and y0 < y1")
 
 
-def check_elements(elements: Sequence[Element], domain: Box) -> None:
+def check_elements(elements: Sequence[Element], domain: Rectangle) -> None:
     """Raise LayoutError for an element of an unknown label, without area, or centred outside the domain."""
     check_boxes(elements)
     box = box_array(elements)
@@ -32,8 +31,14 @@ def check_elements(elements: Sequence[Element], domain: Box) -> None:
         )
 
 
-def check_region(observed: Sequence[Element], domain: Box, observed_region: Sequence[Box]) -> np.ndarray:
-    """The observed region as (M, 4); raises LayoutError for a box outside the domain and an element outside every box."""
+def check_region(observed: Sequence[Element], domain: Rectangle, observed_region: Sequence[Rectangle]) -> np.ndarray:
+    """Return the observed region as (M, 4) boxes.
+
+    Raises
+    ------
+    LayoutError
+        For a box outside the domain, an element outside every box, or elements without any box.
+    """
     region = np.array([tuple(b) for b in observed_region], float).reshape(-1, 4)
     x0, y0, x1, y1 = domain
     for i, (a0, b0, a1, b1) in enumerate(region.tolist()):
@@ -42,5 +47,7 @@ def check_region(observed: Sequence[Element], domain: Box, observed_region: Sequ
     if observed and not len(region):
         raise LayoutError("observed region: empty though elements were seen; give the boxes that are visible")
     for i in np.flatnonzero(~pairwise_overlap(box_array(observed), region).any(axis=1)).tolist():
-        raise LayoutError(f"element {i} ({observed[i].label}): outside the observed region; extend the region or drop it")
+        raise LayoutError(
+            f"element {i} ({observed[i].label}): outside the observed region; extend the region or drop it"
+        )
     return region

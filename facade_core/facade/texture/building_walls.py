@@ -12,35 +12,35 @@ from numpy.lib.stride_tricks import sliding_window_view
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.entrances import DOOR_M, door_place, put_door, turn_corner
-from facade_core.facade.texture.genetic import POPULATION
-from facade_core.facade.texture.retargeting import NOISE, Style, elastic, first_tiles, refined
-from facade_core.facade.texture.storeys import Storey, Wall, on_ground, plainest, storeys_on
-from facade_core.facade.texture.tile_composition import compose
+from facade_core.facade.texture.entrances import DOOR_SIZE_M, choose_door_position, paint_corner_shop, paint_door
+from facade_core.facade.texture.genetic import POPULATION_SIZE
+from facade_core.facade.texture.retargeting import PRICE_NOISE, ExemplarStyle, fit_sizes, initial_tiling, refine_tiling
+from facade_core.facade.texture.storeys import FacadeWall, WallFloor, plainest_floor, shows_ground_floor, stack_floors
+from facade_core.facade.texture.tile_composition import compose_tiles
 
 # Wall on either side of a window, to the wall's edge or to a neighbour.
-BESIDE_WINDOW_M = 0.25
+WINDOW_MARGIN_M = 0.25
 # Bays of backs are so many times as wide.
-PLAIN_BAYS = 1.3
+BACK_BAY_FACTOR = 1.3
 # Bare wall: how wide it may be, as shares of a bay; steps of grey that hardly count as uneven.
-BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
+BARE_WIDTH_SHARES, NEGLIGIBLE_UNEVENNESS = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
 # Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
 # metres, and by so many texels, and may be so much narrower for it; where it would be narrower still, there is none.
-WHOLE, BESIDE_SEAM_M, BESIDE_SEAM_TEXELS, NARROWER = 0.75, 0.08, 3.0, 0.5
+MIN_SECTION_BAYS, SEAM_MARGIN_M, SEAM_MARGIN_TEXELS, MIN_WIDTH_SHARE = 0.75, 0.08, 3.0, 0.5
 # A ground floor goes on over a narrow wall where at least so much of it is wall.
-WALLED = 0.6
+MIN_WALL_SHARE = 0.6
 # And over a corner that shows no shop.
-BARE_CORNER = 0.97
+MIN_CORNER_WALL_SHARE = 0.97
 
 
-def on_wall(
-    style: Style,
-    wall: Wall,
+def compose_wall(
+    style: ExemplarStyle,
+    wall: FacadeWall,
     *,
-    like: Style | None = None,
+    floor_style: ExemplarStyle | None = None,
     metres_per_pixel: float,
-    drawn_at: float | None = None,
-    shown_at: float | None = None,
+    output_metres_per_pixel: float | None = None,
+    texel_m: float | None = None,
     seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / drawn_at) pixels, which are
@@ -52,32 +52,32 @@ def on_wall(
     storey shows windows where they fit into what is free of the wall, and wall elsewhere. Raises ImageError for a wall of less
     than 2 pixels a side, or without storeys.
     """
-    pixel = drawn_at or metres_per_pixel
+    pixel = output_metres_per_pixel or metres_per_pixel
     size = round(wall.height / pixel), round(wall.width / pixel)
-    if min(size) < 2 or wall.storeys < 1:
-        raise ImageError(f"on_wall: {size} px and {wall.storeys} storeys; pass at least 2 px a side and 1 storey")
+    if min(size) < 2 or wall.floors < 1:
+        raise ImageError(f"on_wall: {size} px and {wall.floors} storeys; pass at least 2 px a side and 1 storey")
     rng = np.random.default_rng(seed)
-    plain = plainest(style)
-    stack, scale = storeys_on(style, wall, metres_per_pixel, like)
+    plain = plainest_floor(style)
+    stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
     floors = [storey.floor for storey in stack]
 
-    bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (PLAIN_BAYS if wall.plain else 1.0)
+    bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (BACK_BAY_FACTOR if wall.is_back else 1.0)
     window = scale * float(np.mean([right - left for left, right in style.exemplar.bays]))
-    blank = wall.width < max(0.5 * bay, window + 2 * BESIDE_WINDOW_M)
+    blank = wall.width < max(0.5 * bay, window + 2 * WINDOW_MARGIN_M)
     ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
     count = 1 if blank else sum(counts)
-    if wall.street and not blank:
-        variants = [first_tiles(style, floors, count, False, rng, NOISE * k**0.5) for k in range(4)]
-        population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
-        tiles, _ = refined(style, floors, population, False, rng)
+    if wall.on_street and not blank:
+        variants = [initial_tiling(style, floors, count, False, rng, PRICE_NOISE * k**0.5) for k in range(4)]
+        population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
+        tiles, _ = refine_tiling(style, floors, population, False, rng)
     else:
-        tiles = first_tiles(style, floors, count, blank, rng, 0.0)
+        tiles = initial_tiling(style, floors, count, blank, rng, 0.0)
     wide = len(style.grid.columns) - 1
     source = np.stack(np.divmod(tiles, wide))  # the rows and columns of the exemplar's lattice that are shown
     if blank:
         source[1] = wide + 1
-    elif not wall.street:
+    elif not wall.on_street:
         row = 0
         for storey in stack:  # what is behind the windows differs from storey to storey
             bays = rng.choice(_plain_bays(style, plain), count)
@@ -89,24 +89,24 @@ def on_wall(
         widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
         split = np.split(widths, 3 * np.cumsum(counts)[:-1])
         fitted = [
-            elastic(own, np.tile([True, False, True], len(own) // 3), right - left)
+            fit_sizes(own, np.tile([True, False, True], len(own) // 3), right - left)
             for own, (left, right) in zip(split, pairwise(ends), strict=True)
         ]
-        apart = max(BESIDE_SEAM_M, BESIDE_SEAM_TEXELS * (shown_at or pixel))
+        apart = max(SEAM_MARGIN_M, SEAM_MARGIN_TEXELS * (texel_m or pixel))
         across = _move_off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
     attic = stack[0].attic
     down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
     _blank_cells(style, wall, stack, source, down, across, plain, blank)
     ground = len(stack[-1].heights)
-    if wall.corner:
+    if wall.is_corner:
         _blank_ground(style, stack[-1], source, plain)
-    if wall.street and not blank and on_ground(style, stack[-1]):
+    if wall.on_street and not blank and shows_ground_floor(style, stack[-1]):
         _place_doors(style, wall, source, across, ground)
-    back = wall.door or (wall.plain and bool(wall.entrances) and not wall.raised)
+    back = wall.has_back_door or (wall.is_back and bool(wall.entrances) and not wall.is_raised)
     size_m = wall.width, wall.height
-    middle = door_place(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
+    middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
     if middle is not None and not blank:
-        beside = np.flatnonzero((across[:-1] < middle + DOOR_M[0]) & (across[1:] > middle - DOOR_M[0]))
+        beside = np.flatnonzero((across[:-1] < middle + DOOR_SIZE_M[0]) & (across[1:] > middle - DOOR_SIZE_M[0]))
         own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
         for left in np.unique(beside // 3 * 3).tolist():
             source[0, -ground:, left : left + 3] = own[:, None]
@@ -119,15 +119,15 @@ def on_wall(
     # behind the last column of the lattice one more that shows bare wall
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
-    image, labels = compose(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
-    if wall.corner and on_ground(style, stack[-1]):
-        turn_corner(style, image, labels, int(rows[-1 - ground]), scale, pixel)
+    image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
+    if wall.is_corner and shows_ground_floor(style, stack[-1]):
+        paint_corner_shop(style, image, labels, int(rows[-1 - ground]), scale, pixel)
     if middle is not None:
-        put_door(image, labels, middle, pixel, rng)
+        paint_door(image, labels, middle, pixel, rng)
     return image, labels
 
 
-def _place_doors(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
+def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
     """Show, in `source` as of `_blank_cells`, a bay of the exemplar that has a door where the map has one and no bay beside shows
     a door or a shop; ground: the rows of the ground floor."""
     doors = np.flatnonzero(style.doors)
@@ -144,20 +144,23 @@ def _place_doors(style: Style, wall: Wall, source: np.ndarray, across: np.ndarra
             source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
-def _blank_ground(style: Style, storey: Storey, source: np.ndarray, plain: int) -> None:
+def _blank_ground(style: ExemplarStyle, storey: WallFloor, source: np.ndarray, plain: int) -> None:
     """Show bare wall all over the lowest storey, in `source` as of `_blank_cells`: that of the ground floor where it has any."""
     count, bare = len(storey.heights), len(style.grid.columns)
-    if not (on_ground(style, storey) and _is_mostly_wall(style, source[0, -count:, 0], plain, BARE_CORNER)):
+    if not (
+        shows_ground_floor(style, storey)
+        and _is_mostly_wall(style, source[0, -count:, 0], plain, MIN_CORNER_WALL_SHARE)
+    ):
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
         source[0, -count:] = own[:, None]
     source[1, -count:] = bare
 
 
-def _wall_sections(wall: Wall, bay: float) -> list[float]:
+def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
     """The ends of a wall, and the seams between which there is room for whole bays, metres."""
     ends = [0.0]
     for seam in wall.seams:
-        if min(seam - ends[-1], wall.width - seam) >= WHOLE * bay:
+        if min(seam - ends[-1], wall.width - seam) >= MIN_SECTION_BAYS * bay:
             ends.append(seam)
     return [*ends, wall.width]
 
@@ -177,7 +180,7 @@ def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float)
             (abs(x - first), x, width)
             for (a, b), width in zip(places, widths, strict=True)
             for x in [float(np.clip(first, a, b - width))]
-            if width >= NARROWER * (last - first)
+            if width >= MIN_WIDTH_SHARE * (last - first)
         ]
         if fits:
             _, x, width = min(fits)
@@ -185,7 +188,7 @@ def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float)
     return across
 
 
-def _plain_bays(style: Style, plain: int) -> np.ndarray:
+def _plain_bays(style: ExemplarStyle, plain: int) -> np.ndarray:
     """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
     others."""
     rows, cuts = style.grid.rows, style.exemplar.bay_cuts
@@ -197,9 +200,9 @@ def _plain_bays(style: Style, plain: int) -> np.ndarray:
 
 
 def _blank_cells(
-    style: Style,
-    wall: Wall,
-    stack: list[Storey],
+    style: ExemplarStyle,
+    wall: FacadeWall,
+    stack: list[WallFloor],
     source: np.ndarray,
     down: np.ndarray,
     across: np.ndarray,
@@ -229,7 +232,7 @@ def _blank_cells(
             for left in range(0, source.shape[2], 3):
                 first, last = across[left + 1 : left + 3].tolist()
                 bent = any(first < seam < last for seam in wall.seams)
-                first, last = first - BESIDE_WINDOW_M, last + BESIDE_WINDOW_M
+                first, last = first - WINDOW_MARGIN_M, last + WINDOW_MARGIN_M
                 if bent or not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
                     source[0, rows, left : left + 3] = own[:, None]
                     source[1, rows, left : left + 3] = bare
@@ -237,7 +240,7 @@ def _blank_cells(
 
 
 @lru_cache(maxsize=4)
-def _bare_columns(style: Style, plain: int) -> tuple[int, int]:
+def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
     """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
     which, pixels."""
     rows = style.grid.rows[3 * plain : 3 * plain + 4]
@@ -245,17 +248,17 @@ def _bare_columns(style: Style, plain: int) -> tuple[int, int]:
     colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
     best, found = -np.inf, (0, len(wall))
     bay = float(np.diff(style.exemplar.bay_cuts).mean())
-    for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE}):
+    for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE_WIDTH_SHARES}):
         uneven = np.max([np.ptp(sliding_window_view(colour, width), axis=1) for colour in colours], axis=0)
         walled = sliding_window_view(wall, width).mean(axis=1)
-        worth = width * walled**8 / (EVEN + uneven)
+        worth = width * walled**8 / (NEGLIGIBLE_UNEVENNESS + uneven)
         if worth.max() > best:
             best, left = float(worth.max()), int(np.argmax(worth))
             found = left, left + width
     return found
 
 
-def _is_mostly_wall(style: Style, rows: np.ndarray, plain: int, least: float = WALLED) -> bool:
+def _is_mostly_wall(style: ExemplarStyle, rows: np.ndarray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
     """Whether more than a share of some rows (k,) of the exemplar's lattice is wall where its plainest floor is bare."""
     left, right = _bare_columns(style, plain)
     shown = [

@@ -10,29 +10,29 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.retargeting import Style
-from facade_core.parsing.floor_structure import Span, runs
+from facade_core.facade.texture.retargeting import ExemplarStyle
+from facade_core.parsing.floor_structure import Span, spans_above
 
 # A corner narrower than this shows no shop. Beside it lies this much of the exemplar's ground floor, and a shop is made at most
 # so many times as wide or as narrow; one with a door counts as so much better.
-LEAST_CORNER_M, JAMB_M, STRETCH, ENTERED = 1.1, 0.2, 1.9, 0.5
+MIN_CORNER_M, JAMB_M, MAX_SHOP_STRETCH, DOOR_BONUS = 1.1, 0.2, 1.9, 0.5
 # A back's door with its frame, and the width of that, metres.
-DOOR_M, FRAME_M = (1.02, 2.12), 0.07
+DOOR_SIZE_M, FRAME_M = (1.02, 2.12), 0.07
 # Wall on either side of it.
-BESIDE_M = 0.2
+DOOR_MARGIN_M = 0.2
 # Leaves of back doors, and their frames; how light a pane in one is.
-LEAVES = np.array(
+LEAF_COLOURS = np.array(
     [[78, 70, 62], [92, 90, 86], [62, 74, 68], [98, 74, 58], [74, 80, 90], [112, 106, 96], [70, 56, 48]], np.float64
 )
-FRAMES, PANE = (0.72, 1.45), 46.0
+FRAME_GAINS, PANE_LIGHT = (0.72, 1.45), 46.0
 # How often a door has a pane, and planks instead of panels.
-GLAZED, PLANKED = 0.35, 0.4
+GLAZED_PROBABILITY, PLANKED_PROBABILITY = 0.35, 0.4
 # The width of a plank, the rail around a panel, and a groove, metres.
 PLANK_M, RAIL_M, GROOVE_M = 0.115, 0.13, 0.014
 
 
-def turn_corner(
-    style: Style, image: np.ndarray, labels: np.ndarray, top: int, scale: float, metres_per_pixel: float
+def paint_corner_shop(
+    style: ExemplarStyle, image: np.ndarray, labels: np.ndarray, top: int, scale: float, metres_per_pixel: float
 ) -> None:
     """Show the shop of an exemplar, its door first, on the ground floor of a narrow corner, in place: image (h, w, 3) uint8 and
     labels (h, w) uint8, from row `top` on; scale: the metres that a pixel of the exemplar takes. Where it has no shop that
@@ -49,24 +49,26 @@ def turn_corner(
 
 def _find_corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
     """From which column to which a ground floor's labels (h, w) show the shop for a corner so wide, metres; None where none."""
-    if width < LEAST_CORNER_M or not (labels == FacadeClass.SHOP).any():
+    if width < MIN_CORNER_M or not (labels == FacadeClass.SHOP).any():
         return None
     jamb = round(JAMB_M / scale)
     best: tuple[float, Span] | None = None
-    for left, right in runs(np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float), 0.5):
+    for left, right in spans_above(
+        np.isin(labels, (FacadeClass.SHOP, FacadeClass.DOOR)).any(axis=0).astype(float), 0.5
+    ):
         span = max(0, left - jamb), min(labels.shape[1], right + jamb)
         if not (labels[:, slice(*span)] == FacadeClass.SHOP).any():
             continue
         off = abs(np.log(max(span[1] - span[0], 1) * scale / width))
-        if off > np.log(STRETCH):
+        if off > np.log(MAX_SHOP_STRETCH):
             continue
-        cost = off - ENTERED * bool((labels[:, slice(*span)] == FacadeClass.DOOR).any())
+        cost = off - DOOR_BONUS * bool((labels[:, slice(*span)] == FacadeClass.DOOR).any())
         if best is None or cost < best[0]:
             best = cost, span
     return None if best is None else best[1]
 
 
-def door_place(
+def choose_door_position(
     free: BaseGeometry,
     size: tuple[float, float],
     across: np.ndarray,
@@ -79,14 +81,14 @@ def door_place(
     height); across: the borders of bays and of windows, as `on_wall` has them; seams: where the wall bends."""
     width, height = size
     middles = (across[1:-1:3] + across[2::3]) / 2 if len(across) > 2 else np.array([width / 2])
-    reach = DOOR_M[0] / 2 + BESIDE_M
+    reach = DOOR_SIZE_M[0] / 2 + DOOR_MARGIN_M
     open_ = free.buffer(0.02)
     fits = [
         middle
         for middle in middles.tolist()
         if reach <= middle <= width - reach
         and all(abs(seam - middle) > reach for seam in seams)
-        and open_.covers(shapely.box(middle - reach, height - DOOR_M[1], middle + reach, height - 0.05))
+        and open_.covers(shapely.box(middle - reach, height - DOOR_SIZE_M[1], middle + reach, height - 0.05))
     ]
     if entrances and fits:
         return min(fits, key=lambda middle: abs(middle - entrances[0]))
@@ -94,31 +96,31 @@ def door_place(
     return inner[int(rng.integers(len(inner)))] if inner else None
 
 
-def put_door(
+def paint_door(
     image: np.ndarray, labels: np.ndarray, middle: float, metres_per_pixel: float, rng: np.random.Generator
 ) -> None:
     """Put a plain door at the foot of a wall, in place: image (h, w, 3) uint8, labels (h, w) uint8; its middle so many metres
     from the left."""
-    wide, high = (max(2, round(side / metres_per_pixel)) for side in DOOR_M)
+    wide, high = (max(2, round(side / metres_per_pixel)) for side in DOOR_SIZE_M)
     left = round(middle / metres_per_pixel - wide / 2)
     left, wide = max(0, left), min(wide, labels.shape[1])
     top = max(0, len(labels) - high)
     at = np.s_[top : len(labels), left : left + wide]
     light = image[at].mean() / 150.0  # a door in a dark picture is dark
-    door = plain_door(labels[at].shape, metres_per_pixel, rng)
+    door = draw_plain_door(labels[at].shape, metres_per_pixel, rng)
     image[at] = np.clip(np.rint(door * np.clip(light, 0.6, 1.15)), 0, 255).astype(np.uint8)
     labels[at] = FacadeClass.DOOR
 
 
-def plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> np.ndarray:
+def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> np.ndarray:
     """A door as backs have them, (h, w, 3) float: a leaf of planks or panels, some with a pane, in a frame."""
     height, width = shape
     y, x = ((np.arange(n) + 0.5) * metres_per_pixel for n in (height, width))
     across, down = x[None, :], y[:, None]
     wide, high = width * metres_per_pixel, height * metres_per_pixel
-    colour, frame = LEAVES[rng.integers(len(LEAVES))], FRAMES[int(rng.random() < 0.6)]
+    colour, frame = LEAF_COLOURS[rng.integers(len(LEAF_COLOURS))], FRAME_GAINS[int(rng.random() < 0.6)]
     tone = np.ones(shape) * (1 - 0.1 * down / high) * (1 + 0.05 * rng.standard_normal((1, width)))
-    glazed, planked = rng.random() < GLAZED, rng.random() < PLANKED
+    glazed, planked = rng.random() < GLAZED_PROBABILITY, rng.random() < PLANKED_PROBABILITY
     inner = (FRAME_M + RAIL_M, wide - FRAME_M - RAIL_M)
 
     def grooved(left: float, right: float, upper: float, lower: float) -> np.ndarray:
@@ -143,7 +145,9 @@ def plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.G
         (upper, lower) = parts[0]
         pane = (across > inner[0]) & (across < inner[1]) & (down > upper) & (down < lower)
         door[pane] = (
-            PANE * np.array([0.95, 1.0, 1.06]) * (1 + 0.3 * (1 - np.broadcast_to(down, shape)[pane] / high))[:, None]
+            PANE_LIGHT
+            * np.array([0.95, 1.0, 1.06])
+            * (1 + 0.3 * (1 - np.broadcast_to(down, shape)[pane] / high))[:, None]
         )
     around = (across < FRAME_M) | (across > wide - FRAME_M) | (down < FRAME_M)
     door[around] = np.minimum(colour * frame, 210) * (0.9 + 0.2 * tone[around][:, None] / 2)

@@ -10,57 +10,57 @@ import cv2
 import numpy as np
 
 from facade_core.core.labels import UNKNOWN
-from facade_core.facade.texture.floor_pitch import bay_width, floor_height
-from facade_core.facade.texture.label_expansion import choose
-from facade_core.facade.texture.mosaic import paint
-from facade_core.facade.texture.source_costs import UNUSABLE, Offers, offers
-from facade_core.facade.texture.translations import repeats
+from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
+from facade_core.facade.texture.label_expansion import choose_sources
+from facade_core.facade.texture.mosaic import paint_sources
+from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts, compute_source_costs
+from facade_core.facade.texture.translations import find_translations
 
-_WORKING = 110_000  # px at which translations are chosen
-_SEAM = 0.02  # price of a seam, per colour difference (0-1, three channels)
+_MAX_WORKING_PX = 110_000  # px at which translations are chosen
+_SEAM_PRICE = 0.02  # price of a seam, per colour difference (0-1, three channels)
 # How much the classes stand out from the wall where repeats of a planned layout are looked for.
-_HEAVY = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
-_COARSEST = 8  # px of the image at most in one of those
-_REACH = 24  # parts of the longer side: how far surroundings count
-_DOUBT = 0.1  # of the usual best price: how much dearer an offer is that counts a third in the mean of all
-_ODD = 1.0  # price of a squared difference from that mean
-_ROUNDS = 4
-_KEPT = 28  # maps that the cuts choose from
-_LEAST_GAIN = 1e-5  # in price, for each hidden pixel, that a map must bring to be one of them
+_CLASS_WEIGHTS = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
+_MAX_REDUCTION = 8  # px of the image at most in one of those
+_CONTEXT_DIVISOR = 24  # parts of the longer side: how far surroundings count
+_TRUST_SCALE = 0.1  # of the usual best price: how much dearer an offer is that counts a third in the mean of all
+_OUTLIER_PRICE = 1.0  # price of a squared difference from that mean
+_MAX_ROUNDS = 4
+_MAX_TRANSLATIONS = 28  # maps that the cuts choose from
+_MIN_GAIN = 1e-5  # in price, for each hidden pixel, that a map must bring to be one of them
 
 
 def fill_by_floors(image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """image (H, W, 3) uint8 with the pixels of mask (H, W) filled; guide (H, W) uint8: class ids, 255 unknown."""
     out, missing = image, mask
-    for _ in range(_ROUNDS):  # what lies beyond the reach of all translations is filled from what was filled
-        out, done = _copied(out, missing, guide, rng)
+    for _ in range(_MAX_ROUNDS):  # what lies beyond the reach of all translations is filled from what was filled
+        out, done = _copy_repeats(out, missing, guide, rng)
         if done.all() or not (done & missing).any():
             break
         missing = ~done
     return out if done.all() else np.asarray(cv2.inpaint(out, (~done).astype(np.uint8), 3, cv2.INPAINT_TELEA))
 
 
-def _copied(
+def _copy_repeats(
     image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """The image with what could be copied, and what of it is now known (H, W) bool."""
-    factor = int(np.clip(np.ceil(np.sqrt(mask.size / _WORKING)), 1, _COARSEST))
-    small, known, plan = _reduced(image, mask, guide, factor)
+    factor = int(np.clip(np.ceil(np.sqrt(mask.size / _MAX_WORKING_PX)), 1, _MAX_REDUCTION))
+    small, known, plan = _reduce_to_blocks(image, mask, guide, factor)
     if not known.any():  # what is visible is finer than the blocks
-        factor, (small, known, plan) = 1, _reduced(image, mask, guide, 1)
+        factor, (small, known, plan) = 1, _reduce_to_blocks(image, mask, guide, 1)
     byte = np.rint(small * 255.0).astype(np.uint8)
-    pitches = floor_height(byte, ~known, rng), bay_width(byte, ~known, rng)
-    found = [repeats(_detail(small.mean(2), known), known), _multiples(pitches, known.shape)]
+    pitches = estimate_floor_height(byte, ~known, rng), estimate_bay_width(byte, ~known, rng)
+    found = [find_translations(_local_detail(small.mean(2), known), known), _pitch_translations(pitches, known.shape)]
     planned = plan != UNKNOWN
     if (planned & ~known).any():
-        found.append(repeats(_detail(_HEAVY[np.where(planned, plan, 0)], planned), planned))
+        found.append(find_translations(_local_detail(_CLASS_WEIGHTS[np.where(planned, plan, 0)], planned), planned))
     maps = np.unique(np.concatenate(found), axis=0)
-    reach = max(known.shape) / _REACH
-    chosen = _choose(small, known, plan, maps, reach)
-    return paint(image, ~mask, chosen, maps, factor, reach)
+    reach = max(known.shape) / _CONTEXT_DIVISOR
+    chosen = _choose_translations(small, known, plan, maps, reach)
+    return paint_sources(image, ~mask, chosen, maps, factor, reach)
 
 
-def _reduced(
+def _reduce_to_blocks(
     image: np.ndarray, mask: np.ndarray, guide: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Image float32 0-1, known and guide, of blocks of factor px; a block is known if all of it is."""
@@ -75,7 +75,7 @@ def _reduced(
     return small, known, plan
 
 
-def _detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
+def _local_detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     """A picture (H, W) less its local mean over what is known, float32."""
     grey = grey * known
     sigma = max(grey.shape) / 12
@@ -84,7 +84,7 @@ def _detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(known, grey - local, 0.0).astype(np.float32)
 
 
-def _multiples(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> np.ndarray:
+def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> np.ndarray:
     """Maps (n, 3), as `repeats` gives them, by multiples of the floor height and of the bay width."""
     found = [np.zeros((0, 3), int)]
     for axis, pitch in enumerate(pitches):
@@ -96,15 +96,17 @@ def _multiples(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -
     return np.concatenate(found)
 
 
-def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.ndarray, reach: float) -> np.ndarray:
+def _choose_translations(
+    image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.ndarray, reach: float
+) -> np.ndarray:
     """The number of the map that every hidden pixel is taken from, (h, w) int64; -1 where it is known or has none."""
     hidden = np.argwhere(~known)
-    offer = _agreed(offers(image, known, hidden, plan, maps, reach))
-    kept = _useful(offer.price)
-    served = (offer.price[kept] < UNUSABLE).any(0)
+    offer = _penalise_outliers(compute_source_costs(image, known, hidden, plan, maps, reach))
+    kept = _select_translations(offer.price)
+    served = (offer.price[kept] < UNUSABLE_PRICE).any(0)
     if not served.any():
         return np.full(known.shape, -1)
-    hidden, offer = hidden[served], Offers(offer.price[kept][:, served], offer.colour[kept][:, served])
+    hidden, offer = hidden[served], SourceCosts(offer.price[kept][:, served], offer.colour[kept][:, served])
     number = np.full(known.shape, -1)
     number[hidden[:, 0], hidden[:, 1]] = np.arange(len(hidden))
     edges = np.concatenate(
@@ -115,41 +117,43 @@ def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.nda
     )
     chosen = np.full(known.shape, -1)
     chosen[hidden[:, 0], hidden[:, 1]] = kept[
-        choose(offer, edges, _rim(image, known, hidden, maps[kept], offer.colour), _SEAM)
+        choose_sources(offer, edges, _rim_prices(image, known, hidden, maps[kept], offer.colour), _SEAM_PRICE)
     ]
     return chosen
 
 
-def _agreed(offer: Offers) -> Offers:
+def _penalise_outliers(offer: SourceCosts) -> SourceCosts:
     """Prices raised by how far an offer is from the mean of all, the cheap ones counting most: what most repeats show is
     what is likely to be hidden, and what one of them alone shows (an open window, a passer-by) is not. A map without an offer
     has that mean's colour: a seam to it costs no more than one to what is likely there."""
     best = offer.price.min(0)
-    usable = offer.price < UNUSABLE
-    trust = np.where(usable, np.exp((best - offer.price) / (_DOUBT * max(float(np.median(best)), 1e-9))), 0.0).astype(
-        np.float32
-    )
+    usable = offer.price < UNUSABLE_PRICE
+    trust = np.where(
+        usable, np.exp((best - offer.price) / (_TRUST_SCALE * max(float(np.median(best)), 1e-9))), 0.0
+    ).astype(np.float32)
     mean = np.einsum("kn,knc->nc", trust, offer.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
     apart = ((offer.colour - mean) ** 2).mean(2)
-    price = np.where(usable, offer.price + _ODD * apart, UNUSABLE).astype(np.float32)
-    return Offers(price, np.where(usable[..., None], offer.colour, mean))
+    price = np.where(usable, offer.price + _OUTLIER_PRICE * apart, UNUSABLE_PRICE).astype(np.float32)
+    return SourceCosts(price, np.where(usable[..., None], offer.colour, mean))
 
 
-def _useful(price: np.ndarray) -> np.ndarray:
+def _select_translations(price: np.ndarray) -> np.ndarray:
     """Greedily, the maps that lower the sum of the lowest prices most."""
-    best = np.full(price.shape[1], UNUSABLE, np.float32)
+    best = np.full(price.shape[1], UNUSABLE_PRICE, np.float32)
     left, kept = list(range(len(price))), list[int]()
-    while left and len(kept) < _KEPT:
+    while left and len(kept) < _MAX_TRANSLATIONS:
         gains = [float(np.maximum(best - price[k], 0).sum()) for k in left]
         top = int(np.argmax(gains))
-        if gains[top] <= _LEAST_GAIN * price.shape[1] and kept:
+        if gains[top] <= _MIN_GAIN * price.shape[1] and kept:
             break
         kept.append(left.pop(top))
         best = np.minimum(best, price[kept[-1]])
     return np.array(sorted(kept))
 
 
-def _rim(image: np.ndarray, known: np.ndarray, hidden: np.ndarray, maps: np.ndarray, colour: np.ndarray) -> np.ndarray:
+def _rim_prices(
+    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, maps: np.ndarray, colour: np.ndarray
+) -> np.ndarray:
     """What the seam to known neighbours costs under every map, (k, n) float32."""
     height, width = known.shape
     cost = np.zeros((len(maps), len(hidden)), np.float32)
@@ -163,5 +167,5 @@ def _rim(image: np.ndarray, known: np.ndarray, hidden: np.ndarray, maps: np.ndar
             there = (v >= 0) & (v < height) & (u >= 0) & (u < width)
             there[there] = known[v[there], u[there]]
             at = np.flatnonzero(inside)[there]
-            cost[k, at] += 2.0 * _SEAM * np.abs(image[q[at], r[at]] - image[v[there], u[there]]).sum(1)
+            cost[k, at] += 2.0 * _SEAM_PRICE * np.abs(image[q[at], r[at]] - image[v[there], u[there]]).sum(1)
     return cost

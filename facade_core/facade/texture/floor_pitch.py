@@ -7,26 +7,26 @@ import numpy as np
 
 from facade_core.core.levelling import fill_unknown
 
-ITERATIONS = 400
-_SLOPE = np.tan(np.deg2rad(4.0))
-_TOLERANCE = 2.0  # px within which a shifted line meets a line
-_PEAK = 8  # px within which a shift must be the best one
-_LIKENESS = 0.15  # correlation below which there is no repetition
+RANSAC_ITERATIONS = 400
+_MAX_SLOPE = np.tan(np.deg2rad(4.0))
+_LINE_TOLERANCE_PX = 2.0  # px within which a shifted line meets a line
+_PEAK_RADIUS_PX = 8  # px within which a shift must be the best one
+_MIN_CORRELATION = 0.15  # correlation below which there is no repetition
 
 
-def floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+def estimate_floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
     """RANSAC floor height in pixels from the near-horizontal lines of the visible part; None without repetition."""
-    image = _without_hole(image, mask)
-    return _pitch(_horizontal_lines(image, mask), image, mask, rng)
+    image = _fill_hole(image, mask)
+    return _find_pitch(_horizontal_lines(image, mask), image, mask, rng)
 
 
-def bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+def estimate_bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
     """The same, across: the spacing of window columns from near-vertical lines."""
-    turned = np.ascontiguousarray(_without_hole(image, mask).transpose(1, 0, 2))
-    return _pitch(_horizontal_lines(turned, mask.T), turned, mask.T, rng)
+    turned = np.ascontiguousarray(_fill_hole(image, mask).transpose(1, 0, 2))
+    return _find_pitch(_horizontal_lines(turned, mask.T), turned, mask.T, rng)
 
 
-def _without_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def _fill_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content is chance."""
     return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
 
@@ -42,17 +42,17 @@ def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     if found is None:
         return np.empty((0, 3))
     x0, y0, x1, y1 = found.reshape(-1, 4).astype(float).T
-    level = np.abs(y1 - y0) <= _SLOPE * np.abs(x1 - x0)
+    level = np.abs(y1 - y0) <= _MAX_SLOPE * np.abs(x1 - x0)
     return np.stack([(y0 + y1) / 2, np.minimum(x0, x1), np.maximum(x0, x1)], 1)[level]
 
 
-def _pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
+def _find_pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
     """Code 1: the shift between two random lines under which most lines meet lines; lines that leave do not count."""
     height = image.shape[0]
     if len(lines) < 4:
         return None
     y, x0, x1 = lines.T
-    pairs = rng.integers(0, len(lines), (ITERATIONS, 2))
+    pairs = rng.integers(0, len(lines), (RANSAC_ITERATIONS, 2))
     shifts = np.unique(np.rint(np.abs(y[pairs[:, 0]] - y[pairs[:, 1]])))
     shifts = shifts[(shifts >= max(12, height / 16)) & (shifts <= height / 3)]
     if not len(shifts):
@@ -61,20 +61,20 @@ def _pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.rando
     length = x1 - x0
     share = np.zeros(len(shifts))
     for k, shift in enumerate(shifts):
-        meets = (overlap & (np.abs(y[:, None] + shift - y[None]) <= _TOLERANCE)).any(1)
+        meets = (overlap & (np.abs(y[:, None] + shift - y[None]) <= _LINE_TOLERANCE_PX)).any(1)
         stays = y + shift < height
         share[k] = (length * meets)[stays].sum() / max(length[stays].sum(), 1.0)
         share[k] *= min(1.0, length[stays].sum() / (0.4 * length.sum()))
-    likeness = _likeness(image, mask, shifts.astype(int))
+    likeness = _shift_correlations(image, mask, shifts.astype(int))
     score = np.maximum(likeness, 0.0) * (0.5 + share)
-    peak = score >= np.where(np.abs(shifts[:, None] - shifts) <= _PEAK, score, 0.0).max(1)
+    peak = score >= np.where(np.abs(shifts[:, None] - shifts) <= _PEAK_RADIUS_PX, score, 0.0).max(1)
     best = int(np.flatnonzero(peak & (score >= 0.75 * score.max()))[0])  # the fundamental, not its multiples
-    if likeness[best] < _LIKENESS:
+    if likeness[best] < _MIN_CORRELATION:
         return None
     return int(shifts[best])
 
 
-def _likeness(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+def _shift_correlations(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     """Correlation of the visible image with itself moved down by every shift: of detail, at a quarter of the width."""
     small = max(1, image.shape[1] // 4), image.shape[0]
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), small, interpolation=cv2.INTER_AREA).astype(np.float32)

@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.core.small_sort import ascending
-from facade_core.facade.texture.tiling_energy import Tables, refresh, total
+from facade_core.core.small_sort import argsort_few
+from facade_core.facade.texture.tiling_energy import EnergyTables, sum_costs, update_costs
 
-POPULATION = 10
-ELITE = 4
-BLOCK = 5
-_DRAWS = 20  # random numbers that one pair of children uses
+POPULATION_SIZE = 10
+ELITE_SIZE = 4
+MAX_BLOCK = 5
+_DRAWS_PER_PAIR = 20  # random numbers that one pair of children uses
 
 
-class _Nodes(NamedTuple):
-    """What the nodes of the new grid may take, as `evolve` says."""
+class _NodeConstraints(NamedTuple):
+    """What the nodes of the new grid may take, as `evolve_tilings` says."""
 
     rows: np.ndarray
     columns: np.ndarray
@@ -25,8 +25,8 @@ class _Nodes(NamedTuple):
     usable: np.ndarray
 
 
-def evolve(
-    tab: Tables,
+def evolve_tilings(
+    tables: EnergyTables,
     population: np.ndarray,
     *,
     rows: np.ndarray,
@@ -45,23 +45,23 @@ def evolve(
     again as there were children are tried on the fittest, and kept where they do no harm: a tenth to a quarter less energy,
     which the last of the lowest energies is after.
     """
-    children = POPULATION - ELITE
+    children = POPULATION_SIZE - ELITE_SIZE
     return _evolve(
-        tab,
-        _Nodes(rows.astype(np.int64), columns.astype(np.int64), frozen, usable),
+        tables,
+        _NodeConstraints(rows.astype(np.int64), columns.astype(np.int64), frozen, usable),
         population.astype(np.int32),
-        rng.random((generations, children // 2, _DRAWS)),
+        rng.random((generations, children // 2, _DRAWS_PER_PAIR)),
         rng.random((generations * children, 6)),
     )
 
 
 @njit(cache=True)
-def _pick(number: float, count: int) -> int:
+def _draw_index(number: float, count: int) -> int:
     return min(int(number * count), count - 1)
 
 
 @njit(cache=True)
-def _count(flags: np.ndarray) -> int:
+def _count_true(flags: np.ndarray) -> int:
     count = 0
     for flag in flags:
         count += flag
@@ -69,17 +69,17 @@ def _count(flags: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _Nodes) -> tuple[int, int, int, int]:
+def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _NodeConstraints) -> tuple[int, int, int, int]:
     """Copy a block of the exemplar grid over a block of the new one, as far as the nodes may take it."""
     rows, columns, frozen, usable = nodes
     height, width = usable.shape
-    h, w = 1 + _pick(u[0], BLOCK), 1 + _pick(u[1], BLOCK)
-    y, x = _pick(u[2], tiles.shape[0]), _pick(u[3], tiles.shape[1])
-    nth, i = _pick(u[4], _count(rows[y])), -1
+    h, w = 1 + _draw_index(u[0], MAX_BLOCK), 1 + _draw_index(u[1], MAX_BLOCK)
+    y, x = _draw_index(u[2], tiles.shape[0]), _draw_index(u[3], tiles.shape[1])
+    nth, i = _draw_index(u[4], _count_true(rows[y])), -1
     while nth >= 0:
         i += 1
         nth -= rows[y, i]
-    nth, j = _pick(u[5], _count(columns[x])), -1
+    nth, j = _draw_index(u[5], _count_true(columns[x])), -1
     while nth >= 0:
         j += 1
         nth -= columns[x, j]
@@ -92,7 +92,7 @@ def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _Nodes) -> tuple[int, int, 
 
 
 @njit(cache=True)
-def _copy(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cost: np.ndarray) -> None:
+def _copy_individual(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cost: np.ndarray) -> None:
     """An individual and what it costs over another; by loops, as slices take numba seconds to compile."""
     for y in range(tiles.shape[0]):
         for x in range(tiles.shape[1]):
@@ -103,42 +103,42 @@ def _copy(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cost: np.ndarr
 
 @njit(cache=True)
 def _evolve(
-    tab: Tables, nodes: _Nodes, population: np.ndarray, draws: np.ndarray, tries: np.ndarray
+    tab: EnergyTables, nodes: _NodeConstraints, population: np.ndarray, draws: np.ndarray, tries: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     count, tall, wide = population.shape
     cost = np.zeros((count, 4, tall, wide))
     fitness = np.empty(count)
     for k in range(count):
-        refresh(tab, cost[k], population[k], 0, tall, 0, wide)
-        fitness[k] = total(cost[k])
+        update_costs(tab, cost[k], population[k], 0, tall, 0, wide)
+        fitness[k] = sum_costs(cost[k])
     lowest = np.empty(draws.shape[0] + 1)
     heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()
     for generation in range(draws.shape[0]):
-        order = ascending(fitness)
+        order = argsort_few(fitness)
         lowest[generation] = fitness[order[0]]
-        for k in range(ELITE):
+        for k in range(ELITE_SIZE):
             heir_fitness[k] = fitness[order[k]]
-            _copy(population[order[k]], cost[order[k]], heirs[k], heir_cost[k])
+            _copy_individual(population[order[k]], cost[order[k]], heirs[k], heir_cost[k])
         for pair in range(draws.shape[1]):
             u = draws[generation, pair]
-            a, b = _pick(u[0], count), _pick(u[1], count)
+            a, b = _draw_index(u[0], count), _draw_index(u[1], count)
             mother = a if fitness[a] <= fitness[b] else b
-            a, b = _pick(u[2], count), _pick(u[3], count)
+            a, b = _draw_index(u[2], count), _draw_index(u[3], count)
             father = a if fitness[a] <= fitness[b] else b
-            first, second = ELITE + 2 * pair, ELITE + 2 * pair + 1
-            _copy(population[mother], cost[mother], heirs[first], heir_cost[first])
-            _copy(population[father], cost[father], heirs[second], heir_cost[second])
-            y, x = _pick(u[4], tall), _pick(u[5], wide)
-            y1, x1 = min(tall, y + 1 + _pick(u[6], BLOCK)), min(wide, x + 1 + _pick(u[7], BLOCK))
+            first, second = ELITE_SIZE + 2 * pair, ELITE_SIZE + 2 * pair + 1
+            _copy_individual(population[mother], cost[mother], heirs[first], heir_cost[first])
+            _copy_individual(population[father], cost[father], heirs[second], heir_cost[second])
+            y, x = _draw_index(u[4], tall), _draw_index(u[5], wide)
+            y1, x1 = min(tall, y + 1 + _draw_index(u[6], MAX_BLOCK)), min(wide, x + 1 + _draw_index(u[7], MAX_BLOCK))
             for i in range(y, y1):
                 for j in range(x, x1):
                     heirs[first, i, j], heirs[second, i, j] = heirs[second, i, j], heirs[first, i, j]
             for k in range(2):
                 child = first + k
-                refresh(tab, heir_cost[child], heirs[child], y, y1, x, x1)
+                update_costs(tab, heir_cost[child], heirs[child], y, y1, x, x1)
                 top, low, left, edge = _mutate(heirs[child], u[8 + 6 * k :], nodes)
-                refresh(tab, heir_cost[child], heirs[child], top, low, left, edge)
-                heir_fitness[child] = total(heir_cost[child])
+                update_costs(tab, heir_cost[child], heirs[child], top, low, left, edge)
+                heir_fitness[child] = sum_costs(heir_cost[child])
         population, heirs = heirs, population
         cost, heir_cost = heir_cost, cost
         fitness, heir_fitness = heir_fitness, fitness
@@ -146,10 +146,10 @@ def _evolve(
     tiles, held, lowest[-1] = population[best], cost[best], fitness[best]
     other, other_cost = heirs[0], heir_cost[0]
     for k in range(tries.shape[0]):
-        _copy(tiles, held, other, other_cost)
+        _copy_individual(tiles, held, other, other_cost)
         top, low, left, edge = _mutate(other, tries[k], nodes)
-        refresh(tab, other_cost, other, top, low, left, edge)
-        energy = total(other_cost)
+        update_costs(tab, other_cost, other, top, low, left, edge)
+        energy = sum_costs(other_cost)
         if energy <= lowest[-1]:
             lowest[-1] = energy
             tiles, held, other, other_cost = other, other_cost, tiles, held

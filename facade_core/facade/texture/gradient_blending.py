@@ -6,22 +6,24 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-_DOUBT = 0.10  # a seam with a colour step of this size (0-1) counts half: a misplaced edge must not bleed
-_LEAK = 2e-4  # pull of every pixel towards its own colour
-_COARSE = 12_000  # unknowns of the coarse solution
-_SWEEPS, _OVER = 40, 1.8
+_HALF_WEIGHT_STEP = 0.10  # a seam with a colour step of this size (0-1) counts half: a misplaced edge must not bleed
+_SELF_WEIGHT = 2e-4  # pull of every pixel towards its own colour
+_MAX_COARSE_UNKNOWNS = 12_000  # unknowns of the coarse solution
+_SWEEPS, _OVER_RELAXATION = 40, 1.8
 
 
-def membrane(wanted_right: np.ndarray, wanted_below: np.ndarray, hidden: np.ndarray, region: np.ndarray) -> np.ndarray:
+def solve_membrane(
+    wanted_right: np.ndarray, wanted_below: np.ndarray, hidden: np.ndarray, region: np.ndarray
+) -> np.ndarray:
     """Offsets (H, W, 3) float32, 0 outside hidden (H, W): the least squares fit to wanted steps, smooth within regions.
 
     wanted_right (H, W, 3) is the step from a pixel to the one on its right that makes their join invisible (0 inside a
     region), wanted_below downwards. NaN: no join. region (H, W) int32 numbers the parts cloned as one.
     """
-    weight_right, step_right = _weighted(wanted_right, hidden, 1)
-    weight_below, step_below = _weighted(wanted_below, hidden, 0)
-    offset = _coarse(weight_right, weight_below, step_right, step_below, hidden, region)
-    _relax(
+    weight_right, step_right = _step_weights(wanted_right, hidden, 1)
+    weight_below, step_below = _step_weights(wanted_below, hidden, 0)
+    offset = _solve_coarse(weight_right, weight_below, step_right, step_below, hidden, region)
+    _relax_offsets(
         offset,
         weight_right,
         weight_below,
@@ -29,13 +31,13 @@ def membrane(wanted_right: np.ndarray, wanted_below: np.ndarray, hidden: np.ndar
         step_below,
         hidden,
         _SWEEPS,
-        np.float32(_OVER),
-        np.float32(_LEAK),
+        np.float32(_OVER_RELAXATION),
+        np.float32(_SELF_WEIGHT),
     )
     return offset
 
 
-def _weighted(wanted: np.ndarray, hidden: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def _step_weights(wanted: np.ndarray, hidden: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     joined = np.isfinite(wanted[..., 0])
     touched = hidden.copy()
     if axis:
@@ -46,10 +48,10 @@ def _weighted(wanted: np.ndarray, hidden: np.ndarray, axis: int) -> tuple[np.nda
         touched[-1] = False
     step = np.where(joined[..., None], wanted, 0.0).astype(np.float32)
     size = np.abs(step).mean(2)
-    return np.where(joined & touched, 1.0 / (1.0 + (size / _DOUBT) ** 2), 0.0).astype(np.float32), step
+    return np.where(joined & touched, 1.0 / (1.0 + (size / _HALF_WEIGHT_STEP) ** 2), 0.0).astype(np.float32), step
 
 
-def _coarse(
+def _solve_coarse(
     weight_right: np.ndarray, weight_below: np.ndarray, step_right: np.ndarray, step_below: np.ndarray,
     hidden: np.ndarray, region: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
@@ -58,7 +60,7 @@ def _coarse(
     from scipy.sparse.linalg import splu
 
     height, width = hidden.shape
-    block = max(2, int(np.ceil(np.sqrt(hidden.sum() / _COARSE))))
+    block = max(2, int(np.ceil(np.sqrt(hidden.sum() / _MAX_COARSE_UNKNOWNS))))
     y, x = np.nonzero(hidden)
     cell = (y // block).astype(np.int64) * (width // block + 1) + x // block
     _, number = np.unique(np.stack([cell, region[y, x]], 1), axis=0, return_inverse=True)
@@ -66,7 +68,11 @@ def _coarse(
     count = int(number.max()) + 1
     node = np.full((height, width), -1, np.int64)
     node[y, x] = number
-    rows, columns, values = [np.arange(count)], [np.arange(count)], [np.bincount(number, minlength=count) * _LEAK]
+    rows, columns, values = (
+        [np.arange(count)],
+        [np.arange(count)],
+        [np.bincount(number, minlength=count) * _SELF_WEIGHT],
+    )
     right = np.zeros((count, 3))
     for weight, step, here, there in (
         (weight_right, step_right, np.s_[:, :-1], np.s_[:, 1:]),
@@ -96,7 +102,7 @@ def _coarse(
 
 
 @njit(cache=True)
-def _relax(
+def _relax_offsets(
     offset: np.ndarray,
     weight_right: np.ndarray,
     weight_below: np.ndarray,

@@ -8,20 +8,20 @@ import cv2
 import numpy as np
 
 from facade_core.core.labels import FacadeClass
-from facade_core.parsing.floor_structure import structure
+from facade_core.parsing.floor_structure import find_structure
 
 # Wall that stays beside a door, as a share of the ground floor's height.
-_JAMB = 0.12
+_JAMB_SHARE = 0.12
 
 
-def without_shops(image: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def replace_shops(image: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """An exemplar (H, W, 3) uint8 with labels (H, W) of which the ground floor shows windows instead of shops.
 
     They are those of the lowest storey with the fewest balconies, not the topmost where there is another, brought to its
     height; a bay without a balcony stands in for one with. Doors stay. As it is where it shows no shop, or no storey that
     could stand in.
     """
-    found = structure(labels)
+    found = find_structure(labels)
     middle = [] if found is None else [i for i, kind in enumerate(found.kinds) if kind == "middle"]
     if found is None or not middle or not (labels == FacadeClass.SHOP).any():
         return image, labels
@@ -30,7 +30,7 @@ def without_shops(image: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np
     top, bottom = found.ground_top, found.bottom
     bays = [slice(a, b) for a, b in pairwise((0, *found.bay_cuts[1:-1], labels.shape[1]))]
     plain = [not (labels[storey, bay] == FacadeClass.BALCONY).any() for bay in bays]
-    rim = round(_JAMB * (bottom - top))
+    rim = round(_JAMB_SHARE * (bottom - top))
     door = (labels[top:bottom] == FacadeClass.DOOR).any(axis=0).astype(np.uint8)[None]
     free = cv2.dilate(door, np.ones((1, 2 * rim + 1), np.uint8))[0] == 0
     new_image, new_labels = image.copy(), labels.copy()

@@ -5,42 +5,42 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.facade.texture.source_costs import UNUSABLE, Offers
+from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
 
-SWEEPS = 2
+EXPANSION_SWEEPS = 2
 
 
-def choose(offers: Offers, edges: np.ndarray, rim: np.ndarray, seam: float) -> np.ndarray:
+def choose_sources(costs: SourceCosts, edges: np.ndarray, rim_prices: np.ndarray, seam_price: float) -> np.ndarray:
     """For n pixels, the number of the map that each is taken from: (n,) int64.
 
     edges (e, 2) int64: pairs of neighbours among them. A seam between two maps costs `seam` times the colour difference of the
     two pictures at both pixels (floors paper, section 3.2.2). rim (k, n) float32: the same towards known pixels.
     Alpha expansion; moves that would break submodularity are truncated.
     """
-    unary = offers.price + rim
+    unary = costs.price + rim_prices
     labels = unary.argmin(0)
-    for _ in range(SWEEPS):
+    for _ in range(EXPANSION_SWEEPS):
         changed = False
         for alpha in np.argsort(-np.bincount(labels, minlength=len(unary)), kind="stable"):
-            changed |= _expand(int(alpha), labels, unary, offers.colour, edges, seam)
+            changed |= _expand_label(int(alpha), labels, unary, costs.colour, edges, seam_price)
         if not changed:
             break
     return labels
 
 
-def _expand(
+def _expand_label(
     alpha: int, labels: np.ndarray, unary: np.ndarray, colour: np.ndarray, edges: np.ndarray, seam: float
 ) -> bool:
     """Let pixels switch to alpha where that lowers the energy; True if any did."""
     import maxflow
 
-    loose = (labels != alpha) & (unary[alpha] < UNUSABLE)
+    loose = (labels != alpha) & (unary[alpha] < UNUSABLE_PRICE)
     if not loose.any():
         return False
     number = np.cumsum(loose) - 1
     count = int(loose.sum())
     own = np.stack([unary[labels, np.arange(len(labels))], unary[alpha]], 1)[loose].astype(np.float64)
-    first, second, forth = _capacities(alpha, labels, loose, number, colour, edges, seam, own)
+    first, second, forth = _edge_capacities(alpha, labels, loose, number, colour, edges, seam, own)
     graph = maxflow.GraphFloat(count, len(first))
     graph.add_nodes(count)
     if len(first):
@@ -54,7 +54,7 @@ def _expand(
 
 
 @njit(cache=True)
-def _seam(colour: np.ndarray, a: int, b: int, p: int, q: int) -> float:
+def _seam_difference(colour: np.ndarray, a: int, b: int, p: int, q: int) -> float:
     if a == b:
         return 0.0
     total = 0.0
@@ -64,7 +64,7 @@ def _seam(colour: np.ndarray, a: int, b: int, p: int, q: int) -> float:
 
 
 @njit(cache=True)
-def _capacities(
+def _edge_capacities(
     alpha: int,
     labels: np.ndarray,
     loose: np.ndarray,
@@ -82,16 +82,16 @@ def _capacities(
         p, q = edges[e, 0], edges[e, 1]
         if not loose[p] and not loose[q]:
             continue
-        stay = seam * _seam(colour, labels[p], labels[q], p, q)
+        stay = seam * _seam_difference(colour, labels[p], labels[q], p, q)
         if not loose[q]:
             unary[number[p], 0] += stay
-            unary[number[p], 1] += seam * _seam(colour, alpha, labels[q], p, q)
+            unary[number[p], 1] += seam * _seam_difference(colour, alpha, labels[q], p, q)
         elif not loose[p]:
             unary[number[q], 0] += stay
-            unary[number[q], 1] += seam * _seam(colour, labels[p], alpha, p, q)
+            unary[number[q], 1] += seam * _seam_difference(colour, labels[p], alpha, p, q)
         else:
-            only_q = seam * _seam(colour, labels[p], alpha, p, q)  # q switches, p stays
-            only_p = seam * _seam(colour, alpha, labels[q], p, q)
+            only_q = seam * _seam_difference(colour, labels[p], alpha, p, q)  # q switches, p stays
+            only_p = seam * _seam_difference(colour, alpha, labels[q], p, q)
             stay = min(stay, only_p + only_q)
             unary[number[p], 0] += stay
             unary[number[p], 1] += only_p

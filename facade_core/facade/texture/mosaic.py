@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.facade.texture.gradient_blending import membrane
+from facade_core.facade.texture.gradient_blending import solve_membrane
 
-_JOINED = 8  # px, holes nearer than twice this are blended together
-_SAMPLES = 4000  # known pixels that a part's translation is fitted to
+_JOIN_RADIUS_PX = 8  # px, holes nearer than twice this are blended together
+_MAX_SAMPLES = 4000  # known pixels that a part's translation is fitted to
 
 
-def paint(
-    image: np.ndarray, known: np.ndarray, chosen: np.ndarray, maps: np.ndarray, factor: int, reach: float
+def paint_sources(
+    image: np.ndarray, known: np.ndarray, chosen: np.ndarray, translations: np.ndarray, factor: int, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """image (H, W, 3) uint8 with hidden pixels copied, and which are known now (H, W) bool.
 
@@ -28,41 +28,43 @@ def paint(
     at = dict(zip(first[0].tolist(), first[1].tolist(), strict=True))
     fitted = np.zeros((count + 1, 3), np.int64)
     size = 2 * round(reach) + 1
-    boxes = _boxes(parts, count)
+    boxes = _part_bounds(parts, count)
     for part in range(1, count + 1):
-        dy, step, mirrored = maps[chosen.flat[at[part]]]
+        dy, step, mirrored = translations[chosen.flat[at[part]]]
         full = np.array([dy * factor, step * factor + (factor - 1) * mirrored, mirrored])
         y0, y1, x0, x1 = boxes[part]
         around = np.s_[max(0, y0 - size) : y1 + size, max(0, x0 - size) : x1 + size]
         near = cv2.blur((parts[around] == part).astype(np.float32), (size, size)) > 0
         ys, xs = np.nonzero(near & (chosen[around] < 0))
         where = np.stack([ys + around[0].start, xs + around[1].start], 1)
-        where = where[:: max(1, len(where) // _SAMPLES)] * factor + factor // 2
-        fitted[part] = _fit(image, known, where, full, factor + 1)
+        where = where[:: max(1, len(where) // _MAX_SAMPLES)] * factor + factor // 2
+        fitted[part] = _fit_translation(image, known, where, full, factor + 1)
     number = np.repeat(np.repeat(parts, factor, 0), factor, 1)[: known.shape[0], : known.shape[1]].astype(np.int32)
     number[known] = 0
-    return _blend(image, known, number, fitted)
+    return _blend_holes(image, known, number, fitted)
 
 
-def _boxes(parts: np.ndarray, count: int) -> list[tuple[int, int, int, int]]:
+def _part_bounds(parts: np.ndarray, count: int) -> list[tuple[int, int, int, int]]:
     from scipy import ndimage
 
     return [(0, 0, 0, 0)] + [(a.start, a.stop, b.start, b.stop) for a, b in ndimage.find_objects(parts, count)]
 
 
-def _fit(image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, room: int) -> np.ndarray:
+def _fit_translation(
+    image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, room: int
+) -> np.ndarray:
     """The map within room px of one about which leaves the least difference at the places (n, 2); that one without places."""
     if len(where) < 20:
         return about
     shift = np.arange(-room, room + 1)
     table = np.stack([np.repeat(shift, len(shift)), np.tile(shift, len(shift)), np.zeros(len(shift) ** 2, int)], 1)
     table = table[np.argsort(np.abs(table).sum(1), kind="stable")]
-    errors = _differences(image, known, where, about + table)
+    errors = _mean_differences(image, known, where, about + table)
     return about + table[int(np.argmin(errors))]
 
 
 @njit(cache=True)
-def _differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, maps: np.ndarray) -> np.ndarray:
+def _mean_differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, maps: np.ndarray) -> np.ndarray:
     height, width = known.shape
     out = np.full(len(maps), np.float32(3e38))
     for k in range(len(maps)):
@@ -82,21 +84,25 @@ def _differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, maps: 
     return out
 
 
-def _blend(
+def _blend_holes(
     image: np.ndarray, known: np.ndarray, number: np.ndarray, fitted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Copied and blended hole by hole, so that memory is that of the largest."""
     from scipy import ndimage
 
     out, done = image.copy(), known.copy()
-    joined = cv2.dilate((~known).astype(np.uint8), np.ones((2 * _JOINED + 1, 2 * _JOINED + 1), np.uint8))
+    joined = cv2.dilate(
+        (~known).astype(np.uint8), np.ones((2 * _JOIN_RADIUS_PX + 1, 2 * _JOIN_RADIUS_PX + 1), np.uint8)
+    )
     numbered, _ = ndimage.label(joined)
     for k, (rows, columns) in enumerate(ndimage.find_objects(numbered), 1):
-        copied, steps, filled = _copy(image, known, number, fitted, rows.start, rows.stop, columns.start, columns.stop)
+        copied, steps, filled = _copy_box(
+            image, known, number, fitted, rows.start, rows.stop, columns.start, columns.stop
+        )
         hidden = filled & ~known[rows, columns] & (numbered[rows, columns] == k)
         if not hidden.any():
             continue
-        offset = membrane(steps[0], steps[1], hidden, number[rows, columns])
+        offset = solve_membrane(steps[0], steps[1], hidden, number[rows, columns])
         blended = np.clip(np.rint((copied + offset) * 255.0), 0, 255).astype(np.uint8)
         out[rows, columns][hidden] = blended[hidden]
         done[rows, columns] |= hidden
@@ -104,7 +110,7 @@ def _blend(
 
 
 @njit(cache=True)
-def _source(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
+def _source_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
     """Row of the source and its column, or -1, -1 where it is not known."""
     v = y + fitted[part, 0]
     u = fitted[part, 1] - x if fitted[part, 2] else x + fitted[part, 1]
@@ -114,7 +120,7 @@ def _source(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) ->
 
 
 @njit(cache=True)
-def _copy(
+def _copy_box(
     image: np.ndarray,
     known: np.ndarray,
     number: np.ndarray,
@@ -131,7 +137,7 @@ def _copy(
     filled = np.zeros((tall, wide), np.bool_)
     for y in range(top, bottom):
         for x in range(left, right):
-            v, u = (y, x) if known[y, x] else _source(known, fitted, number[y, x], y, x)
+            v, u = (y, x) if known[y, x] else _source_pixel(known, fitted, number[y, x], y, x)
             filled[y - top, x - left] = v >= 0
             if v >= 0:
                 for c in range(3):
@@ -153,8 +159,8 @@ def _copy(
                 # what a's picture shows less what b's shows, at both pixels: b's offset must exceed a's by it
                 total, count = np.zeros(3, np.float32), 0
                 for i, j in ((y, x), (q, r)):
-                    va, ua = _shown(known, fitted, a, i, j)
-                    vb, ub = _shown(known, fitted, b, i, j)
+                    va, ua = _pictured_pixel(known, fitted, a, i, j)
+                    vb, ub = _pictured_pixel(known, fitted, b, i, j)
                     if va < 0 or vb < 0:
                         continue
                     count += 1
@@ -166,8 +172,8 @@ def _copy(
 
 
 @njit(cache=True)
-def _shown(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
+def _pictured_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
     """Where a part, 0 what is known itself, has its picture of a pixel; -1, -1 if it has none."""
     if part > 0:
-        return _source(known, fitted, part, y, x)
+        return _source_pixel(known, fitted, part, y, x)
     return (y, x) if known[y, x] else (-1, -1)

@@ -10,36 +10,36 @@ import numpy as np
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Lattice, Synthesis
-from facade_core.facade.texture.genetic import POPULATION, evolve
+from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
 from facade_core.facade.texture.shortest_walks import cheapest_walk, jump_costs
-from facade_core.facade.texture.synthesis import cells, mean_sizes
-from facade_core.facade.texture.tile_composition import compose
-from facade_core.facade.texture.tiling_energy import Tables, tables
-from facade_core.facade.texture.validation import check_image, check_labels
-from facade_core.parsing.floor_structure import Structure, structural_lattice, structure, trimmed_labels
+from facade_core.facade.texture.synthesis import cell_borders, mean_tile_sizes
+from facade_core.facade.texture.tile_composition import compose_tiles
+from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
+from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
+from facade_core.parsing.floor_structure import FloorStructure, fill_sky_and_unknown, find_structure, structural_lattice
 
-GENERATIONS = 400
-NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
-_EAVES = 2.0  # price of showing the top floor below another: it carries the eaves
-_SOFT = (0.45, 1.8)  # how far a pier may shrink or grow before its windows do
+RETARGETING_GENERATIONS = 400
+PRICE_NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
+_EAVES_PRICE = 2.0  # price of showing the top floor below another: it carries the eaves
+_PIER_STRETCH = (0.45, 1.8)  # how far a pier may shrink or grow before its windows do
 
 
 @dataclass(frozen=True, eq=False)
-class Style:
+class ExemplarStyle:
     """An exemplar taken apart: its lattice, and the prices of jumps between floors and bays per band."""
 
     image: np.ndarray
     labels: np.ndarray
-    exemplar: Structure
+    exemplar: FloorStructure
     grid: Lattice
     floor_price: np.ndarray
     bay_price: dict[str, np.ndarray]
     doors: np.ndarray
 
     @cached_property
-    def tables(self) -> Tables:
+    def tables(self) -> EnergyTables:
         """Of the energy of its tilings."""
-        return tables(self.image, self.labels, self.grid)
+        return tabulate_energy(self.image, self.labels, self.grid)
 
 
 def retarget(
@@ -57,7 +57,7 @@ def retarget(
 
     image (H, W, 3) uint8 and labels (H, W) uint8 are the exemplar. Results have round(size_m / metres_per_pixel)
     pixels. `floors` counts storeys: every row of windows that is shown, the roof's included, and the ground floor, with or
-    without windows of its own (`Structure.storeys`); `columns` counts window columns (default: as many as keep the windows'
+    without windows of its own (`FloorStructure.storeys`); `columns` counts window columns (default: as many as keep the windows'
     proportions). Doors and shops stay on the ground, the roof on top; the sky is left out. The roof is left out, too, where
     a low wall would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
 
@@ -66,7 +66,7 @@ def retarget(
     numbers tiles in the lattice of three rows per floor and three columns per bay. Raises ImageError for bad arrays,
     sizes or counts, and for labels without windows.
     """
-    plan = style_of(image, labels)
+    plan = extract_style(image, labels)
     if not metres_per_pixel > 0 or not min(size_m) > 0:
         raise ImageError(f"retarget: size {size_m} m at {metres_per_pixel} m/px; pass positive numbers")
     size = round(size_m[0] / metres_per_pixel), round(size_m[1] / metres_per_pixel)
@@ -78,22 +78,24 @@ def retarget(
     for k in range(n):
         rng = np.random.default_rng([seed, k])
         for attempt in range(4):
-            result = _lay_out(plan, size, floors, columns, rng, noise=NOISE * (k + attempt > 0) * (1 + attempt))
+            result = _compose_facade(
+                plan, size, floors, columns, rng, noise=PRICE_NOISE * (k + attempt > 0) * (1 + attempt)
+            )
             if not any(np.array_equal(result.tiles, other.tiles) for other in results):
                 break
         results.append(result)
     return results
 
 
-def style_of(image: np.ndarray, labels: np.ndarray) -> Style:
+def extract_style(image: np.ndarray, labels: np.ndarray) -> ExemplarStyle:
     """An exemplar, image (H, W, 3) uint8 and labels (H, W) uint8, taken apart. Raises ImageError for bad arrays, and for labels
     without windows."""
-    check_image(image)
-    check_labels(image, labels)
-    exemplar = structure(labels)
+    check_exemplar_image(image)
+    check_exemplar_labels(image, labels)
+    exemplar = find_structure(labels)
     if exemplar is None:
         raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
-    labels = trimmed_labels(labels)
+    labels = fill_sky_and_unknown(labels)
     grid = structural_lattice(exemplar)
     bay_cuts = np.asarray(exemplar.bay_cuts)
     bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
@@ -101,50 +103,56 @@ def style_of(image: np.ndarray, labels: np.ndarray) -> Style:
     bay_price = {name: jump_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2}
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
     floor_price = jump_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
-    floor_price[:, 0] += _EAVES
+    floor_price[:, 0] += _EAVES_PRICE
     street = (labels[exemplar.ground_top :] == FacadeClass.DOOR).sum(0)
     door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
     centres = np.array([piece.mean() for piece in pieces])
     doors = np.histogram(centres, bay_cuts)[0] > 0
-    return Style(image, labels, exemplar, grid, floor_price, bay_price, doors)
+    return ExemplarStyle(image, labels, exemplar, grid, floor_price, bay_price, doors)
 
 
-def _roof_bottom(exemplar: Structure) -> int:
+def _roof_bottom(exemplar: FloorStructure) -> int:
     return exemplar.floor_cuts[sum(kind == "roof" for kind in exemplar.kinds)]
 
 
-def _lay_out(
-    plan: Style, size: tuple[int, int], floors: int, columns: int | None, rng: np.random.Generator, *, noise: float
+def _compose_facade(
+    plan: ExemplarStyle,
+    size: tuple[int, int],
+    floors: int,
+    columns: int | None,
+    rng: np.random.Generator,
+    *,
+    noise: float,
 ) -> Synthesis:
-    storeys, scale = shown_storeys(plan, size[0], floors, rng, noise)
+    storeys, scale = choose_floors(plan, size[0], floors, rng, noise)
     exemplar = plan.exemplar
     bay_sizes = np.diff(exemplar.bay_cuts)
     fitting = size[1] / (scale * float(bay_sizes.mean()))
     blank = columns is None and fitting < 0.5
     count = 1 if blank else columns or max(1, round(fitting))
-    variants = [first_tiles(plan, storeys, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
+    variants = [initial_tiling(plan, storeys, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
     tiles = variants[0]
-    population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
-    tiles, value = refined(plan, storeys, population, blank, rng)
-    heights, widths = mean_sizes(plan.grid, tiles)
+    population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
+    tiles, value = refine_tiling(plan, storeys, population, blank, rng)
+    heights, widths = mean_tile_sizes(plan.grid, tiles)
     soft = np.array([True]) if blank else np.tile([True, False, True], count)
-    across = cells(elastic(widths * scale, soft, size[1]), size[1])
-    picture, carried = compose(plan.image, plan.labels, plan.grid, tiles, cells(heights, size[0]), across)
+    across = cell_borders(fit_sizes(widths * scale, soft, size[1]), size[1])
+    picture, carried = compose_tiles(plan.image, plan.labels, plan.grid, tiles, cell_borders(heights, size[0]), across)
     return Synthesis(picture, carried, tiles, value)
 
 
-def shown_storeys(
-    plan: Style, height: int, floors: int, rng: np.random.Generator, noise: float
+def choose_floors(
+    style: ExemplarStyle, height: int, floors: int, rng: np.random.Generator, noise: float
 ) -> tuple[list[int], float]:
     """Exemplar floors to show from top to bottom (-1: a ground band without windows), and the scale that fits."""
-    exemplar = plan.exemplar
+    exemplar = style.exemplar
     kinds = np.array(exemplar.kinds)
     middle = np.flatnonzero(kinds == "middle")
     roofs = list(np.flatnonzero(kinds == "roof"))
     ground = [len(kinds) - 1] if kinds[-1] == "ground" else ([-1] if exemplar.bottom > exemplar.floor_cuts[-1] else [])
     sizes = np.append(np.diff(exemplar.floor_cuts)[: len(kinds)], exemplar.bottom - exemplar.floor_cuts[len(kinds)])
-    price = plan.floor_price * np.exp(noise * rng.standard_normal(plan.floor_price.shape))
+    price = style.floor_price * np.exp(noise * rng.standard_normal(style.floor_price.shape))
     standing = exemplar.ground_band or kinds[-1] == "ground"
     best: tuple[float, list[int], float] | None = None
     for kept in (roofs, roofs[-1:], []):
@@ -165,53 +173,53 @@ def shown_storeys(
     return best[1], float(np.clip(best[2], 0.4, 2.5))
 
 
-def first_tiles(
-    plan: Style, storeys: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
+def initial_tiling(
+    style: ExemplarStyle, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> np.ndarray:
     """A first tiling: the storeys' rows times, for every band, its own cheapest walk over the bays."""
-    exemplar, wide = plan.exemplar, len(plan.grid.columns) - 1
+    exemplar, wide = style.exemplar, len(style.grid.columns) - 1
     bays = len(exemplar.bays)
     ends = np.zeros(bays), np.zeros(bays)
     ends[0][1:], ends[1][:-1] = 1.0, 1.0
     shake = np.exp(noise * rng.standard_normal((bays, bays)))
     walks = {}
-    for band, price in plan.bay_price.items():
-        if band == "ground" and plan.doors.any():
-            most = max(1, round(int(plan.doors.sum()) * count / bays / 1.5))
-            walks[band] = cheapest_walk(price * shake, *ends, count, marked=plan.doors, most=most)
+    for band, price in style.bay_price.items():
+        if band == "ground" and style.doors.any():
+            most = max(1, round(int(style.doors.sum()) * count / bays / 1.5))
+            walks[band] = cheapest_walk(price * shake, *ends, count, marked=style.doors, max_marked=most)
         else:
             walks[band] = cheapest_walk(price * shake, *ends, count)
     if blank:
-        pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(plan.grid.columns)[::3]))
+        pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(style.grid.columns)[::3]))
     lines = []
-    for storey in storeys:
+    for storey in floors:
         kind = "ground" if storey < 0 else exemplar.kinds[storey]
         walk = walks.get(kind, walks["middle"])
         across = pier if blank else (3 * walk[:, None] + np.arange(3)).ravel()
-        lines += [row * wide + across for row in rows_of(plan, storey)]
+        lines += [row * wide + across for row in lattice_rows(style, storey)]
     return np.array(lines, np.int32)
 
 
-def rows_of(plan: Style, storey: int) -> range:
+def lattice_rows(style: ExemplarStyle, floor: int) -> range:
     return (
-        range(3 * len(plan.exemplar.floors), len(plan.grid.rows) - 1)
-        if storey < 0
-        else range(3 * storey, 3 * storey + 3)
+        range(3 * len(style.exemplar.floors), len(style.grid.rows) - 1)
+        if floor < 0
+        else range(3 * floor, 3 * floor + 3)
     )
 
 
-def refined(
-    plan: Style, storeys: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
+def refine_tiling(
+    style: ExemplarStyle, floors: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """The genetic algorithm within bands: roof and ground stay, borders stay, floors swap tiles of like height."""
-    exemplar, grid = plan.exemplar, plan.grid
+    exemplar, grid = style.exemplar, style.grid
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
-    kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in storeys for _ in rows_of(plan, s)]
+    kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in floors for _ in lattice_rows(style, s)]
     source_kinds = np.array(
         [kind for kind in exemplar.kinds for _ in range(3)] + ["base"] * (tall - 3 * len(exemplar.floors))
     )
-    own = np.array([row for s in storeys for row in rows_of(plan, s)])
+    own = np.array([row for s in floors for row in lattice_rows(style, s)])
     alike = np.abs(np.log(height[own][:, None] / height[None])) < 0.15
     same_place = (own[:, None] % 3) == (np.arange(tall)[None] % 3)
     rows = alike & same_place & (source_kinds == "middle")[None]
@@ -223,22 +231,22 @@ def refined(
     frozen[:, [0, -1]] = True
     if blank:
         frozen[:] = True
-    tiles, lowest = evolve(
-        plan.tables,
+    tiles, lowest = evolve_tilings(
+        style.tables,
         population,
         rows=rows,
         columns=columns,
         frozen=frozen,
         usable=np.ones((tall, wide), bool),
-        generations=GENERATIONS,
+        generations=RETARGETING_GENERATIONS,
         rng=rng,
     )
     return tiles, float(lowest[-1])
 
 
-def elastic(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
+def fit_sizes(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
     """Sizes that sum to total: soft ones (piers) give way first, within _SOFT, then all."""
     room = total - sizes[~soft].sum()
-    stretch = float(np.clip(room / sizes[soft].sum(), *_SOFT))
+    stretch = float(np.clip(room / sizes[soft].sum(), *_PIER_STRETCH))
     fitted = np.where(soft, sizes * stretch, sizes)
     return fitted * (total / fitted.sum())

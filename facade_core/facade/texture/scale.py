@@ -6,10 +6,10 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.validation import check_image, check_labels
+from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
 from facade_core.parsing.floor_structure import window_spans
 
-DOOR_HEIGHT = 2.4  # metres, frame included
+DOOR_HEIGHT_M = 2.4  # metres, frame included
 WINDOW_SHARE = 0.55  # of a storey that its windows take up
 
 
@@ -19,23 +19,23 @@ def exemplar_scale(image: np.ndarray, labels: np.ndarray, *, storey: float = 3.2
     With two or more rows of windows: storey over the median spacing of their middles. With one row: a door counts
     as DOOR_HEIGHT metres, else the windows as WINDOW_SHARE of a storey. Raises ImageError where there is neither.
     """
-    check_image(image)
-    check_labels(image, labels)
+    check_exemplar_image(image)
+    check_exemplar_labels(image, labels)
     if not storey > 0:
         raise ImageError(f"exemplar_scale: storey is {storey}; pass a height in metres above 0")
     spans = window_spans(labels == FacadeClass.WINDOW)
     middles = np.array([(a + b) / 2 for a, b in spans])
     if len(middles) >= 2:
-        return storey / _pitch(np.diff(middles))
+        return storey / _typical_spacing(np.diff(middles))
     door = (labels == FacadeClass.DOOR).any(1).sum()
     if door:
-        return DOOR_HEIGHT / float(door)
+        return DOOR_HEIGHT_M / float(door)
     if len(spans) == 1:
         return WINDOW_SHARE * storey / float(spans[0][1] - spans[0][0])
     raise ImageError("exemplar_scale: the labels show neither windows nor a door; label the exemplar or give its scale")
 
 
-def _pitch(spacings: np.ndarray) -> float:
+def _typical_spacing(spacings: np.ndarray) -> float:
     """Median spacing, where spacings near a multiple of the median (a row that was missed) count as several."""
     median = np.median(spacings)
     return float(np.median(spacings / np.maximum(1, np.rint(spacings / median))))

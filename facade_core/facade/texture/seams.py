@@ -9,7 +9,7 @@ from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True)
-def least_path(error: np.ndarray) -> np.ndarray:
+def find_min_error_path(error: np.ndarray) -> np.ndarray:
     """The path of least error along the first axis: (n, k) float64 -> (n,) int64, steps of at most 1 (minimum-error cut)."""
     length, wide = error.shape
     total = error.copy()
@@ -34,7 +34,7 @@ def least_path(error: np.ndarray) -> np.ndarray:
     return path
 
 
-def diffused(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Colour differences known on a rim, spread smoothly over everything: (h, w, 3) float32.
 
     difference (h, w, 3) counts where weight (h, w) is above 0. A membrane by normalised convolution: near the rim its

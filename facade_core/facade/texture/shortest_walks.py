@@ -6,11 +6,11 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 
-_REACH = 4  # px on either side of a cut that are compared
-_JUMP = 0.03  # price of any jump, in mean absolute colour difference (0-1)
-_REVISIT = 0.02  # price of showing the same part twice in a row
-_CUT = 4.0  # price of a jump through windows or doors over the whole length of the cut
-_MISMATCH = 0.6  # price of a jump between different labels, e.g. from a balcony to plain wall
+_CUT_REACH_PX = 4  # px on either side of a cut that are compared
+_JUMP_PRICE = 0.03  # price of any jump, in mean absolute colour difference (0-1)
+_REPEAT_PRICE = 0.02  # price of showing the same part twice in a row
+_CUT_PRICE = 4.0  # price of a jump through windows or doors over the whole length of the cut
+_MISMATCH_PRICE = 0.6  # price of a jump between different labels, e.g. from a balcony to plain wall
 
 
 def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.ndarray:
@@ -20,7 +20,7 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
     """
     last = image.shape[1] - 1
     count = len(cuts) - 1
-    strip = np.clip(np.asarray(cuts)[:, None] + np.arange(-_REACH, _REACH), 0, last)
+    strip = np.clip(np.asarray(cuts)[:, None] + np.arange(-_CUT_REACH_PX, _CUT_REACH_PX), 0, last)
     seen = (image[:, strip].astype(np.float32) / 255.0).transpose(1, 0, 2, 3)
     label = labels[:, np.clip(np.asarray(cuts), 0, last)].T
     before = labels[:, np.clip(np.asarray(cuts) - 1, 0, last)].T
@@ -30,19 +30,21 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
             end, start = a + 1, b
             colour = np.abs(seen[end] - seen[start])
             # Beyond a border of the facade there is nothing to compare with.
-            kept = [colour[:, :_REACH]] * (start > 0) + [colour[:, _REACH:]] * (end < count)
+            kept = [colour[:, :_CUT_REACH_PX]] * (start > 0) + [colour[:, _CUT_REACH_PX:]] * (end < count)
             differ = float(np.mean([part.mean() for part in kept])) if kept else 0.5
             joint = (before[end] != label[start]) & (
                 np.isin(before[end], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
                 | np.isin(label[start], (FacadeClass.BALCONY, FacadeClass.WINDOW, FacadeClass.DOOR))
             )
-            broken = max(_broken(before[end], label[end]), _broken(before[start], label[start]))
-            price[a, b] = _JUMP + differ + _MISMATCH * joint.mean() + _CUT * broken + _REVISIT * (a == b)
+            broken = max(_cut_share(before[end], label[end]), _cut_share(before[start], label[start]))
+            price[a, b] = (
+                _JUMP_PRICE + differ + _MISMATCH_PRICE * joint.mean() + _CUT_PRICE * broken + _REPEAT_PRICE * (a == b)
+            )
     price[np.arange(count - 1), np.arange(1, count)] = 0.0
     return price
 
 
-def _broken(before: np.ndarray, after: np.ndarray) -> float:
+def _cut_share(before: np.ndarray, after: np.ndarray) -> float:
     """Share of a cut that runs through one window, door or shop."""
     same = before == after
     return float(
@@ -58,7 +60,7 @@ def cheapest_walk(
     length: int,
     *,
     marked: np.ndarray | None = None,
-    most: int = 0,
+    max_marked: int = 0,
 ) -> np.ndarray:
     """The cheapest sequence of `length` parts: price (B, B) of every step, start (B,) and end (B,) of its ends.
 
@@ -66,7 +68,7 @@ def cheapest_walk(
     """
     count = len(price)
     flags = np.zeros(count, int) if marked is None else marked.astype(int)
-    levels = (most if marked is not None else 0) + 1
+    levels = (max_marked if marked is not None else 0) + 1
     score = np.full((levels, count), np.inf)
     for b in range(count):
         if flags[b] < levels:

@@ -11,33 +11,36 @@ from scipy.ndimage import gaussian_filter1d
 
 from facade_core.core.numba_cache import njit
 
-UNUSABLE = np.float32(1e4)
+UNUSABLE_PRICE = np.float32(1e4)
 # Shares of the three witnesses in a price (near those that fit 150,000 copies on facades with known truth best), and how
 # many pixels, or which share of a window, the prior is worth.
-_ROW, _COLUMN, _NEAR = 0.4, 0.1, 0.45
-_PRIOR_LINE, _PRIOR_NEAR = 40.0, 0.05
-_MIX, _FEW = 2.0, 4.0  # rows over which their colours are mixed, and pixels of the whole image that each is worth
+_ROW_WEIGHT, _COLUMN_WEIGHT, _WINDOW_WEIGHT = 0.4, 0.1, 0.45
+_LINE_PRIOR_PX, _WINDOW_PRIOR = 40.0, 0.05
+_LINE_BLUR_SIGMA, _IMAGE_PRIOR_PX = (
+    2.0,
+    4.0,
+)  # rows over which their colours are mixed, and pixels of the whole image that each is worth
 # Price, in the image's spread, of a pixel of another class than planned, and of surroundings of other classes.
-_WRONG, _WRONG_NEAR = 0.25, 0.25
+_CLASS_PRICE, _WINDOW_CLASS_PRICE = 0.25, 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Offers:
+class SourceCosts:
     """What n hidden pixels could show under k maps: price (k, n) float32, colour (k, n, 3) float32, from UNUSABLE on none."""
 
     price: np.ndarray
     colour: np.ndarray
 
 
-class _Facade(NamedTuple):
-    """image (H, W, 3) float32, known (H, W) bool, guide (H, W) uint8 as `offers` takes them."""
+class _GuidedImage(NamedTuple):
+    """image (H, W, 3) float32, known (H, W) bool, guide (H, W) uint8 as `compute_source_costs` takes them."""
 
     image: np.ndarray
     known: np.ndarray
     guide: np.ndarray
 
 
-class _Map(NamedTuple):
+class _Translation(NamedTuple):
     """Where a pixel (y, x) is taken from: row y + dy, and column x + step, or step - x where it mirrors."""
 
     dy: int
@@ -45,7 +48,7 @@ class _Map(NamedTuple):
     mirrored: int
 
 
-class _Witnesses(NamedTuple):
+class _PriceTerms(NamedTuple):
     """What speaks for a map: errors of rows (H,) and columns (W,), what is near, weighed already, (H, W), and the price of a
     wrong class."""
 
@@ -55,9 +58,9 @@ class _Witnesses(NamedTuple):
     wrong: float
 
 
-def offers(
-    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, guide: np.ndarray, maps: np.ndarray, reach: float
-) -> Offers:
+def compute_source_costs(
+    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, guide: np.ndarray, translations: np.ndarray, reach: float
+) -> SourceCosts:
     """Offers for the pixels hidden (n, 2) of image (H, W, 3) float32, 0-1, under maps (k, 3) as `repeats` gives them.
 
     A price is the squared colour difference to expect: what the map leaves in the rows and the columns it
@@ -65,64 +68,75 @@ def offers(
     of the two rows (columns) differ by, so that a floor is dearer from a shop than from elsewhere in the same floor.
     guide (H, W) uint8 are class ids that should agree, 255 where none is known.
     """
-    down, across = (_moments(image, known, axis) for axis in (1, 0))
+    down, across = (_line_moments(image, known, axis) for axis in (1, 0))
     spread = 2.0 * float(image[known].var(0).mean())
-    price = np.empty((len(maps), len(hidden)), np.float32)
-    colour = np.zeros((len(maps), len(hidden), 3), np.float32)
+    price = np.empty((len(translations), len(hidden)), np.float32)
+    colour = np.zeros((len(translations), len(hidden), 3), np.float32)
     size = 2 * round(reach) + 1
-    for k, (dy, step, mirrored) in enumerate(maps):
-        error, seen = _errors(image, known, dy, step, mirrored)
+    for k, (dy, step, mirrored) in enumerate(translations):
+        error, seen = _squared_errors(image, known, dy, step, mirrored)
         ys = np.clip(np.arange(known.shape[0]) + dy, 0, known.shape[0] - 1)
         xs = np.arange(known.shape[1])
         xs = np.clip(step - xs if mirrored else xs + step, 0, known.shape[1] - 1)
-        any_rows, any_columns = _between(down, ys), _between(across, xs)
-        rows, columns = _along(error, seen, 1, any_rows), _along(error, seen, 0, any_columns)
-        wrong, told = _disagreements(guide, dy, step, mirrored)
-        near = np.float32(_NEAR) * _around(error, seen, size, any_rows[:, None])
-        near += np.float32(_WRONG_NEAR * spread) * _around(wrong, told, size, np.full(1, 0.5, np.float32))
-        witnesses = _Witnesses(rows, columns, near, _WRONG * spread)
-        _offer(_Facade(image, known, guide), hidden, _Map(dy, step, mirrored), witnesses, price[k], colour[k])
-    return Offers(price, colour)
+        any_rows, any_columns = _expected_difference(down, ys), _expected_difference(across, xs)
+        rows, columns = _line_error(error, seen, 1, any_rows), _line_error(error, seen, 0, any_columns)
+        wrong, told = _class_mismatches(guide, dy, step, mirrored)
+        near = np.float32(_WINDOW_WEIGHT) * _window_error(error, seen, size, any_rows[:, None])
+        near += np.float32(_WINDOW_CLASS_PRICE * spread) * _window_error(wrong, told, size, np.full(1, 0.5, np.float32))
+        witnesses = _PriceTerms(rows, columns, near, _CLASS_PRICE * spread)
+        _price_pixels(
+            _GuidedImage(image, known, guide), hidden, _Translation(dy, step, mirrored), witnesses, price[k], colour[k]
+        )
+    return SourceCosts(price, colour)
 
 
-def _moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+def _line_moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Mean (n, 3) and mean square (n,), over colours, of what is known of every row (axis 1) or column (axis 0)."""
     visible = image[known]
-    count = gaussian_filter1d(known.sum(axis, dtype=np.float64), _MIX, mode="constant")[:, None] + _FEW
-    first = gaussian_filter1d((image * known[..., None]).sum(axis, dtype=np.float64), _MIX, axis=0, mode="constant")
-    second = gaussian_filter1d((image**2 * known[..., None]).sum(axis, dtype=np.float64), _MIX, axis=0, mode="constant")
-    mean = (first + _FEW * visible.mean(0)) / count
-    return mean, ((second + _FEW * (visible**2).mean(0)) / count).mean(1)
+    count = (
+        gaussian_filter1d(known.sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, mode="constant")[:, None]
+        + _IMAGE_PRIOR_PX
+    )
+    first = gaussian_filter1d(
+        (image * known[..., None]).sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, axis=0, mode="constant"
+    )
+    second = gaussian_filter1d(
+        (image**2 * known[..., None]).sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, axis=0, mode="constant"
+    )
+    mean = (first + _IMAGE_PRIOR_PX * visible.mean(0)) / count
+    return mean, ((second + _IMAGE_PRIOR_PX * (visible**2).mean(0)) / count).mean(1)
 
 
-def _between(moments: tuple[np.ndarray, np.ndarray], other: np.ndarray) -> np.ndarray:
+def _expected_difference(moments: tuple[np.ndarray, np.ndarray], other: np.ndarray) -> np.ndarray:
     """The squared difference to expect of any pixel of a row and any of the row other[row], (n,) float32."""
     mean, square = moments
     return (square + square[other] - 2.0 * (mean * mean[other]).mean(1)).astype(np.float32)
 
 
-def _along(error: np.ndarray, seen: np.ndarray, axis: int, usual: np.ndarray) -> np.ndarray:
+def _line_error(error: np.ndarray, seen: np.ndarray, axis: int, usual: np.ndarray) -> np.ndarray:
     """Mean error of every row (axis 1) or column (axis 0)."""
-    total, count = (gaussian_filter1d(of.sum(axis), _MIX, mode="constant") for of in (error, seen))
-    return _towards(total, count, _PRIOR_LINE, usual)
+    total, count = (gaussian_filter1d(of.sum(axis), _LINE_BLUR_SIGMA, mode="constant") for of in (error, seen))
+    return _shrink_to_prior(total, count, _LINE_PRIOR_PX, usual)
 
 
-def _around(error: np.ndarray, seen: np.ndarray, side: int, usual: np.ndarray) -> np.ndarray:
+def _window_error(error: np.ndarray, seen: np.ndarray, side: int, usual: np.ndarray) -> np.ndarray:
     """Mean error about every pixel, in a square window blurred twice."""
     window = side, side
     total, count = (
         cv2.blur(cv2.blur(of, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT)
         for of in (error, seen)
     )
-    return _towards(total, count, _PRIOR_NEAR, usual)
+    return _shrink_to_prior(total, count, _WINDOW_PRIOR, usual)
 
 
-def _towards(total: np.ndarray, count: np.ndarray, prior: float, usual: np.ndarray) -> np.ndarray:
+def _shrink_to_prior(total: np.ndarray, count: np.ndarray, prior: float, usual: np.ndarray) -> np.ndarray:
     return ((total + prior * usual) / (count + prior)).astype(np.float32)
 
 
 @njit(cache=True)
-def _errors(image: np.ndarray, known: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
+def _squared_errors(
+    image: np.ndarray, known: np.ndarray, dy: int, step: int, mirrored: int
+) -> tuple[np.ndarray, np.ndarray]:
     height, width = known.shape
     error = np.zeros((height, width), np.float32)
     seen = np.zeros((height, width), np.float32)
@@ -137,7 +151,7 @@ def _errors(image: np.ndarray, known: np.ndarray, dy: int, step: int, mirrored: 
 
 
 @njit(cache=True)
-def _disagreements(guide: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
+def _class_mismatches(guide: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
     height, width = guide.shape
     wrong = np.zeros((height, width), np.float32)
     told = np.zeros((height, width), np.float32)
@@ -151,8 +165,13 @@ def _disagreements(guide: np.ndarray, dy: int, step: int, mirrored: int) -> tupl
 
 
 @njit(cache=True)
-def _offer(
-    facade: _Facade, hidden: np.ndarray, taken: _Map, witnesses: _Witnesses, price: np.ndarray, colour: np.ndarray
+def _price_pixels(
+    facade: _GuidedImage,
+    hidden: np.ndarray,
+    taken: _Translation,
+    witnesses: _PriceTerms,
+    price: np.ndarray,
+    colour: np.ndarray,
 ) -> None:
     image, known, guide = facade
     dy, step, mirrored = taken
@@ -162,10 +181,10 @@ def _offer(
         y, x = hidden[n, 0], hidden[n, 1]
         v, u = y + dy, step - x if mirrored else x + step
         if v < 0 or v >= height or u < 0 or u >= width or not known[v, u]:
-            price[n] = UNUSABLE
+            price[n] = UNUSABLE_PRICE
             continue
         for c in range(3):
             colour[n, c] = image[v, u, c]
-        price[n] = _ROW * rows[y] + _COLUMN * columns[x] + near[y, x]
+        price[n] = _ROW_WEIGHT * rows[y] + _COLUMN_WEIGHT * columns[x] + near[y, x]
         if guide[y, x] != 255 and guide[v, u] != 255 and guide[y, x] != guide[v, u]:
             price[n] += wrong

@@ -9,19 +9,19 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.texture.retargeting import Style, rows_of, shown_storeys
-from facade_core.geometry.walls import STOREY_M
+from facade_core.facade.texture.retargeting import ExemplarStyle, choose_floors, lattice_rows
+from facade_core.geometry.walls import FLOOR_HEIGHT_M
 
 # What of a storey is left at a wall's foot or top belongs to the storey beside it where it is lower than this.
-LEAST_STOREY_M = 2.2
+MIN_FLOOR_M = 2.2
 # A wall ends at the eaves where it ends this near to them: there it shows what crowns the exemplar.
-EAVES_M = 0.3
+EAVES_TOLERANCE_M = 0.3
 # The topmost storey has bare wall over it where it is so many times as high as its exemplar's.
-LOFTY = 1.15
+MAX_TOP_FLOOR_STRETCH = 1.15
 
 
 @dataclass(frozen=True, slots=True)
-class Wall:
+class FacadeWall:
     """A wall, or several that are laid out as one, in metres.
 
     width, height; foot over the base of its building; eaves of that over its base, and storeys up to there. street: whether it
@@ -36,24 +36,24 @@ class Wall:
     height: float
     foot: float
     eaves: float
-    storeys: int
-    street: bool
-    plain: bool
+    floors: int
+    on_street: bool
+    is_back: bool
     free: BaseGeometry
-    raised: bool = False
+    is_raised: bool = False
     seams: tuple[float, ...] = ()
-    corner: bool = False
-    door: bool = False
+    is_corner: bool = False
+    has_back_door: bool = False
     entrances: tuple[float, ...] = ()
 
     @classmethod
-    def alone(cls, height: float, width: float, floors: int) -> Wall:
+    def freestanding(cls, height: float, width: float, floors: int) -> FacadeWall:
         """One on a street, that nothing stands against, of a building as high."""
         return cls(width, height, 0.0, height, floors, street=True, plain=False, free=shapely.box(0, 0, width, height))
 
 
 @dataclass(frozen=True, slots=True)
-class Storey:
+class WallFloor:
     """One of a wall, from the top: the exemplar's floor that it shows, -1 for a ground floor without windows; the three heights
     above, across and below its windows, or the one of a floor without, and of the bare wall over it, in metres; whether it is
     crowned by the exemplar's top."""
@@ -64,7 +64,7 @@ class Storey:
     crowned: bool
 
 
-def plainest(style: Style) -> int:
+def plainest_floor(style: ExemplarStyle) -> int:
     """The exemplar's floor for where nothing adorns a wall: with the fewest balconies, not the topmost
     or the lowest if there is another: cornices and shops reach into these."""
     exemplar = style.exemplar
@@ -75,66 +75,73 @@ def plainest(style: Style) -> int:
     return middle[int(np.argmin(adorned))]
 
 
-def storeys_on(
-    style: Style, wall: Wall, metres_per_pixel: float, like: Style | None = None
-) -> tuple[list[Storey], float]:
+def stack_floors(
+    style: ExemplarStyle, wall: FacadeWall, metres_per_pixel: float, floor_style: ExemplarStyle | None = None
+) -> tuple[list[WallFloor], float]:
     """The storeys of a wall from its top, whose borders are those of its building, and the metres that a pixel of the exemplar
     takes on them."""
     pixels = round(wall.eaves / metres_per_pixel)
-    own, scale = shown_storeys(style, pixels, wall.storeys, np.random.default_rng(0), 0.0)
-    scale, plain = scale * metres_per_pixel, plainest(style)
+    own, scale = choose_floors(style, pixels, wall.floors, np.random.default_rng(0), 0.0)
+    scale, plain = scale * metres_per_pixel, plainest_floor(style)
     kinds, grid = style.exemplar.kinds, np.asarray(style.grid.rows)
     heights = _floor_heights(style, own)
-    if like is not None:
-        theirs, _ = shown_storeys(like, pixels, wall.storeys, np.random.default_rng(0), 0.0)
-        heights = _floor_heights(like, theirs) if len(theirs) == len(own) else heights
-    heights = _within(heights * (wall.eaves / heights.sum()))
+    if floor_style is not None:
+        theirs, _ = choose_floors(floor_style, pixels, wall.floors, np.random.default_rng(0), 0.0)
+        heights = _floor_heights(floor_style, theirs) if len(theirs) == len(own) else heights
+    heights = _limit_heights(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
     pitch, top = wall.eaves / len(own), wall.foot + wall.height
     beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
     every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
-    inner = every[(every > wall.foot + LEAST_STOREY_M) & (every < top - LEAST_STOREY_M)]
+    inner = every[(every > wall.foot + MIN_FLOOR_M) & (every < top - MIN_FLOOR_M)]
     borders = np.concatenate([[wall.foot], inner, [top]])
-    at_eaves = abs(top - wall.eaves) < EAVES_M
+    at_eaves = abs(top - wall.eaves) < EAVES_TOLERANCE_M
     stack = []
     for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
         place = int(np.searchsorted(lines, (low + high) / 2)) - 1
         floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
         lowest, highest = number == 0, number == len(borders) - 2
         kind = "ground" if floor < 0 else kinds[floor]
-        if lowest and (wall.street or wall.corner) and not wall.raised and (own[-1] < 0 or kinds[own[-1]] == "ground"):
+        if (
+            lowest
+            and (wall.on_street or wall.is_corner)
+            and not wall.is_raised
+            and (own[-1] < 0 or kinds[own[-1]] == "ground")
+        ):
             floor = own[-1]
         elif kind == "ground" or (kind == "roof" and not at_eaves):
             floor = plain
-        crowned = highest and at_eaves and not wall.plain
-        if not wall.street and not crowned and kind == "middle":
+        crowned = highest and at_eaves and not wall.is_back
+        if not wall.on_street and not crowned and kind == "middle":
             floor = plain
-        natural = scale * float(grid[rows_of(style, floor).stop] - grid[rows_of(style, floor).start])
-        attic = high - low - natural if highest and not crowned and high - low > LOFTY * natural else 0.0
-        stack.append(Storey(floor, _heights(style, floor, high - low - attic, scale), attic, crowned))
+        natural = scale * float(grid[lattice_rows(style, floor).stop] - grid[lattice_rows(style, floor).start])
+        attic = (
+            high - low - natural if highest and not crowned and high - low > MAX_TOP_FLOOR_STRETCH * natural else 0.0
+        )
+        stack.append(WallFloor(floor, _band_heights(style, floor, high - low - attic, scale), attic, crowned))
     return stack[::-1], scale
 
 
-def _floor_heights(style: Style, floors: list[int]) -> np.ndarray:
+def _floor_heights(style: ExemplarStyle, floors: list[int]) -> np.ndarray:
     """How high floors (n,) of an exemplar are, (n,) pixels."""
-    rows = [rows_of(style, floor) for floor in floors]
+    rows = [lattice_rows(style, floor) for floor in floors]
     return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
 
 
-def _within(heights: np.ndarray) -> np.ndarray:
+def _limit_heights(heights: np.ndarray) -> np.ndarray:
     """Heights of storeys (n,) with the same sum, made as alike as it takes for all to be within STOREY_M."""
     mean = heights.mean()
     off = heights - mean
-    low, high = STOREY_M
+    low, high = FLOOR_HEIGHT_M
     if not low <= mean <= high or not off.any():
         return heights
     room = np.where(off > 0, high - mean, mean - low)
     return mean + off * min(1.0, float((room[off != 0] / np.abs(off[off != 0])).min()))
 
 
-def _heights(style: Style, floor: int, height: float, scale: float) -> tuple[float, ...]:
+def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float) -> tuple[float, ...]:
     """What a storey of some height, metres, has above, across and below its windows, which keep theirs where they can."""
-    rows = rows_of(style, floor)
+    rows = lattice_rows(style, floor)
     sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])
     if len(sizes) < 3:
         return tuple((sizes * (height / sizes.sum())).tolist())
@@ -143,6 +150,6 @@ def _heights(style: Style, floor: int, height: float, scale: float) -> tuple[flo
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 
-def on_ground(style: Style, storey: Storey) -> bool:
+def shows_ground_floor(style: ExemplarStyle, storey: WallFloor) -> bool:
     """Whether a storey shows the exemplar's ground floor."""
     return storey.floor < 0 or style.exemplar.kinds[storey.floor] == "ground"

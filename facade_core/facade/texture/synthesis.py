@@ -6,12 +6,12 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Lattice, Synthesis
-from facade_core.facade.texture.genetic import POPULATION, evolve
-from facade_core.facade.texture.tile_composition import compose
-from facade_core.facade.texture.tiling_energy import Tables, tables
-from facade_core.facade.texture.validation import check_image, check_labels
+from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
+from facade_core.facade.texture.tile_composition import compose_tiles
+from facade_core.facade.texture.tiling_energy import EnergyTables, tabulate_energy
+from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
 
-GENERATIONS = 5000
+SYNTHESIS_GENERATIONS = 5000
 
 
 def synthesize(image: np.ndarray, labels: np.ndarray, size: tuple[int, int], *, seed: int = 0) -> Synthesis:
@@ -22,47 +22,53 @@ def synthesize(image: np.ndarray, labels: np.ndarray, size: tuple[int, int], *, 
     """
     from facade_core.parsing.lattice import lattice
 
-    check_image(image)
-    check_labels(image, labels)
+    check_exemplar_image(image)
+    check_exemplar_labels(image, labels)
     if min(size) < 8:
         raise ImageError(f"synthesize: size {tuple(size)} is too small; ask for at least 8 x 8 px")
-    return synthesize_on(image, labels, lattice(labels), size, seed=seed)
+    return synthesize_on_lattice(image, labels, lattice(labels), size, seed=seed)
 
 
-def synthesize_on(
+def synthesize_on_lattice(
     image: np.ndarray,
     labels: np.ndarray,
     grid: Lattice,
     size: tuple[int, int],
     *,
     seed: int = 0,
-    generations: int = GENERATIONS,
+    generations: int = SYNTHESIS_GENERATIONS,
 ) -> Synthesis:
     """synthesize on a given lattice: M' = [H' M / H] rows and N' = [W' N / W] columns of tiles."""
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     # No more rows or columns than pixels leave room for: a cell is at least 2 px.
     rows = min(max(1, round(size[0] * tall / image.shape[0])), size[0] // 2)
     columns = min(max(1, round(size[1] * wide / image.shape[1])), size[1] // 2)
-    tiles, lowest = evolved(
-        tables(image, labels, grid), grid, (rows, columns), np.random.default_rng(seed), generations
+    tiles, lowest = evolve_random_tilings(
+        tabulate_energy(image, labels, grid), grid, (rows, columns), np.random.default_rng(seed), generations
     )
-    heights, widths = mean_sizes(grid, tiles)
-    picture, carried = compose(image, labels, grid, tiles, cells(heights, size[0]), cells(widths, size[1]))
+    heights, widths = mean_tile_sizes(grid, tiles)
+    picture, carried = compose_tiles(
+        image, labels, grid, tiles, cell_borders(heights, size[0]), cell_borders(widths, size[1])
+    )
     return Synthesis(picture, carried, tiles, float(lowest[-1]))
 
 
-def evolved(
-    tab: Tables, grid: Lattice, shape: tuple[int, int], rng: np.random.Generator, generations: int = GENERATIONS
+def evolve_random_tilings(
+    tables: EnergyTables,
+    grid: Lattice,
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+    generations: int = SYNTHESIS_GENERATIONS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Algo. 2: shape (M', N') tiles of the exemplar's grid, from random ones, and the lowest energy of every generation."""
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     may_row = np.ones((shape[0], tall), bool)
     may_row[0], may_row[-1] = np.eye(tall, dtype=bool)[[0, -1]]
-    source_row = rng.integers(0, tall, (POPULATION, *shape))
+    source_row = rng.integers(0, tall, (POPULATION_SIZE, *shape))
     source_row[:, 0], source_row[:, -1] = 0, tall - 1
-    return evolve(
-        tab,
-        source_row * wide + rng.integers(0, wide, (POPULATION, *shape)),
+    return evolve_tilings(
+        tables,
+        source_row * wide + rng.integers(0, wide, (POPULATION_SIZE, *shape)),
         rows=may_row,
         columns=np.ones((shape[1], wide), bool),
         frozen=np.zeros(shape, bool),
@@ -72,13 +78,13 @@ def evolved(
     )
 
 
-def mean_sizes(grid: Lattice, tiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mean_tile_sizes(grid: Lattice, tiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean height of the tiles in every row and mean width of those in every column, exemplar pixels."""
     across = len(grid.columns) - 1
     return np.diff(grid.rows)[tiles // across].mean(1), np.diff(grid.columns)[tiles % across].mean(0)
 
 
-def cells(sizes: np.ndarray, total: int) -> np.ndarray:
+def cell_borders(sizes: np.ndarray, total: int) -> np.ndarray:
     """Integer cell borders 0 ... total whose spacings are proportional to sizes."""
     borders = np.concatenate([[0.0], np.cumsum(sizes)])
     return np.rint(borders * (total / borders[-1])).astype(np.int64)

@@ -11,22 +11,22 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.seams import least_path
+from facade_core.facade.texture.seams import find_min_error_path
 
 # All in pixels of the exemplar.
-REACH = 5  # by which a path may leave the border
-_SIGMA = 6.0  # splits colour (low band) from detail (high band)
-_FADE = 10  # on either side of a border over which colour cross-fades
+MAX_SEAM_SHIFT_PX = 5  # by which a path may leave the border
+_BAND_SIGMA_PX = 6.0  # splits colour (low band) from detail (high band)
+_FADE_PX = 10  # on either side of a border over which colour cross-fades
 
 
-def compose(
+def compose_tiles(
     image: np.ndarray,
     labels: np.ndarray,
     lattice: Lattice,
     tiles: np.ndarray,
     rows: np.ndarray,
     columns: np.ndarray,
-    coarser: float = 1.0,
+    reduction: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Render tiles (M, N) of image (H, W, 3) into cells with borders rows (M + 1,), columns (N + 1,): image, labels.
 
@@ -48,23 +48,23 @@ def compose(
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)
-    beside, below = _paths(colour, *where, max(1, round(REACH / coarser)))
-    cell = _cells(beside, below, rows, columns)
-    low = cv2.GaussianBlur(colour, (0, 0), _SIGMA / coarser, borderType=cv2.BORDER_REPLICATE)
-    out = _faded(low, *where, max(1, round(_FADE / coarser))) + _shown(colour - low, cell, *where)
-    fine = _carried(labels, cell, full_rows, full_columns, tiles, rows, columns)
+    beside, below = _find_seam_paths(colour, *where, max(1, round(MAX_SEAM_SHIFT_PX / reduction)))
+    cell = _assign_cells(beside, below, rows, columns)
+    low = cv2.GaussianBlur(colour, (0, 0), _BAND_SIGMA_PX / reduction, borderType=cv2.BORDER_REPLICATE)
+    out = _render_faded(low, *where, max(1, round(_FADE_PX / reduction))) + _render_cells(colour - low, cell, *where)
+    fine = _render_labels(labels, cell, full_rows, full_columns, tiles, rows, columns)
     return np.clip(np.rint(out), 0, 255).astype(np.uint8), fine
 
 
 @njit(cache=True)
-def _at(position: int, cell: int, source: np.ndarray, borders: np.ndarray, tile: int) -> float:
+def _exemplar_position(position: int, cell: int, source: np.ndarray, borders: np.ndarray, tile: int) -> float:
     """Where a position of the new picture lies in the exemplar along one axis, by the cell that shows it."""
     step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
     return source[tile] + (position - borders[cell] + 0.5) * step
 
 
 @njit(cache=True)
-def _sample(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
+def _sample_bilinear(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
     """Bilinear, at pixel positions v, u counted from the picture's corner."""
     v = min(max(v - 0.5, 0.0), image.shape[0] - 1.0)
     u = min(max(u - 0.5, 0.0), image.shape[1] - 1.0)
@@ -77,7 +77,7 @@ def _sample(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def _paths(
+def _find_seam_paths(
     image: np.ndarray,
     source_rows: np.ndarray,
     source_columns: np.ndarray,
@@ -108,14 +108,22 @@ def _paths(
                 for a in range(length):
                     for b in range(2 * reach + 1):
                         y, x = (y0 + a, x1 - reach + b) if side == 0 else (y1 - reach + b, x0 + a)
-                        _sample(image, _at(y, m, source_rows, rows, i), _at(x, n, source_columns, columns, j), one)
-                        _sample(
-                            image, _at(y, mm, source_rows, rows, ii), _at(x, nn, source_columns, columns, jj), other
+                        _sample_bilinear(
+                            image,
+                            _exemplar_position(y, m, source_rows, rows, i),
+                            _exemplar_position(x, n, source_columns, columns, j),
+                            one,
+                        )
+                        _sample_bilinear(
+                            image,
+                            _exemplar_position(y, mm, source_rows, rows, ii),
+                            _exemplar_position(x, nn, source_columns, columns, jj),
+                            other,
                         )
                         error[a, b] = 0.01 * abs(b - reach)
                         for c in range(3):
                             error[a, b] += (one[c] - other[c]) ** 2
-                path = least_path(error)
+                path = find_min_error_path(error)
                 for a in range(length):
                     if side == 0:
                         beside[y0 + a, n] = x1 - reach + path[a]
@@ -125,7 +133,7 @@ def _paths(
 
 
 @njit(cache=True)
-def _cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _assign_cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Which cell every pixel shows, (H, W) int32: m * N + n."""
     height, width, wide = rows[-1], columns[-1], beside.shape[1] + 1
     cell = np.empty((height, width), np.int32)
@@ -146,7 +154,7 @@ def _cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.
 
 
 @njit(cache=True)
-def _shown(
+def _render_cells(
     image: np.ndarray,
     cell: np.ndarray,
     source_rows: np.ndarray,
@@ -163,12 +171,17 @@ def _shown(
         for x in range(width):
             m, n = cell[y, x] // wide, cell[y, x] % wide
             i, j = tiles[m, n] // across, tiles[m, n] % across
-            _sample(image, _at(y, m, source_rows, rows, i), _at(x, n, source_columns, columns, j), out[y, x])
+            _sample_bilinear(
+                image,
+                _exemplar_position(y, m, source_rows, rows, i),
+                _exemplar_position(x, n, source_columns, columns, j),
+                out[y, x],
+            )
     return out
 
 
 @njit(cache=True)
-def _carried(
+def _render_labels(
     labels: np.ndarray,
     cell: np.ndarray,
     source_rows: np.ndarray,
@@ -183,13 +196,13 @@ def _carried(
         for x in range(cell.shape[1]):
             m, n = cell[y, x] // wide, cell[y, x] % wide
             i, j = tiles[m, n] // across, tiles[m, n] % across
-            v, u = _at(y, m, source_rows, rows, i), _at(x, n, source_columns, columns, j)
+            v, u = _exemplar_position(y, m, source_rows, rows, i), _exemplar_position(x, n, source_columns, columns, j)
             out[y, x] = labels[min(max(int(v), 0), labels.shape[0] - 1), min(max(int(u), 0), labels.shape[1] - 1)]
     return out
 
 
 @njit(cache=True)
-def _faded(
+def _render_faded(
     image: np.ndarray,
     source_rows: np.ndarray,
     source_columns: np.ndarray,
@@ -212,12 +225,12 @@ def _faded(
                 continue
             for y in range(max(0, y0 - margin), min(height, y1 + margin)):
                 fade_y = min(1.0, (y - y0 + 0.5 + margin) / (2.0 * margin), (y1 - y - 0.5 + margin) / (2.0 * margin))
-                v = _at(y, m, source_rows, rows, i)
+                v = _exemplar_position(y, m, source_rows, rows, i)
                 for x in range(max(0, x0 - margin), min(width, x1 + margin)):
                     fade_x = min(
                         1.0, (x - x0 + 0.5 + margin) / (2.0 * margin), (x1 - x - 0.5 + margin) / (2.0 * margin)
                     )
-                    _sample(image, v, _at(x, n, source_columns, columns, j), one)
+                    _sample_bilinear(image, v, _exemplar_position(x, n, source_columns, columns, j), one)
                     w = np.float32(fade_y * fade_x)
                     weight[y, x] += w
                     for c in range(3):

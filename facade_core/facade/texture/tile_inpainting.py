@@ -9,14 +9,14 @@ from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN
 from facade_core.core.levelling import fill_unknown
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.genetic import POPULATION, evolve
-from facade_core.facade.texture.seams import diffused
-from facade_core.facade.texture.tile_composition import compose
-from facade_core.facade.texture.tiling_energy import tables, tile_histograms
+from facade_core.facade.texture.genetic import POPULATION_SIZE, evolve_tilings
+from facade_core.facade.texture.seams import diffuse_difference
+from facade_core.facade.texture.tile_composition import compose_tiles
+from facade_core.facade.texture.tiling_energy import label_histograms, tabulate_energy
 
-_ALIKE = 0.35  # log-ratio of sizes up to which a tile may be warped into a hidden cell
-_DIFFERENT = 0.2  # share of label area in which rows or columns of tiles may differ and still be exchanged
-_RIM = 6
+_MAX_LOG_SIZE_RATIO = 0.35  # log-ratio of sizes up to which a tile may be warped into a hidden cell
+_MAX_LABEL_DIFFERENCE = 0.2  # share of label area in which rows or columns of tiles may differ and still be exchanged
+_RIM_PX = 6
 
 
 def fill_by_tiles(
@@ -39,17 +39,23 @@ def fill_by_tiles(
             "inpaint: no whole tile is visible outside the mask; use method='floors' or retarget an exemplar"
         )
     tall, wide = usable.shape
-    shares = tile_histograms(labels, rows, columns).reshape(tall, wide, -1)
-    may_row = (np.abs(np.log(heights[:, None] / heights[None])) < _ALIKE) & usable.any(1)[None] & _same_kind(shares)
-    may_column = (np.abs(np.log(widths[:, None] / widths[None])) < _ALIKE) & usable.any(0)[None]
-    may_column &= _same_kind(shares.transpose(1, 0, 2))
+    shares = label_histograms(labels, rows, columns).reshape(tall, wide, -1)
+    may_row = (
+        (np.abs(np.log(heights[:, None] / heights[None])) < _MAX_LOG_SIZE_RATIO)
+        & usable.any(1)[None]
+        & _similar_contents(shares)
+    )
+    may_column = (np.abs(np.log(widths[:, None] / widths[None])) < _MAX_LOG_SIZE_RATIO) & usable.any(0)[None]
+    may_column &= _similar_contents(shares.transpose(1, 0, 2))
     for allowed, there, size in ((may_row, usable.any(1), heights), (may_column, usable.any(0), widths)):
         for k in np.flatnonzero(~allowed.any(1)):
             allowed[k, np.argmin(np.where(there, np.abs(np.log(size / size[k])), np.inf))] = True
     own = np.arange(tall * wide, dtype=np.int32).reshape(tall, wide)
-    population = np.stack([_first(own, usable, frozen, may_row, may_column, rng) for _ in range(POPULATION)])
-    tiles, _ = evolve(
-        tables(image, np.where(mask, UNKNOWN, labels), grid, usable=usable),
+    population = np.stack(
+        [_initial_tiling(own, usable, frozen, may_row, may_column, rng) for _ in range(POPULATION_SIZE)]
+    )
+    tiles, _ = evolve_tilings(
+        tabulate_energy(image, np.where(mask, UNKNOWN, labels), grid, usable=usable),
         population,
         rows=may_row,
         columns=may_column,
@@ -58,17 +64,17 @@ def fill_by_tiles(
         generations=int(np.clip(40 * (~frozen).sum(), 400, 5000)),
         rng=rng,
     )
-    drawn, _ = compose(image, labels, grid, tiles, rows, columns)
-    return _blend(image, drawn, mask)
+    drawn, _ = compose_tiles(image, labels, grid, tiles, rows, columns)
+    return _blend_hole(image, drawn, mask)
 
 
-def _same_kind(shares: np.ndarray) -> np.ndarray:
+def _similar_contents(shares: np.ndarray) -> np.ndarray:
     """Which rows (n, n) of tiles hold the same labels in the same columns, from tile histograms (n, m, classes)."""
     flat = shares.reshape(len(shares), -1)
-    return np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _DIFFERENT * shares.shape[1]
+    return np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _MAX_LABEL_DIFFERENCE * shares.shape[1]
 
 
-def _first(
+def _initial_tiling(
     own: np.ndarray,
     usable: np.ndarray,
     frozen: np.ndarray,
@@ -93,10 +99,10 @@ def _first(
     return tiles
 
 
-def _blend(image: np.ndarray, drawn: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def _blend_hole(image: np.ndarray, drawn: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """drawn in the hole, its colours levelled to those of the rim; image elsewhere."""
-    kernel = np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)
+    kernel = np.ones((2 * _RIM_PX + 1, 2 * _RIM_PX + 1), np.uint8)
     rim = (cv2.dilate(mask.astype(np.uint8), kernel) > 0) & ~mask
-    offset = diffused(image.astype(np.float32) - drawn, rim.astype(np.float32))
+    offset = diffuse_difference(image.astype(np.float32) - drawn, rim.astype(np.float32))
     filled = np.clip(np.rint(drawn + offset), 0, 255).astype(np.uint8)
     return np.where(mask[..., None], filled, image)

@@ -21,16 +21,16 @@ from facade_core.core.labels import CLASSES
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
 
-STRIP = 8
-HALF = 3
-WINDOWS = 768
-ORDER = 4
-ZETA = 0.1
-_BINS = len(CLASSES) + 1
-_STEPS = 16
+STRIP_SAMPLES = 8
+HALF_STRIP_PX = 3
+MAX_WINDOWS = 768
+TEMPLATE_ORDER = 4
+ZETA_SHARE = 0.1
+_LABEL_BINS = len(CLASSES) + 1
+_HISTOGRAM_STEPS = 16
 
 
-class Tables(NamedTuple):
+class EnergyTables(NamedTuple):
     """Look-up tables of T tiles. Every entry is already the exponent d^2 / (2 zeta^2) of its Eq.
 
     photo_right, photo_below (T, T) float32: [i, j] with j right of / below i;
@@ -50,21 +50,23 @@ class Tables(NamedTuple):
     scale_below: float
 
 
-def tables(image: np.ndarray, labels: np.ndarray, lattice: Lattice, *, usable: np.ndarray | None = None) -> Tables:
+def tabulate_energy(
+    image: np.ndarray, labels: np.ndarray, lattice: Lattice, *, usable: np.ndarray | None = None
+) -> EnergyTables:
     """Tabulate Eq. 5 and 6 for image (H, W, 3) uint8 and labels (H, W) uint8 over a lattice of T tiles.
 
     usable (rows, columns) bool leaves hidden tiles out of the windows and templates that count as the exemplar.
     """
     rows, columns = np.asarray(lattice.rows), np.asarray(lattice.columns)
     seen = np.ones((len(rows) - 1, len(columns) - 1), bool) if usable is None else usable
-    right = _photo(image, rows, columns, seen)
-    below = _photo(np.ascontiguousarray(image.transpose(1, 0, 2)), columns, rows, seen.T)
+    right = _photo_consistency(image, rows, columns, seen)
+    below = _photo_consistency(np.ascontiguousarray(image.transpose(1, 0, 2)), columns, rows, seen.T)
     order = np.arange(seen.size).reshape(seen.T.shape).T.ravel()  # transposed numbering -> row-major
     below = np.ascontiguousarray(below[np.ix_(order, order)])
-    kind, kind_distance = _kinds(labels, rows, columns)
+    kind, kind_distance = _tile_kinds(labels, rows, columns)
     grid = kind.reshape(seen.shape)
     across, down = _templates(grid, seen), _templates(grid.T, seen.T)
-    return Tables(
+    return EnergyTables(
         right,
         below,
         kind,
@@ -76,17 +78,17 @@ def tables(image: np.ndarray, labels: np.ndarray, lattice: Lattice, *, usable: n
     )
 
 
-def tile_histograms(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def label_histograms(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Label histograms of all tiles, (rows * columns, classes + 1), each summing to 1; the last bin is UNKNOWN."""
-    onehot = np.minimum(labels, _BINS - 1)[..., None] == np.arange(_BINS)
+    onehot = np.minimum(labels, _LABEL_BINS - 1)[..., None] == np.arange(_LABEL_BINS)
     sums = np.add.reduceat(onehot.astype(np.float64), rows[:-1], axis=0)
     sums = np.add.reduceat(sums, columns[:-1], axis=1)
     area = np.diff(rows)[:, None] * np.diff(columns)[None, :]
-    return (sums / area[..., None]).reshape(-1, _BINS)
+    return (sums / area[..., None]).reshape(-1, _LABEL_BINS)
 
 
-def _kinds(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    rounded = np.rint(tile_histograms(labels, rows, columns) * _STEPS) / _STEPS
+def _tile_kinds(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    rounded = np.rint(label_histograms(labels, rows, columns) * _HISTOGRAM_STEPS) / _HISTOGRAM_STEPS
     distinct, kind = np.unique(rounded, axis=0, return_inverse=True)
     distance = ((distinct[:, None] - distinct[None]) ** 2).sum(-1)
     return kind.reshape(-1).astype(np.int32), distance.astype(np.float32)
@@ -94,7 +96,7 @@ def _kinds(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tuple[n
 
 def _templates(grid: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Distinct runs of ORDER kinds along the second axis in which every tile is seen."""
-    order = min(ORDER, grid.shape[1])
+    order = min(TEMPLATE_ORDER, grid.shape[1])
     runs = np.lib.stride_tricks.sliding_window_view(grid, order, axis=1).reshape(-1, order)
     whole = np.lib.stride_tricks.sliding_window_view(seen, order, axis=1).reshape(-1, order).all(1)
     return np.ascontiguousarray(np.unique(runs[whole] if whole.any() else runs, axis=0), np.int32)
@@ -105,45 +107,47 @@ def _structure_scale(kind: np.ndarray, distance: np.ndarray, templates: np.ndarr
     sample = kind[np.random.default_rng(0).integers(0, len(kind), (512, templates.shape[1]))]
     squared = sum(distance[sample[:, k, None], templates[None, :, k]] for k in range(templates.shape[1]))
     nearest = np.sqrt(np.asarray(squared).min(1))
-    return _scale(float(nearest.max() - nearest.min()))
+    return _exponent_scale(float(nearest.max() - nearest.min()))
 
 
-def _scale(span: float) -> float:
-    return 1.0 / (2.0 * (ZETA * span) ** 2) if span > 1e-6 else 1.0
+def _exponent_scale(span: float) -> float:
+    return 1.0 / (2.0 * (ZETA_SHARE * span) ** 2) if span > 1e-6 else 1.0
 
 
-def _photo(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _photo_consistency(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Eq. 5 for all ordered pairs (left tile, right tile): (T, T) float32 exponents."""
     height, width = seen.shape
     # Rows reduced per band once: (bands, STRIP, W, 3); a half-strip is then three columns of it.
     bands = np.stack(
         [
-            cv2.resize(image[a:b], (image.shape[1], STRIP), interpolation=cv2.INTER_AREA)
+            cv2.resize(image[a:b], (image.shape[1], STRIP_SAMPLES), interpolation=cv2.INTER_AREA)
             for a, b in zip(rows, rows[1:], strict=False)
         ]
     ).astype(np.float32)
-    inner = np.arange(HALF)
-    right_columns = np.maximum(columns[1:, None] - HALF + inner, columns[:-1, None])
+    inner = np.arange(HALF_STRIP_PX)
+    right_columns = np.maximum(columns[1:, None] - HALF_STRIP_PX + inner, columns[:-1, None])
     left_columns = np.minimum(columns[:-1, None] + inner, columns[1:, None] - 1)
     right_edge = bands[:, :, right_columns].transpose(0, 2, 1, 3, 4).reshape(height * width, -1)
     left_edge = bands[:, :, left_columns].transpose(0, 2, 1, 3, 4).reshape(height * width, -1)
-    band, at = _windows(columns, seen)
+    band, at = _exemplar_windows(columns, seen)
     reach = image.shape[1] - 1
     before = (
-        bands[band[:, None], :, np.clip(at[:, None] - HALF + inner, 0, reach)]
+        bands[band[:, None], :, np.clip(at[:, None] - HALF_STRIP_PX + inner, 0, reach)]
         .transpose(0, 2, 1, 3)
         .reshape(len(at), -1)
     )
     after = bands[band[:, None], :, np.clip(at[:, None] + inner, 0, reach)].transpose(0, 2, 1, 3).reshape(len(at), -1)
     samples = float(2 * right_edge.shape[1])
-    squared = _nearest(_squared(right_edge, before) / samples, _squared(left_edge, after) / samples)
+    squared = _min_pair_sums(
+        _squared_distances(right_edge, before) / samples, _squared_distances(left_edge, after) / samples
+    )
     grid = np.arange(height * width).reshape(height, width)
     squared[grid[:, :-1].ravel(), grid[:, 1:].ravel()] = 0.0
     distance = np.sqrt(squared)
-    return squared * np.float32(_scale(float(distance.max() - distance.min())))
+    return squared * np.float32(_exponent_scale(float(distance.max() - distance.min())))
 
 
-def _windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _exemplar_windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(band, column) of the windows that stand for "anywhere in X": all boundaries, then an even spread."""
     edges = [
         (b, columns[c]) for b in range(seen.shape[0]) for c in range(1, seen.shape[1]) if seen[b, c - 1 : c + 1].all()
@@ -153,21 +157,21 @@ def _windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndar
         for b in range(seen.shape[0])
         for c in range(seen.shape[1])
         if seen[b, c]
-        for x in range(columns[c] + HALF, columns[c + 1] - HALF + 1, HALF)
+        for x in range(columns[c] + HALF_STRIP_PX, columns[c + 1] - HALF_STRIP_PX + 1, HALF_STRIP_PX)
     ]
-    edges = edges[:: max(1, -(-len(edges) // (WINDOWS // 2)))]
-    wanted = WINDOWS - len(edges)
+    edges = edges[:: max(1, -(-len(edges) // (MAX_WINDOWS // 2)))]
+    wanted = MAX_WINDOWS - len(edges)
     both = np.array(edges + free[:: max(1, -(-len(free) // wanted))] or [(0, columns[-1] // 2)])
     return both[:, 0], both[:, 1]
 
 
-def _squared(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Squared Euclidean distances between the rows of a and of b, float32; no BLAS, whose sums depend on threads."""
     return cdist(a, b, "sqeuclidean").astype(np.float32)
 
 
 @njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
-def _nearest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _min_pair_sums(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """[i, j] = min over windows c of left[i, c] + right[j, c]; a minimum is exact in any order."""
     out = np.empty((left.shape[0], right.shape[0]), np.float32)
     for i in range(left.shape[0]):
@@ -180,9 +184,9 @@ def _nearest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def refresh(tab: Tables, cost: np.ndarray, tiles: np.ndarray, y0: int, y1: int, x0: int, x1: int) -> None:
+def update_costs(tables: EnergyTables, cost: np.ndarray, tiles: np.ndarray, y0: int, y1: int, x0: int, x1: int) -> None:
     """Recompute what depends on tiles[y0:y1, x0:x1]; cost (4, M, N) is Eq. 5 right, below, Eq. 6 right, below."""
-    right, below, kind, distance, across, down, scale_right, scale_below = tab
+    right, below, kind, distance, across, down, scale_right, scale_below = tables
     height, width = tiles.shape
     for y in range(y0, y1):
         for x in range(max(0, x0 - 1), min(x1, width - 1)):
@@ -217,7 +221,7 @@ def refresh(tab: Tables, cost: np.ndarray, tiles: np.ndarray, y0: int, y1: int, 
 
 
 @njit(cache=True)
-def total(cost: np.ndarray) -> float:
+def sum_costs(cost: np.ndarray) -> float:
     """Sum in a fixed order, so that incremental and full energies are the same bits."""
     out = 0.0
     for term in cost.flat:
@@ -225,8 +229,8 @@ def total(cost: np.ndarray) -> float:
     return out
 
 
-def energy(tab: Tables, tiles: np.ndarray) -> float:
+def tiling_energy(tables: EnergyTables, tiles: np.ndarray) -> float:
     """Eq. 4 of a tiling (M, N) int32 of tile numbers: minus the log of the product of all constraint terms."""
     cost = np.zeros((4, *tiles.shape))
-    refresh(tab, cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1])
-    return float(total(cost))
+    update_costs(tables, cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1])
+    return float(sum_costs(cost))

@@ -8,20 +8,23 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 
 # How far paint differs between houses of one colour: the logarithm of its light, and of each band of it.
-_LIGHT, _HUE = 0.035, 0.010
+_SHADE_DEVIATION, _HUE_DEVIATION = 0.035, 0.010
 # And the light of panes: of each window, from its top to its foot; of so many a lamp or a warm curtain shows.
-_PANE, _SLOPE, _LAMPS = 0.05, 0.08, 0.05
-_FRAME = 205
-_WARM = np.array([1.08, 1.02, 0.91], np.float32)
+_PANE_DEVIATION, _PANE_SLOPE_DEVIATION, _LAMP_PROBABILITY = 0.05, 0.08, 0.05
+_MIN_FRAME_LIGHT = 205
+_LAMP_GAIN = np.array([1.08, 1.02, 0.91], np.float32)
 
 
-def tinted(
-    image: np.ndarray, labels: np.ndarray, *, house: int, seed: int, paint: np.ndarray | None = None
+def tint_facade(
+    image: np.ndarray, labels: np.ndarray, *, building_seed: int, seed: int, paint: np.ndarray | None = None
 ) -> np.ndarray:
     """A facade (H, W, 3) uint8 with labels (H, W) in its own shade; house is the seed of the walls' shade, which all facades of
     a house share, seed that of its panes. paint: factors (3,) of its walls' colour where that is known, instead of a shade."""
-    shade = np.random.default_rng(house)
-    gain = np.exp(_LIGHT * np.clip(shade.standard_normal(), -2, 2) + _HUE * np.clip(shade.standard_normal(3), -2, 2))
+    shade = np.random.default_rng(building_seed)
+    gain = np.exp(
+        _SHADE_DEVIATION * np.clip(shade.standard_normal(), -2, 2)
+        + _HUE_DEVIATION * np.clip(shade.standard_normal(3), -2, 2)
+    )
     walled = np.isin(
         labels,
         (FacadeClass.WALL, FacadeClass.BALCONY, FacadeClass.ROOF)
@@ -35,10 +38,13 @@ def tinted(
         (labels == FacadeClass.WINDOW).astype(np.uint8), connectivity=4
     )
     for x, y, width, height, _ in boxes[1:count].tolist():
-        pane = np.exp(_PANE * rng.standard_normal() + _SLOPE * rng.standard_normal() * np.linspace(-0.5, 0.5, height))
-        warm = _WARM if rng.random() < _LAMPS else np.ones(3, np.float32)
+        pane = np.exp(
+            _PANE_DEVIATION * rng.standard_normal()
+            + _PANE_SLOPE_DEVIATION * rng.standard_normal() * np.linspace(-0.5, 0.5, height)
+        )
+        warm = _LAMP_GAIN if rng.random() < _LAMP_PROBABILITY else np.ones(3, np.float32)
         at = np.s_[y : y + height, x : x + width]
         # Frames keep their colour: what is lighter than any room is taken for one.
-        own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < _FRAME))[..., None]
+        own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < _MIN_FRAME_LIGHT))[..., None]
         light[at] = np.where(own, light[at] * pane.astype(np.float32)[:, None, None] * warm, light[at])
     return np.clip(np.rint(image * light), 0, 255).astype(np.uint8)

@@ -6,42 +6,42 @@ import cv2
 import numpy as np
 from scipy import fft
 
-_NEAR = 6  # px of the working image: shorter translations copy a thing onto itself
-_LEAST_SEEN = 0.04  # share of the image that must be seen twice under a translation
-_STRAIGHT = 3  # px within which a translation is vertical or horizontal
-_FEW, _MANY = 10, 24
+_MIN_SHIFT_PX = 6  # px of the working image: shorter translations copy a thing onto itself
+_MIN_OVERLAP_SHARE = 0.04  # share of the image that must be seen twice under a translation
+_AXIS_TOLERANCE_PX = 3  # px within which a translation is vertical or horizontal
+_MAX_OBLIQUE, _MAX_AXIAL = 10, 24
 
 
-def repeats(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
+def find_translations(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Maps (n, 3) int64: dy, step, mirrored (0 or 1), the strongest first within each kind.
 
     A pixel (y, x) is taken from (y + dy, x + step), where mirrored from (y + dy, step - x). grey (H, W) float32 holds
     detail (mean 0), known (H, W) bool says where. The score is the normalised correlation over what is seen twice.
     """
     height, width = known.shape
-    score = _trusted(grey, known, grey, known)
+    score = _trusted_correlation(grey, known, grey, known)
     dy, dx = np.mgrid[-height + 1 : height, -width + 1 : width]
-    score[(np.abs(dy) < _NEAR) & (np.abs(dx) < _NEAR)] = -1.0
-    level, steep = np.abs(dy) <= _STRAIGHT, np.abs(dx) <= _STRAIGHT
-    kinds = ((level, _MANY), (steep, _MANY), (~level & ~steep, _FEW))
-    ahead = np.concatenate([_peaks(np.where(kind, score, -1.0), count) for kind, count in kinds])
-    mirror = _trusted(grey, known, grey[:, ::-1], known[:, ::-1])
-    axes = _peaks(np.where(level, mirror, -1.0), _FEW)
+    score[(np.abs(dy) < _MIN_SHIFT_PX) & (np.abs(dx) < _MIN_SHIFT_PX)] = -1.0
+    level, steep = np.abs(dy) <= _AXIS_TOLERANCE_PX, np.abs(dx) <= _AXIS_TOLERANCE_PX
+    kinds = ((level, _MAX_AXIAL), (steep, _MAX_AXIAL), (~level & ~steep, _MAX_OBLIQUE))
+    ahead = np.concatenate([_find_peaks(np.where(kind, score, -1.0), count) for kind, count in kinds])
+    mirror = _trusted_correlation(grey, known, grey[:, ::-1], known[:, ::-1])
+    axes = _find_peaks(np.where(level, mirror, -1.0), _MAX_OBLIQUE)
     axes[:, 1] = width - 1 - axes[:, 1]
     found = [np.column_stack([at, np.full(len(at), kind)]) for kind, at in enumerate((ahead, axes))]
     return np.unique(np.concatenate(found), axis=0)
 
 
-def _trusted(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
+def _trusted_correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
     """The correlation, by how much is seen twice; -1 where that is too little."""
     height, width = a.shape
-    score, seen = correlation(a, known_a, b, known_b)
+    score, seen = masked_correlation(a, known_a, b, known_b)
     # what is seen of a long translation is little, and more likely to fit by chance
     trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
-    return np.where(seen > _LEAST_SEEN * height * width, score * trust, -1.0)
+    return np.where(seen > _MIN_OVERLAP_SHARE * height * width, score * trust, -1.0)
 
 
-def correlation(
+def masked_correlation(
     a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normalised correlation of a at p with b at p + t where both are known, for all t at once, and of how many pixels:
@@ -64,7 +64,7 @@ def correlation(
     return product / np.maximum(norm, 1e-3 * norm.max() + 1e-9), seen
 
 
-def _peaks(score: np.ndarray, count: int) -> np.ndarray:
+def _find_peaks(score: np.ndarray, count: int) -> np.ndarray:
     """(n, 2) dy, dx of the highest local maxima."""
     height, width = (side // 2 for side in score.shape)
     top = (score == cv2.dilate(score, np.ones((7, 7), np.uint8))) & (score > -1.0)

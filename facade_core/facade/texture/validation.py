@@ -7,21 +7,21 @@ import numpy as np
 from facade_core.core.errors import ImageError
 
 # Pixels of a side that anything of a facade can be told on.
-LEAST_SIDE = 16
+MIN_SIDE_PX = 16
 
 
-def check_image(image: np.ndarray, *, least: int = LEAST_SIDE) -> None:
+def check_exemplar_image(image: np.ndarray, *, min_side: int = MIN_SIDE_PX) -> None:
     """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least `least` px a side."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}"
         raise ImageError(f"texture: the image is {found}; pass uint8 RGB of shape (H, W, 3)")
-    if min(image.shape[:2]) < least:
+    if min(image.shape[:2]) < min_side:
         raise ImageError(
-            f"texture: the image is {image.shape[1]} x {image.shape[0]} px; pass one of at least {least} x {least} px"
+            f"texture: the image is {image.shape[1]} x {image.shape[0]} px; pass one of at least {min_side} x {min_side} px"
         )
 
 
-def check_labels(image: np.ndarray, labels: np.ndarray) -> None:
+def check_exemplar_labels(image: np.ndarray, labels: np.ndarray) -> None:
     """Raise ImageError unless labels is uint8 (H, W) of the image's size, class ids or UNKNOWN."""
     from facade_core.parsing.validation import check_labels as check_ids
 

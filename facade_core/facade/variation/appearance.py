@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 # Principal components kept (d in the paper).
-DIMENSIONS = 7
+PRINCIPAL_COMPONENTS = 7
 
 
-def projected(patches: np.ndarray) -> np.ndarray:
+def project_patches(patches: np.ndarray) -> np.ndarray:
     """(N, d <= 7) coordinates of (N, h, w, 3) patches in their principal components, in intensities."""
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     flat -= flat.mean(axis=0)
     values, vectors = np.linalg.eigh(flat @ flat.T)
-    return (vectors * np.sqrt(np.maximum(values, 0)))[:, ::-1][:, :DIMENSIONS]
+    return (vectors * np.sqrt(np.maximum(values, 0)))[:, ::-1][:, :PRINCIPAL_COMPONENTS]
 
 
 def relabelling_cost(representatives: np.ndarray) -> np.ndarray:

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.errors import InputError
-from facade_core.facade.variation.contents import Contents, Group, Level
+from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, HierarchyLevel
 
 _FORMAT = "streetloom variation 3"
 # Of AVIF: about half of a JPEG's bytes for the same likeness; one thread, so that bits do not depend on the machine.
-PHOTO = {"quality": 45, "speed": 6, "max_threads": 1}
+AVIF_OPTIONS = {"quality": 45, "speed": 6, "max_threads": 1}
 # Light is kept to 1/128.
 _LIGHT_STEP = 1 / 128
 
@@ -30,7 +30,7 @@ def quantise_light(light: np.ndarray) -> np.ndarray:
 
 def encode_file(
     photo: np.ndarray,
-    groups: Sequence[Group],
+    groups: Sequence[ElementGroup],
     cells: Sequence[np.ndarray],
     representatives: np.ndarray,
     levels: Sequence[Sequence[np.ndarray]],
@@ -49,17 +49,17 @@ def encode_file(
         ],
         "cells": [c.tolist() for c in cells],
         "representatives": representatives.tolist(),
-        "levels": [[_runs(m) for m in matrices] for matrices in levels],
+        "levels": [[_run_lengths(m) for m in matrices] for matrices in levels],
     }
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         text = json.dumps(header, separators=(",", ":")).encode()
         archive.writestr(zipfile.ZipInfo("header.json"), text, zipfile.ZIP_DEFLATED, 9)
-        archive.writestr(zipfile.ZipInfo("photo.avif"), _coded(photo), zipfile.ZIP_STORED)
+        archive.writestr(zipfile.ZipInfo("photo.avif"), _encode_avif(photo), zipfile.ZIP_STORED)
     return out.getvalue()
 
 
-def decode(coded: bytes) -> Contents:
+def decode_file(coded: bytes) -> HierarchyContents:
     """What is in a file's bytes; InputError when they are no such file, of an earlier format, or damaged."""
     try:
         with zipfile.ZipFile(io.BytesIO(coded)) as archive:
@@ -69,34 +69,34 @@ def decode(coded: bytes) -> Contents:
                     f"variation file: format {header['format']!r} is not {_FORMAT!r}; encode the facade again, "
                     "as a run of this version does"
                 )
-            photo = _pixels(archive.read("photo.avif"))
-        groups = [_group(g) for g in header["groups"]]
+            photo = _decode_avif(archive.read("photo.avif"))
+        groups = [_read_group(g) for g in header["groups"]]
         cells = tuple(np.array(c, np.int32) for c in header["cells"])
         representatives = np.array(header["representatives"], np.int32)
         types = np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
         matrices = [
-            tuple(_unrolled(m, c.shape) for m, c in zip(level, cells, strict=True)) for level in header["levels"]
+            tuple(_expand_runs(m, c.shape) for m, c in zip(level, cells, strict=True)) for level in header["levels"]
         ]
-        levels = tuple(_level(m, cells, types, len(representatives)) for m in matrices)
+        levels = tuple(_build_level(m, cells, types, len(representatives)) for m in matrices)
     except (zipfile.BadZipFile, OSError, KeyError, TypeError, ValueError, IndexError, EOFError) as error:
         raise InputError("variation file: damaged or something else; encode the facade again") from error
-    return Contents(levels, photo, tuple(groups), cells, representatives)
+    return HierarchyContents(levels, photo, tuple(groups), cells, representatives)
 
 
-def _runs(labels: np.ndarray) -> list[int]:
+def _run_lengths(labels: np.ndarray) -> list[int]:
     """A label map as run lengths in reading order: label, length, label, length ..."""
     flat = labels.ravel()
     starts = np.flatnonzero(np.diff(flat, prepend=flat[0] - 1))
     return np.stack([flat[starts], np.diff(starts, append=len(flat))], axis=1).ravel().tolist()
 
 
-def _unrolled(runs: Sequence[int], shape: tuple[int, ...]) -> np.ndarray:
+def _expand_runs(runs: Sequence[int], shape: tuple[int, ...]) -> np.ndarray:
     return np.repeat(np.array(runs[::2], np.int32), runs[1::2]).reshape(shape)
 
 
-def _group(header: dict) -> Group:
+def _read_group(header: dict) -> ElementGroup:
     number = len(header["boxes"])
-    return Group(
+    return ElementGroup(
         header["label"],
         np.array(header["boxes"], np.int32).reshape(number, 4),
         np.array(header["light"], float) * _LIGHT_STEP,
@@ -104,24 +104,26 @@ def _group(header: dict) -> Group:
     )
 
 
-def _level(grids: tuple[np.ndarray, ...], cells: tuple[np.ndarray, ...], types: np.ndarray, number: int) -> Level:
+def _build_level(
+    grids: tuple[np.ndarray, ...], cells: tuple[np.ndarray, ...], types: np.ndarray, number: int
+) -> HierarchyLevel:
     pairs = np.zeros((number, number))
     for grid, cell in zip(grids, cells, strict=True):
         used = cell >= 0
         np.add.at(pairs, (types[cell[used]], grid[used]), 1)
     counts = pairs.sum(axis=0).astype(np.int32)
-    return Level(grids, counts, pairs / np.maximum(pairs.sum(axis=1, keepdims=True), 1))
+    return HierarchyLevel(grids, counts, pairs / np.maximum(pairs.sum(axis=1, keepdims=True), 1))
 
 
-def _coded(image: np.ndarray) -> bytes:
+def _encode_avif(image: np.ndarray) -> bytes:
     from PIL import Image
 
     out = io.BytesIO()
-    Image.fromarray(image).save(out, "AVIF", **PHOTO)
+    Image.fromarray(image).save(out, "AVIF", **AVIF_OPTIONS)
     return out.getvalue()
 
 
-def _pixels(coded: bytes) -> np.ndarray:
+def _decode_avif(coded: bytes) -> np.ndarray:
     from PIL import Image
 
     with Image.open(io.BytesIO(coded), formats=["AVIF"]) as image:

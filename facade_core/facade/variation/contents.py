@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Level:
+class HierarchyLevel:
     """One level: per grid a matrix of element types, and its statistics. Types are numbered over the whole facade.
 
     grids: (R, C) int32 each, -1 where the grid has no element; counts (T,) int32: elements per type at this level;
@@ -22,7 +22,7 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class ElementGroup:
     """Elements of one label and comparable size.
 
     boxes (N, 4) int32 pixels; light (N,) brightness; types (N,) int32 in the photo.
@@ -34,7 +34,7 @@ class Group:
     types: np.ndarray
 
 
-class Contents(NamedTuple):
+class HierarchyContents(NamedTuple):
     """A whole file.
 
     levels: level 0 as photographed;
@@ -44,8 +44,8 @@ class Contents(NamedTuple):
     representatives (T,) int32: the element that stands for each type.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[HierarchyLevel, ...]
     photo: np.ndarray
-    groups: tuple[Group, ...]
+    groups: tuple[ElementGroup, ...]
     cells: tuple[np.ndarray, ...]
     representatives: np.ndarray

@@ -5,30 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.facade.variation.appearance import DIMENSIONS
+from facade_core.facade.variation.appearance import PRINCIPAL_COMPONENTS
 
 # Longest side of a descriptor in pixels: what is left of a state there survives a box that is a pixel off.
-_SIDE = 12
+_DESCRIPTOR_SIDE_PX = 12
 # Weights of colours and edges: a shadow changes colours, hardly the edges.
-_COLOURS = 0.5
-_EDGES = 480.0
+_COLOUR_WEIGHT = 0.5
+_EDGE_WEIGHT = 480.0
 # Grey levels per pixel of which a gradient is no edge but noise.
-_FAINT = 8.0
+_NOISE_GRADIENT = 8.0
 # Kernel widths tried, root mean square per value of a descriptor.
-_WIDTHS = np.geomspace(6, 100, 20)
+_KERNEL_WIDTHS = np.geomspace(6, 100, 20)
 # The width where none finds types that lie apart: this share of the median distance, and not less than what the noise
 # in pictures of one state comes to.
-_USUAL_SHARE = 0.8
-_NOISE = 40.0
+_FALLBACK_WIDTH_SHARE = 0.8
+_MIN_FALLBACK_WIDTH = 40.0
 # Mean silhouette from which types are believed; the same for a type's own elements, of which there must be a few.
-_CLEAR = 0.2
-_CLEARER = 0.6
+_MIN_SILHOUETTE = 0.2
+_MIN_SPLIT_SILHOUETTE = 0.6
 # More types are believed only where they lie apart more clearly by this.
-_BETTER = 0.08
-_SMALLEST_SPLIT = 5
+_MIN_SILHOUETTE_GAIN = 0.08
+_MIN_SPLIT_SIZE = 5
 
 
-def descriptors(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def compute_descriptors(patches: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """(N, d <= 7) coordinates of what (N, h, w, 3) patches show, in root mean square per value.
 
     Colours and edges at a small size. An edge is a gradient over the root mean square gradient around it, so that a
@@ -38,26 +38,26 @@ def descriptors(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
     import cv2
 
     height, width = patches.shape[1:3]
-    scale = min(1.0, _SIDE / max(height, width))
+    scale = min(1.0, _DESCRIPTOR_SIDE_PX / max(height, width))
     size = max(4, round(width * scale)), max(4, round(height * scale))
     around = max(3, width // 2), max(3, height // 2)
     values = np.empty((len(patches), size[1], size[0], 5), np.float32)
     known = np.empty((len(patches), size[1], size[0]), bool)
-    for patch, visible, value, whole in zip(patches, seen, values, known, strict=True):
+    for patch, in_view, value, whole in zip(patches, visible, values, known, strict=True):
         grey = patch.mean(axis=2)
         across, down = cv2.Sobel(grey, -1, 1, 0, scale=1 / 8), cv2.Sobel(grey, -1, 0, 1, scale=1 / 8)
         # A running sum in single precision can end below zero beside a flat part.
-        usual = np.sqrt(np.maximum(cv2.blur(across * across + down * down, around), 0)) + _FAINT
-        value[..., :3] = _COLOURS * cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
-        value[..., 3] = cv2.resize(_EDGES * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
-        value[..., 4] = cv2.resize(_EDGES * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)
-        whole[:] = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
-    flat = filled(values, known).reshape(len(patches), -1).astype(np.float64)
+        usual = np.sqrt(np.maximum(cv2.blur(across * across + down * down, around), 0)) + _NOISE_GRADIENT
+        value[..., :3] = _COLOUR_WEIGHT * cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
+        value[..., 3] = cv2.resize(_EDGE_WEIGHT * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
+        value[..., 4] = cv2.resize(_EDGE_WEIGHT * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)
+        whole[:] = cv2.resize(in_view.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
+    flat = fill_from_similar(values, known).reshape(len(patches), -1).astype(np.float64)
     left, strength, _ = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
-    return (left * strength)[:, :DIMENSIONS] / np.sqrt(flat.shape[1])
+    return (left * strength)[:, :PRINCIPAL_COMPONENTS] / np.sqrt(flat.shape[1])
 
 
-def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+def fill_from_similar(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(N, h, w, c) values where known (N, h, w) bool; elsewhere those of the most alike of the N that are known there.
 
     Two are alike by their values where both are known. What none knows is left as it is.
@@ -81,14 +81,14 @@ def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return result
 
 
-def cluster(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def cluster_types(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean-shift types of (N, d) descriptors.
 
     Returns (N,) int32 types, the most frequent first, and (T,) int32 the representative of each: the element nearest to
     its centroid. The paper's kernel has one width for all facades; here the width is the one whose types lie apart most
     clearly (mean silhouette), when any does: drawn curtains differ by less than photographs of one and the same state.
     """
-    types = _ordered(_separate(np.ascontiguousarray(points, np.float64), _CLEAR))
+    types = _order_by_frequency(_separate_types(np.ascontiguousarray(points, np.float64), _MIN_SILHOUETTE))
     representatives = np.empty(types.max(initial=-1) + 1, np.int32)
     for t in range(len(representatives)):
         members = np.flatnonzero(types == t)
@@ -97,32 +97,37 @@ def cluster(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return types, representatives
 
 
-def _separate(points: np.ndarray, clear: float) -> np.ndarray:
+def _separate_types(points: np.ndarray, clear: float) -> np.ndarray:
     """Types by the clearest kernel, each type then separated further while that is clearer still.
 
     Without the second step one odd kind of window, say the dormers, hides the states of all others.
     """
     apart = np.sqrt(((points[:, None] - points[None]) ** 2).sum(axis=2))[np.triu_indices(len(points), 1)]
     types, best = (
-        mean_shift(points, max(_NOISE, _USUAL_SHARE * float(np.median(apart))) if len(apart) else _NOISE),
+        mean_shift(
+            points,
+            max(_MIN_FALLBACK_WIDTH, _FALLBACK_WIDTH_SHARE * float(np.median(apart)))
+            if len(apart)
+            else _MIN_FALLBACK_WIDTH,
+        ),
         clear,
     )
-    for width in _WIDTHS[::-1]:
+    for width in _KERNEL_WIDTHS[::-1]:
         found = mean_shift(points, width)
-        score = silhouette(points, found)
-        if score > best + _BETTER:
+        score = mean_silhouette(points, found)
+        if score > best + _MIN_SILHOUETTE_GAIN:
             types, best = found, score
     if types.max(initial=0) == 0:
         return types
     parts = np.zeros_like(types)
     for t in range(types.max() + 1):
         members = types == t
-        if members.sum() >= _SMALLEST_SPLIT:
-            parts[members] = _separate(points[members], _CLEARER)
+        if members.sum() >= _MIN_SPLIT_SIZE:
+            parts[members] = _separate_types(points[members], _MIN_SPLIT_SILHOUETTE)
     return np.unique(types * (len(types) + 1) + parts, return_inverse=True)[1]
 
 
-def _ordered(types: np.ndarray) -> np.ndarray:
+def _order_by_frequency(types: np.ndarray) -> np.ndarray:
     """(N,) int32: the labels renumbered, the most frequent first, then the first to appear."""
     _, first, index, counts = np.unique(types, return_index=True, return_inverse=True, return_counts=True)
     return np.argsort(np.lexsort((first, -counts)))[index].astype(np.int32)
@@ -130,11 +135,11 @@ def _ordered(types: np.ndarray) -> np.ndarray:
 
 def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
     """(N,) int32 clusters of (N, d) points, the largest first: flat kernel of radius `width`, modes closer than that one."""
-    return _modes(np.ascontiguousarray(points, np.float64), float(width))
+    return _find_modes(np.ascontiguousarray(points, np.float64), float(width))
 
 
 @njit(cache=True)
-def _modes(points: np.ndarray, width: float) -> np.ndarray:
+def _find_modes(points: np.ndarray, width: float) -> np.ndarray:
     """Points belong to the best supported mode that theirs meets; clusters are numbered by size, then by first point."""
     number, dimensions = points.shape
     modes = points.copy()
@@ -146,7 +151,7 @@ def _modes(points: np.ndarray, width: float) -> np.ndarray:
                 total[k] = 0.0
             support[i] = 0
             for j in range(number):
-                if _apart(modes[i], points[j]) <= width * width:
+                if _squared_distance(modes[i], points[j]) <= width * width:
                     for k in range(dimensions):
                         total[k] += points[j, k]
                     support[i] += 1
@@ -166,7 +171,7 @@ def _modes(points: np.ndarray, width: float) -> np.ndarray:
         if best < 0:
             break
         for i in range(number):
-            if label[i] < 0 and _apart(modes[i], modes[best]) <= width * width:
+            if label[i] < 0 and _squared_distance(modes[i], modes[best]) <= width * width:
                 label[i] = best
     counts = np.zeros(number, np.int64)
     for i in range(number):
@@ -181,7 +186,7 @@ def _modes(points: np.ndarray, width: float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
+def _squared_distance(one: np.ndarray, other: np.ndarray) -> float:
     """The square of how far two points are apart."""
     total = 0.0
     for k in range(len(one)):
@@ -190,7 +195,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @njit(cache=True)
-def silhouette(points: np.ndarray, types: np.ndarray) -> float:
+def mean_silhouette(points: np.ndarray, types: np.ndarray) -> float:
     """Mean silhouette of (N, d) points in (N,) types 0, 1 ...; elements alone in their type, or a single type, count 0."""
     number = len(points)
     kinds = 0
@@ -209,7 +214,7 @@ def silhouette(points: np.ndarray, types: np.ndarray) -> float:
         for t in range(kinds):
             sums[t] = 0.0
         for j in range(number):
-            sums[types[j]] += np.sqrt(_apart(points[i], points[j]))
+            sums[types[j]] += np.sqrt(_squared_distance(points[i], points[j]))
         within = sums[types[i]] / (counts[types[i]] - 1)
         other = np.inf
         for t in range(kinds):

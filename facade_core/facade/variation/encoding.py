@@ -10,10 +10,10 @@ from facade_core.core.errors import ImageError
 from facade_core.core.types import Element
 from facade_core.facade.variation.codec import encode_file
 from facade_core.facade.variation.hierarchy import Hierarchy
-from facade_core.facade.variation.variations import Variations, variations
+from facade_core.facade.variation.variations import Variations, find_variations
 
 # Pixels of a side that a file of a facade has at most.
-_LARGEST = 16383
+_MAX_SIDE_PX = 16383
 
 
 def encode(image: np.ndarray, elements: Sequence[Element], *, seed: int = 0) -> Hierarchy:
@@ -27,20 +27,22 @@ def encode(image: np.ndarray, elements: Sequence[Element], *, seed: int = 0) -> 
     Nothing is random, so `seed` changes nothing. Raises ImageError for another kind of array, LayoutError for elements
     without area, of an unknown label or outside the image.
     """
-    _check(image)
-    return coded(image, variations(image, elements))
+    _check_photo(image)
+    return encode_variations(image, find_variations(image, elements))
 
 
-def coded(image: np.ndarray, of: Variations) -> Hierarchy:
+def encode_variations(image: np.ndarray, variations: Variations) -> Hierarchy:
     """The hierarchy of a facade whose variations are known. Raises ImageError for another kind of array."""
-    _check(image)
-    return Hierarchy.from_bytes(encode_file(image, of.groups, of.cells, of.representatives, of.levels))
+    _check_photo(image)
+    return Hierarchy.from_bytes(
+        encode_file(image, variations.groups, variations.cells, variations.representatives, variations.levels)
+    )
 
 
-def _check(image: np.ndarray) -> None:
+def _check_photo(image: np.ndarray) -> None:
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
         raise ImageError(f"facade image: need a (H, W, 3) uint8 array, not {image.shape} {image.dtype}")
-    if max(image.shape) > _LARGEST:
+    if max(image.shape) > _MAX_SIDE_PX:
         raise ImageError(
             f"facade image: {image.shape[1]} x {image.shape[0]} px, at most {_LARGEST} a side; downsample it"
         )

@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.errors import LayoutError
-from facade_core.facade.variation.contents import Group
+from facade_core.facade.variation.contents import ElementGroup
 from facade_core.facade.variation.rendering import element_boxes
 
 # Pixels over which one band of the wall fades into another.
-_FADE = 4
+_FADE_PX = 4
 # Elements that a repeated band should not carry along, as long as there are others.
-_ONCE = ("door", "shop")
+_UNREPEATED_LABELS = ("door", "shop")
 
 
-class Enlarged(NamedTuple):
+class EnlargedFacade(NamedTuple):
     """wall (H', W', 3) uint8; places (M,) int: the element that a place is a copy of; boxes (M, 4) int32 of the places."""
 
     wall: np.ndarray
@@ -25,14 +25,14 @@ class Enlarged(NamedTuple):
     boxes: np.ndarray
 
 
-def enlarge(
+def enlarge_facade(
     wall: np.ndarray,
-    groups: Sequence[Group],
+    groups: Sequence[ElementGroup],
     cells: Sequence[np.ndarray],
     floors: int | None,
     columns: int | None,
     rng: np.random.Generator,
-) -> Enlarged:
+) -> EnlargedFacade:
     """Repeat inner floors and bays of the largest grid of windows up to these counts; None leaves them as they are.
 
     An element that reaches over more than one band, as a running balcony, is stretched. Raises LayoutError as
@@ -50,7 +50,7 @@ def enlarge(
         if wanted is not None and wanted < have:
             raise LayoutError(f"{name}={wanted}: this facade has {have}; pass at least as many")
         rows = np.array([np.median(boxes[r[r >= 0]][:, [axis, axis + 2]], axis=0) for r in along])
-        lines.append(_repeat(rows, boxes, labels, axis, (wanted or have) - have, wall.shape[1 - axis], rng))
+        lines.append(_repeat_bands(rows, boxes, labels, axis, (wanted or have) - have, wall.shape[1 - axis], rng))
     (down, tall), (across, wide) = lines
     spliced = _splice(_splice(wall, down, 0), across, 1)
     places, found = [], []
@@ -59,10 +59,10 @@ def enlarge(
             for x0, x1 in wide[i]:
                 places.append(i)
                 found.append((x0, y0, x1, y1))
-    return Enlarged(spliced, np.array(places), np.array(found, np.int32))
+    return EnlargedFacade(spliced, np.array(places), np.array(found, np.int32))
 
 
-def _repeat(
+def _repeat_bands(
     rows: np.ndarray,
     boxes: np.ndarray,
     labels: np.ndarray,
@@ -76,14 +76,14 @@ def _repeat(
     rows (R, 2): first and last position of the grid's rows; more: bands to add.
     """
     spans = np.clip(boxes[:, [axis, axis + 2]], 0, length)
-    cuts = [0, *_cuts(rows, spans, length), length]
+    cuts = [0, *_find_cuts(rows, spans, length), length]
     bands = list(range(1, len(cuts) - 2))
-    once = np.isin(labels, _ONCE)
+    once = np.isin(labels, _UNREPEATED_LABELS)
     middles = spans.mean(axis=1)
     plain = [b for b in bands if not ((middles >= cuts[b]) & (middles < cuts[b + 1]) & once).any()]
     # A facade of one row has no inner band: the band of that row is repeated, with what lies between it and the edge.
     own = np.unique(np.searchsorted(cuts, rows.mean(axis=1), "right") - 1).tolist()
-    extra = _choice(plain or bands or own, more, rng)
+    extra = _draw_bands(plain or bands or own, more, rng)
     order = np.sort(np.concatenate([np.arange(len(cuts) - 1), extra])).astype(int)
     starts = np.cumsum([0, *(cuts[b + 1] - cuts[b] for b in order)])
     source = np.concatenate([np.arange(cuts[b], cuts[b + 1]) for b in order])
@@ -104,7 +104,7 @@ def _repeat(
     return source, intervals
 
 
-def _cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
+def _find_cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
     """Positions between neighbouring rows that the fewest elements cross, and one pitch before and behind them."""
     found = []
     for (_, end), (start, _) in zip(rows[:-1], rows[1:], strict=True):
@@ -124,7 +124,7 @@ def _cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
     return sorted({min(max(c, 1), length - 1) for c in found})
 
 
-def _choice(bands: Sequence[int], number: int, rng: np.random.Generator) -> np.ndarray:
+def _draw_bands(bands: Sequence[int], number: int, rng: np.random.Generator) -> np.ndarray:
     """`number` of the bands, each about equally often."""
     if number == 0:
         return np.zeros(0, int)
@@ -137,9 +137,9 @@ def _splice(wall: np.ndarray, source: np.ndarray, axis: int) -> np.ndarray:
         return np.ascontiguousarray(_splice(wall.swapaxes(0, 1), source, 0).swapaxes(0, 1))
     result = wall[source]
     for at in np.flatnonzero(np.diff(source) != 1) + 1:
-        step = np.arange(-_FADE, _FADE)
+        step = np.arange(-_FADE_PX, _FADE_PX)
         step = step[(at + step >= 0) & (at + step < len(source))]
-        share = ((step + _FADE + 0.5) / (2 * _FADE))[:, None, None]
+        share = ((step + _FADE_PX + 0.5) / (2 * _FADE_PX))[:, None, None]
         before = wall[np.clip(source[at - 1] + 1 + step, 0, len(wall) - 1)]
         behind = wall[np.clip(source[at] + step, 0, len(wall) - 1)]
         result[at + step] = ((1 - share) * before + share * behind).round().astype(np.uint8)

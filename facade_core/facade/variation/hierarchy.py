@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.core.errors import InputError
-from facade_core.facade.variation.codec import decode
-from facade_core.facade.variation.contents import Group, Level
-from facade_core.facade.variation.enlargement import enlarge
-from facade_core.facade.variation.patches import bare_wall, mask_of
+from facade_core.facade.variation.codec import decode_file
+from facade_core.facade.variation.contents import ElementGroup, HierarchyLevel
+from facade_core.facade.variation.enlargement import enlarge_facade
+from facade_core.facade.variation.patches import bare_wall, box_mask
 from facade_core.facade.variation.rendering import element_boxes, element_types, paint_elements
-from facade_core.facade.variation.sampling import deal, exchange, generator
+from facade_core.facade.variation.sampling import assign_by_type, make_generator, permute_within_types
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,22 +25,22 @@ class Hierarchy:
     grid the elements' numbers, -1 for none; representatives (T,) int32: the element that stands for each type.
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[HierarchyLevel, ...]
     photo: np.ndarray
-    groups: tuple[Group, ...]
+    groups: tuple[ElementGroup, ...]
     cells: tuple[np.ndarray, ...]
     representatives: np.ndarray
-    _coded: bytes
+    _file_bytes: bytes
 
     @property
     def nbytes(self) -> int:
         """Size of the file in bytes."""
-        return len(self._coded)
+        return len(self._file_bytes)
 
     @property
     def wall(self) -> np.ndarray:
         """(H, W, 3) uint8: the facade without its elements, filled from around them."""
-        return bare_wall(self.photo, mask_of(element_boxes(self.groups), self.photo.shape[:2]))
+        return bare_wall(self.photo, box_mask(element_boxes(self.groups), self.photo.shape[:2]))
 
     def types_at(self, level: int) -> np.ndarray:
         """(elements,) int32: the type of every element at a level; InputError for a level that there is not."""
@@ -71,24 +71,24 @@ class Hierarchy:
         boxes = element_boxes(self.groups)
         if floors is None and columns is None:
             places = np.arange(len(now))
-            return paint_elements(self.photo, self.photo, self.groups, places, boxes, exchange(now, seed))
-        rng = generator(seed)
-        larger = enlarge(self.wall, self.groups, self.cells, floors, columns, rng)
-        shown = deal(now, larger.places, larger.boxes, rng)
+            return paint_elements(self.photo, self.photo, self.groups, places, boxes, permute_within_types(now, seed))
+        rng = make_generator(seed)
+        larger = enlarge_facade(self.wall, self.groups, self.cells, floors, columns, rng)
+        shown = assign_by_type(now, larger.places, larger.boxes, rng)
         return paint_elements(larger.wall, self.photo, self.groups, larger.places, larger.boxes, shown)
 
     def to_bytes(self) -> bytes:
         """The file's content, for `from_bytes`."""
-        return self._coded
+        return self._file_bytes
 
     @staticmethod
     def from_bytes(coded: bytes) -> Hierarchy:
         """Read what `to_bytes` gave; InputError when it is something else or damaged."""
-        return Hierarchy(*decode(coded), coded)
+        return Hierarchy(*decode_file(coded), coded)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the one file that `load` reads."""
-        Path(path).write_bytes(self._coded)
+        Path(path).write_bytes(self._file_bytes)
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Hierarchy:

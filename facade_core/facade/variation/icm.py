@@ -14,12 +14,12 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 
 # What a rectangle of one cell adds to the sum of reciprocal sizes.
-WHOLE = 1 << 40
+FIXED_POINT_ONE = 1 << 40
 # A move that lowers the energy by less is none.
-_LEAST = -1e-9
+_MAX_CHANGE = -1e-9
 
 
-class Moves(NamedTuple):
+class IcmState(NamedTuple):
     """What is known of a labelling of T types, kept from move to move and from weight to weight.
 
     x (R + 2, C + 2) int32: the types, -1 where there is no element and all around; number (T,): cells of each type; sums (T,):
@@ -29,26 +29,26 @@ class Moves(NamedTuple):
     and whether that holds. Cells are those of x in reading order; sums are int64, in 1 / WHOLE.
     """
 
-    x: np.ndarray
-    number: np.ndarray
-    sums: np.ndarray
-    known: np.ndarray
-    left: np.ndarray
-    joined: np.ndarray
-    merges: np.ndarray
-    merged: np.ndarray
+    types: np.ndarray
+    counts: np.ndarray
+    reciprocal_sums: np.ndarray
+    is_current: np.ndarray
+    leave_change: np.ndarray
+    join_change: np.ndarray
+    is_merge_current: np.ndarray
+    merge_change: np.ndarray
 
     @property
     def labels(self) -> np.ndarray:
         """(R, C) int32 types, -1 where there is no element."""
-        return self.x[1:-1, 1:-1].copy()
+        return self.types[1:-1, 1:-1].copy()
 
 
-def moves_from(labels: np.ndarray, types: int) -> Moves:
+def initial_icm_state(labels: np.ndarray, types: int) -> IcmState:
     """What is known of a labelling (R, C), -1 where there is no element, of `types` types, before any move."""
     x = np.pad(labels.astype(np.int32), 1, constant_values=-1)
-    sums = np.array([rectangles(x == t) for t in range(types)], np.int64)
-    return Moves(
+    sums = np.array([sum_reciprocal_sizes(x == t) for t in range(types)], np.int64)
+    return IcmState(
         x,
         np.bincount(labels[labels >= 0], minlength=types).astype(np.int64),
         sums,
@@ -61,7 +61,7 @@ def moves_from(labels: np.ndarray, types: int) -> Moves:
 
 
 @njit(cache=True)
-def rectangles(cells: np.ndarray) -> int:
+def sum_reciprocal_sizes(cells: np.ndarray) -> int:
     """Sum of WHOLE / size over the rectangles of (R, C) bool cells: biggest first, none overlapping, first found on ties."""
     rows, columns = cells.shape
     free = cells.copy()
@@ -91,14 +91,14 @@ def rectangles(cells: np.ndarray) -> int:
                     k -= 1
         if best == 0:
             return total
-        total += (WHOLE + best // 2) // best
+        total += (FIXED_POINT_ONE + best // 2) // best
         for r in range(top, bottom + 1):
             for c in range(left, right + 1):
                 free[r, c] = False
 
 
 @njit(cache=True)
-def _parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
+def _mark_parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
     """Makes found (R, C) bool the connected parts of `label` that the cell `at` is in or beside, and that cell."""
     types, cells = x.reshape(-1), found.reshape(-1)
     cells[:] = False
@@ -111,7 +111,7 @@ def _parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
         number -= 1
         cell = waiting[number]
         for k in range(4):
-            near = _beside(cell, k, width)
+            near = _neighbour(cell, k, width)
             if types[near] == label and not cells[near]:
                 cells[near] = True
                 waiting[number] = near
@@ -119,7 +119,7 @@ def _parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def _beside(cell: int, k: int, width: int) -> int:
+def _neighbour(cell: int, k: int, width: int) -> int:
     """The cell above, below, left or right of one."""
     if k < 2:
         return cell + (2 * k - 1) * width
@@ -127,82 +127,82 @@ def _beside(cell: int, k: int, width: int) -> int:
 
 
 @njit(cache=True)
-def _learn(of: Moves, at: int) -> None:
+def _update_cell(state: IcmState, at: int) -> None:
     """Fills in what a cell's moves change."""
-    types = of.x.reshape(-1)
+    types = state.types.reshape(-1)
     own = types[at]
-    width = of.x.shape[1]
-    part = np.empty(of.x.shape, np.bool_)
+    width = state.types.shape[1]
+    part = np.empty(state.types.shape, np.bool_)
     for k in range(5):
-        label = own if k == 4 else types[_beside(at, k, width)]
+        label = own if k == 4 else types[_neighbour(at, k, width)]
         if k < 4 and (label < 0 or label == own):
             continue
-        _parts(of.x, at, label, part)
-        with_it = rectangles(part)
+        _mark_parts(state.types, at, label, part)
+        with_it = sum_reciprocal_sizes(part)
         part.reshape(-1)[at] = False
-        change = with_it - rectangles(part)
+        change = with_it - sum_reciprocal_sizes(part)
         if k == 4:
-            of.left[at] = -change
+            state.leave_change[at] = -change
         else:
-            of.joined[at, k] = change
-    of.known[at] = True
+            state.join_change[at, k] = change
+    state.is_current[at] = True
 
 
 @njit(cache=True)
-def _forget(of: Moves, part: np.ndarray, label: int) -> None:
+def _invalidate(state: IcmState, part: np.ndarray, label: int) -> None:
     """What is in a part (R, C) bool of a type or beside it, and how the type merges, has to be learnt again."""
     cells = part.reshape(-1)
     for cell in range(cells.size):
         if cells[cell]:
-            of.known[cell] = False
+            state.is_current[cell] = False
             for k in range(4):
-                of.known[_beside(cell, k, part.shape[1])] = False
-    for t in range(len(of.number)):
-        of.merges[label, t] = of.merges[t, label] = False
+                state.is_current[_neighbour(cell, k, part.shape[1])] = False
+    for t in range(len(state.counts)):
+        state.is_merge_current[label, t] = state.is_merge_current[t, label] = False
 
 
 @njit(cache=True)
 def _move_cells(
-    of: Moves, previous: np.ndarray, cost: np.ndarray, alpha: float, energies: np.ndarray, moves: int
+    state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha: float, energies: np.ndarray, moves: int
 ) -> int:
     """One sweep: each cell to the type that lowers the energy most. Returns the number of moves so far."""
-    count = of.number
-    types, before = of.x.reshape(-1), previous.reshape(-1)
-    width = of.x.shape[1]
-    part = np.empty(of.x.shape, np.bool_)
-    joined = np.full(len(count), WHOLE)
+    count = state.counts
+    types, before = state.types.reshape(-1), previous.reshape(-1)
+    width = state.types.shape[1]
+    part = np.empty(state.types.shape, np.bool_)
+    joined = np.full(len(count), FIXED_POINT_ONE)
     for at in range(types.size):
         a, p = types[at], before[at]
         if a < 0:
             continue
-        if not of.known[at]:
-            _learn(of, at)
-        joined[:] = WHOLE
+        if not state.is_current[at]:
+            _update_cell(state, at)
+        joined[:] = FIXED_POINT_ONE
         for k in range(4):
-            label = types[_beside(at, k, width)]
+            label = types[_neighbour(at, k, width)]
             if label >= 0 and label != a:
-                joined[label] = of.joined[at, k]
-        loss = of.left[at] / WHOLE - 1 - 1 / count[a]
+                joined[label] = state.join_change[at, k]
+        loss = state.leave_change[at] / FIXED_POINT_ONE - 1 - 1 / count[a]
         if count[a] > 1:
             loss += 1 + 1 / (count[a] - 1)
-        best, gain = a, _LEAST
+        best, gain = a, _MAX_CHANGE
         for b in range(len(count)):
             if b == a or count[b] == 0:
                 continue
-            change = 1 / (count[b] + 1) - 1 / count[b] + joined[b] / WHOLE + loss
+            change = 1 / (count[b] + 1) - 1 / count[b] + joined[b] / FIXED_POINT_ONE + loss
             here = cost[p, b] - cost[p, a] + alpha * change
             if here < gain:
                 best, gain = b, here
         if best == a:
             continue
-        of.sums[a] += of.left[at]
-        of.sums[best] += joined[best]
+        state.reciprocal_sums[a] += state.leave_change[at]
+        state.reciprocal_sums[best] += joined[best]
         count[a] -= 1
         count[best] += 1
-        _parts(of.x, at, a, part)
-        _forget(of, part, a)
-        _parts(of.x, at, best, part)
-        _forget(of, part, best)
+        _mark_parts(state.types, at, a, part)
+        _invalidate(state, part, a)
+        _mark_parts(state.types, at, best, part)
+        _invalidate(state, part, best)
         types[at] = best
         moves += 1
         energies[moves] = energies[moves - 1] + gain
@@ -210,14 +210,14 @@ def _move_cells(
 
 
 @njit(cache=True)
-def _merge_types(of: Moves, previous: np.ndarray, cost: np.ndarray, alpha: float) -> float:
+def _merge_types(state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha: float) -> float:
     """Makes one type of the two whose union lowers the energy most; returns what it changes, 0 where none does."""
-    count, number = of.number, len(of.number)
-    types, before = of.x.reshape(-1), previous.reshape(-1)
-    width = of.x.shape[1]
+    count, number = state.counts, len(state.counts)
+    types, before = state.types.reshape(-1), previous.reshape(-1)
+    width = state.types.shape[1]
     data = np.zeros((number, number))
     touch = np.zeros((number, number), np.bool_)
-    part = np.empty(of.x.shape, np.bool_)
+    part = np.empty(state.types.shape, np.bool_)
     cells = part.reshape(-1)
     for at in range(types.size):
         a = types[at]
@@ -226,23 +226,25 @@ def _merge_types(of: Moves, previous: np.ndarray, cost: np.ndarray, alpha: float
         for b in range(number):
             data[a, b] += cost[before[at], b] - cost[before[at], a]
         for k in range(4):
-            near = types[_beside(at, k, width)]
+            near = types[_neighbour(at, k, width)]
             if near >= 0:
                 touch[a, near] = True
-    best_from, best_to, best = -1, -1, _LEAST
+    best_from, best_to, best = -1, -1, _MAX_CHANGE
     for a in range(number):
         for b in range(number):
             if a == b or count[a] == 0 or count[b] == 0:
                 continue
-            if not of.merges[a, b]:
+            if not state.is_merge_current[a, b]:
                 change = 0
                 if touch[a, b]:
                     for at in range(types.size):
                         cells[at] = types[at] == a or types[at] == b
-                    change = rectangles(part) - of.sums[a] - of.sums[b]
-                of.merged[a, b] = of.merged[b, a] = change
-                of.merges[a, b] = of.merges[b, a] = True
-            regular = 1 / (count[a] + count[b]) - 1 - 1 / count[a] - 1 / count[b] + of.merged[a, b] / WHOLE
+                    change = sum_reciprocal_sizes(part) - state.reciprocal_sums[a] - state.reciprocal_sums[b]
+                state.merge_change[a, b] = state.merge_change[b, a] = change
+                state.is_merge_current[a, b] = state.is_merge_current[b, a] = True
+            regular = (
+                1 / (count[a] + count[b]) - 1 - 1 / count[a] - 1 / count[b] + state.merge_change[a, b] / FIXED_POINT_ONE
+            )
             gain = data[a, b] + alpha * regular
             if gain < best:
                 best_from, best_to, best = a, b, gain
@@ -252,38 +254,38 @@ def _merge_types(of: Moves, previous: np.ndarray, cost: np.ndarray, alpha: float
         cells[at] = types[at] == best_from or types[at] == best_to
         if types[at] == best_from:
             types[at] = best_to
-    of.sums[best_to] += of.sums[best_from] + of.merged[best_from, best_to]
-    of.sums[best_from] = 0
+    state.reciprocal_sums[best_to] += state.reciprocal_sums[best_from] + state.merge_change[best_from, best_to]
+    state.reciprocal_sums[best_from] = 0
     count[best_to] += count[best_from]
     count[best_from] = 0
-    _forget(of, part, best_from)
-    _forget(of, part, best_to)
+    _invalidate(state, part, best_from)
+    _invalidate(state, part, best_to)
     return best
 
 
 @njit(cache=True)
-def icm(of: Moves, cost: np.ndarray, alpha: float) -> np.ndarray:
+def run_icm(state: IcmState, cost: np.ndarray, alpha: float) -> np.ndarray:
     """Lowers Eq. 1 from a labelling, which is also what the data term compares with, and returns the energy after each
     accepted move, the start first.
 
     Single cells move first; when none can, all cells of a type move at once to another one in use. Every accepted move
     lowers the energy, so both loops end.
     """
-    previous = of.x.copy()
-    types = len(of.number)
+    previous = state.types.copy()
+    types = len(state.counts)
     regular = 0.0
     for t in range(types):
-        if of.number[t]:
-            regular += 1 + 1 / of.number[t] + of.sums[t] / WHOLE
+        if state.counts[t]:
+            regular += 1 + 1 / state.counts[t] + state.reciprocal_sums[t] / FIXED_POINT_ONE
     energies = np.empty(64 + 16 * previous.size)
     energies[0] = alpha * regular
     moves = 0
     while moves < energies.size - previous.size - types - 1:
         before = moves
-        moves = _move_cells(of, previous, cost, alpha, energies, moves)
+        moves = _move_cells(state, previous, cost, alpha, energies, moves)
         if moves > before:
             continue
-        gain = _merge_types(of, previous, cost, alpha)
+        gain = _merge_types(state, previous, cost, alpha)
         if gain == 0.0:
             break
         moves += 1

@@ -8,9 +8,9 @@ from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.rendering import element_boxes
 
 # Height of a type's picture as a share of the facade's, and the pixels between pictures.
-_SHARE = 0.045
-_GAP = 4
-_PAPER = 255
+_INSET_SHARE = 0.045
+_GAP_PX = 4
+_BACKGROUND = 255
 
 
 def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
@@ -25,23 +25,23 @@ def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
     if not len(types):
         return facade
     height, width = facade.shape[:2]
-    tall = max(12, round(_SHARE * height))
+    tall = max(12, round(_INSET_SHARE * height))
     # Representatives are shown as level 0 has them.
     first = hierarchy.reconstruct(0)
     boxes = element_boxes(hierarchy.groups)[hierarchy.representatives]
-    rows = [np.full((tall + 2 * _GAP, width, 3), _PAPER, np.uint8)]
-    at = _GAP
+    rows = [np.full((tall + 2 * _GAP_PX, width, 3), _BACKGROUND, np.uint8)]
+    at = _GAP_PX
     for t in types[np.lexsort((types, -counts))]:
         x0, y0, x1, y1 = np.clip(boxes[t], 0, (width, height, width, height)).tolist()
-        across = min(max(6, round((x1 - x0) * tall / max(1, y1 - y0))), width - 2 * _GAP, 2 * tall)
+        across = min(max(6, round((x1 - x0) * tall / max(1, y1 - y0))), width - 2 * _GAP_PX, 2 * tall)
         if min(x1 - x0, y1 - y0, across) < 1:
             continue
-        if at + across > width - _GAP:
-            rows.append(np.full_like(rows[0], _PAPER))
-            at = _GAP
-        inset = rows[-1][_GAP : _GAP + tall, at : at + across]
+        if at + across > width - _GAP_PX:
+            rows.append(np.full_like(rows[0], _BACKGROUND))
+            at = _GAP_PX
+        inset = rows[-1][_GAP_PX : _GAP_PX + tall, at : at + across]
         inset[:] = cv2.resize(first[y0:y1, x0:x1], (across, tall), interpolation=cv2.INTER_AREA)
         share = counts[types == t][0] / counts.sum()
-        rows[-1][_GAP + tall : _GAP + tall + 2, at : at + max(1, round(share * across))] = (180, 85, 45)
-        at += across + _GAP
+        rows[-1][_GAP_PX + tall : _GAP_PX + tall + 2, at : at + max(1, round(share * across))] = (180, 85, 45)
+        at += across + _GAP_PX
     return np.concatenate([facade, *rows])

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 # Pixels of wall that a patch carries around its element, and how far an element is moved to align with its group.
-MARGIN = 2
-_REACH = 2
+PATCH_MARGIN_PX = 2
+_ALIGNMENT_REACH_PX = 2
 _ALIGNMENT_ROUNDS = 3
 # Light is compared between walls; more than this factor is another material, not another light.
-_LIGHT = (0.75, 1.33)
+_LIGHT_RANGE = (0.75, 1.33)
 
 
-def mask_of(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def box_mask(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """(H, W) bool, True inside the half-open pixel boxes (N, 4) int."""
     mask = np.zeros(shape, bool)
     for x0, y0, x1, y1 in box.tolist():
@@ -23,10 +23,10 @@ def mask_of(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 def patch_size(box: np.ndarray) -> tuple[int, int]:
     """(height, width) in pixels that a group's patches are resampled to: the median with the margins."""
     width, height = np.median(box[:, 2:] - box[:, :2], axis=0)
-    return round(float(height)) + 2 * MARGIN, round(float(width)) + 2 * MARGIN
+    return round(float(height)) + 2 * PATCH_MARGIN_PX, round(float(width)) + 2 * PATCH_MARGIN_PX
 
 
-def align(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def align_boxes(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """The boxes (N, 4) int moved by up to 2 px so that the edges in each patch agree best with the group's mean edges.
 
     Edges, because an element's frame stays where it is while shutters and blinds change what is inside.
@@ -35,37 +35,42 @@ def align(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarr
         return box
     import cv2
 
-    grey = _cut(image, box, MARGIN + _REACH, (size[0] + 2 * _REACH, size[1] + 2 * _REACH)).mean(axis=3)
+    grey = _cut_with_margin(
+        image,
+        box,
+        PATCH_MARGIN_PX + _ALIGNMENT_REACH_PX,
+        (size[0] + 2 * _ALIGNMENT_REACH_PX, size[1] + 2 * _ALIGNMENT_REACH_PX),
+    ).mean(axis=3)
     # Horizontal and vertical edges apart; the root keeps one strong edge from deciding alone.
     edges = np.stack([np.sqrt(np.abs(cv2.Sobel(g, -1, *axis))) for g in grey for axis in ((1, 0), (0, 1))])
     edges = edges.reshape(len(box), 2, *grey.shape[1:])
-    reach = range(2 * _REACH + 1)
+    reach = range(2 * _ALIGNMENT_REACH_PX + 1)
     windows = [edges[..., dy : dy + size[0], dx : dx + size[1]] for dy in reach for dx in reach]
     best = np.full(len(box), len(windows) // 2)
     for _ in range(_ALIGNMENT_ROUNDS):
         template = np.mean([windows[s][i] for i, s in enumerate(best)], axis=0)
         template -= template.mean()
         best = np.stack([np.einsum("nayx,ayx->n", w, template) for w in windows]).argmax(axis=0)
-    return box + np.tile(np.stack([best % len(reach), best // len(reach)], axis=1) - _REACH, 2)
+    return box + np.tile(np.stack([best % len(reach), best // len(reach)], axis=1) - _ALIGNMENT_REACH_PX, 2)
 
 
-def cut(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def cut_patches(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """(N, h, w[, 3]) float32 patches in the image's range: each box with its margin, resampled to `size`."""
-    return _cut(image, box, MARGIN, size)
+    return _cut_with_margin(image, box, PATCH_MARGIN_PX, size)
 
 
-def crop(image: np.ndarray, box: np.ndarray) -> np.ndarray:
+def crop_box(image: np.ndarray, box: np.ndarray) -> np.ndarray:
     """(h, w, 3) float32: one box (4,) with its margin, at its own size; beyond the image its border goes on."""
-    rows = np.clip(np.arange(box[1] - MARGIN, box[3] + MARGIN), 0, image.shape[0] - 1)
-    columns = np.clip(np.arange(box[0] - MARGIN, box[2] + MARGIN), 0, image.shape[1] - 1)
+    rows = np.clip(np.arange(box[1] - PATCH_MARGIN_PX, box[3] + PATCH_MARGIN_PX), 0, image.shape[0] - 1)
+    columns = np.clip(np.arange(box[0] - PATCH_MARGIN_PX, box[2] + PATCH_MARGIN_PX), 0, image.shape[1] - 1)
     return image[rows[:, None], columns].astype(np.float32)
 
 
-def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int]) -> np.ndarray:
+def _cut_with_margin(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int]) -> np.ndarray:
     import cv2
 
     # Alignment may carry a box past the image by its reach.
-    pad = margin + _REACH
+    pad = margin + _ALIGNMENT_REACH_PX
     padded = cv2.copyMakeBorder(image, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
     patches = np.empty((len(box), *size, *image.shape[2:]), np.float32)
     for patch, (x0, y0, x1, y1) in zip(patches, (box + pad).tolist(), strict=True):
@@ -74,7 +79,7 @@ def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int])
     return patches
 
 
-def wall_sums(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def wall_integrals(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Integral images (H + 1, W + 1) of the brightness and of the number of wall pixels; mask: all elements."""
     import cv2
 
@@ -82,7 +87,7 @@ def wall_sums(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return cv2.integral(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) * wall), cv2.integral(wall)
 
 
-def light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.ndarray:
+def relative_light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.ndarray:
     """(N,) brightness of the wall around each box over the boxes' median, within [0.75, 1.33].
 
     A shadow darkens an element and the wall beside it alike, a drawn blind only the element.
@@ -99,7 +104,7 @@ def light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.ndarray:
     known = (pixels >= 8) & (mean >= 4)
     if not known.any():
         return np.ones(len(box))
-    return np.where(known, np.clip(mean / np.median(mean[known]), *_LIGHT), 1.0)
+    return np.where(known, np.clip(mean / np.median(mean[known]), *_LIGHT_RANGE), 1.0)
 
 
 def bare_wall(image: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -7,22 +7,22 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from facade_core.core.labels import ELEMENT_CLASSES
-from facade_core.facade.variation.contents import Group
-from facade_core.facade.variation.element_types import filled
-from facade_core.facade.variation.patches import MARGIN, crop, cut, mask_of, patch_size
+from facade_core.facade.variation.contents import ElementGroup
+from facade_core.facade.variation.element_types import fill_from_similar
+from facade_core.facade.variation.patches import PATCH_MARGIN_PX, box_mask, crop_box, cut_patches, patch_size
 
 # The percentile of a patch's values that stands for its brightest part.
-BRIGHTEST = 99
+BRIGHTEST_PERCENTILE = 99
 # The same is hidden of two elements where no more than this share of them is of one alone.
-HIDDEN_ALIKE = 0.05
+MAX_VISIBILITY_DIFFERENCE = 0.05
 
 
-def element_boxes(groups: Sequence[Group]) -> np.ndarray:
+def element_boxes(groups: Sequence[ElementGroup]) -> np.ndarray:
     """(N, 4) int32 boxes of all elements in the order of their numbers."""
     return np.concatenate([g.boxes for g in groups]) if groups else np.zeros((0, 4), np.int32)
 
 
-def element_types(groups: Sequence[Group]) -> np.ndarray:
+def element_types(groups: Sequence[ElementGroup]) -> np.ndarray:
     """(N,) int32 types of all elements in the photo in the order of their numbers."""
     return np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
 
@@ -30,7 +30,7 @@ def element_types(groups: Sequence[Group]) -> np.ndarray:
 def paint_elements(
     canvas: np.ndarray,
     photo: np.ndarray,
-    groups: Sequence[Group],
+    groups: Sequence[ElementGroup],
     places: np.ndarray,
     boxes: np.ndarray,
     shown: np.ndarray,
@@ -44,11 +44,11 @@ def paint_elements(
     """
     painted = canvas.astype(np.float32)
     changed = np.full(canvas.shape[:2], canvas is not photo)
-    for group, first in back_to_front(groups):
+    for group, first in order_by_depth(groups):
         here = np.flatnonzero((places >= first) & (places < first + len(group.boxes)))
         if not (changed.any() or (places[here] != shown[here]).any()):
             continue
-        whole, seen, brightest = _patches(photo, group, groups)
+        whole, seen, brightest = _visible_patches(photo, group, groups)
         for i in here.tolist():
             own, other = int(places[i]) - first, int(shown[i]) - first
             x0, y0, x1, y1 = boxes[i].tolist()
@@ -59,54 +59,61 @@ def paint_elements(
             # is made brighter than what stood there.
             most = max(1.0, float(brightest[own] / brightest[other]))
             lit = np.float32(min(group.light[own] / group.light[other], most))
-            alike = (seen[own] != seen[other]).mean() <= HIDDEN_ALIKE
-            patch = crop(photo, group.boxes[other]) if alike or seen[other].all() else whole[other]
-            blend(painted, patch * lit, (x0, y0, x1, y1))
+            alike = (seen[own] != seen[other]).mean() <= MAX_VISIBILITY_DIFFERENCE
+            patch = crop_box(photo, group.boxes[other]) if alike or seen[other].all() else whole[other]
+            fade_patch(painted, patch * lit, (x0, y0, x1, y1))
             changed[within] |= not alike or changed[within].any()
     return np.clip(painted.round(), 0, 255).astype(np.uint8)
 
 
-def _patches(photo: np.ndarray, group: Group, groups: Sequence[Group]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _visible_patches(
+    photo: np.ndarray, group: ElementGroup, groups: Sequence[ElementGroup]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of a group what each element shows, (N, h, w, 3) float32 with its margin, of which what another element hides is taken
     from the most alike that shows it; what of each is seen, (N, h, w) bool; and how bright its brightest part is, (N,)."""
     size = patch_size(group.boxes)
-    patches = cut(photo, group.boxes, size)
-    brightest = np.maximum(1, np.percentile(patches, BRIGHTEST, axis=(1, 2, 3)))
-    front = [g.boxes for g in groups if depth_of(g.label) > depth_of(group.label)]
+    patches = cut_patches(photo, group.boxes, size)
+    brightest = np.maximum(1, np.percentile(patches, BRIGHTEST_PERCENTILE, axis=(1, 2, 3)))
+    front = [g.boxes for g in groups if drawing_depth(g.label) > drawing_depth(group.label)]
     if not front:
         return patches, np.ones(patches.shape[:3], bool), brightest
-    in_front = mask_of(np.concatenate(front), photo.shape[:2]).astype(np.float32)
-    seen = cut(in_front, group.boxes, size) < 0.5
+    in_front = box_mask(np.concatenate(front), photo.shape[:2]).astype(np.float32)
+    seen = cut_patches(in_front, group.boxes, size) < 0.5
     light = group.light[:, None, None, None].astype(np.float32)
-    return filled(patches / light, seen) * light, seen, brightest
+    return fill_from_similar(patches / light, seen) * light, seen, brightest
 
 
-def depth_of(label: str) -> int:
+def drawing_depth(label: str) -> int:
     """What is drawn over what: balconies stand before windows."""
     return ELEMENT_CLASSES.index(label) if label in ELEMENT_CLASSES else -1
 
 
-def back_to_front(groups: Sequence[Group]) -> Iterator[tuple[Group, int]]:
+def order_by_depth(groups: Sequence[ElementGroup]) -> Iterator[tuple[ElementGroup, int]]:
     """The groups with the number of their first element, class by class."""
     first = np.cumsum([0, *(len(g.boxes) for g in groups)])
-    for k in np.argsort([depth_of(g.label) for g in groups], kind="stable"):
+    for k in np.argsort([drawing_depth(g.label) for g in groups], kind="stable"):
         yield groups[k], int(first[k])
 
 
-def blend(canvas: np.ndarray, patch: np.ndarray, box: Sequence[int]) -> None:
+def fade_patch(canvas: np.ndarray, patch: np.ndarray, box: Sequence[int]) -> None:
     """Resize a patch (h, w, 3) float32, which carries the margin, to a box and its margin and fade it into the canvas."""
     import cv2
 
     height, width = canvas.shape[:2]
-    x0, y0, x1, y1 = box[0] - MARGIN, box[1] - MARGIN, box[2] + MARGIN, box[3] + MARGIN
-    alpha = np.minimum.outer(_ramp(y1 - y0), _ramp(x1 - x0))[..., None]
+    x0, y0, x1, y1 = (
+        box[0] - PATCH_MARGIN_PX,
+        box[1] - PATCH_MARGIN_PX,
+        box[2] + PATCH_MARGIN_PX,
+        box[3] + PATCH_MARGIN_PX,
+    )
+    alpha = np.minimum.outer(_fade_ramp(y1 - y0), _fade_ramp(x1 - x0))[..., None]
     inside = np.s_[max(0, -y0) : height - y0, max(0, -x0) : width - x0]
     target = canvas[max(0, y0) : max(0, y1), max(0, x0) : max(0, x1)]
     pixels = cv2.resize(np.ascontiguousarray(patch), (x1 - x0, y1 - y0), interpolation=cv2.INTER_LINEAR)
     target += alpha[inside] * (pixels[inside] - target)
 
 
-def _ramp(length: int) -> np.ndarray:
+def _fade_ramp(length: int) -> np.ndarray:
     """(length,) float32: 1 inside, falling towards 0 over the margin at both ends."""
     at = np.arange(length)
-    return np.minimum(1, (1 + np.minimum(at, at[::-1])) / (MARGIN + 1)).astype(np.float32)
+    return np.minimum(1, (1 + np.minimum(at, at[::-1])) / (PATCH_MARGIN_PX + 1)).astype(np.float32)

@@ -9,29 +9,29 @@ import numpy as np
 from facade_core.core.errors import InputError
 
 # Fewer variations than this are numbered, so that seeds cannot meet by chance.
-_FEW = 10**12
+_MAX_NUMBERED = 10**12
 
 
-def generator(seed: int) -> np.random.Generator:
+def make_generator(seed: int) -> np.random.Generator:
     """What draws a sample; InputError for a seed that is no whole number from 0 on."""
     if seed < 0 or seed != int(seed):
         raise InputError(f"seed {seed}: samples are numbered from 0; pass a whole number that is not negative")
     return np.random.default_rng(int(seed))
 
 
-def exchange(types: np.ndarray, seed: int) -> np.ndarray:
+def permute_within_types(types: np.ndarray, seed: int) -> np.ndarray:
     """(N,) int: for every place the element shown there, a permutation within each of the (N,) types.
 
     Where there are few permutations, consecutive seeds give different ones until all have been given. Raises InputError as
-    `generator` does.
+    `make_generator` does.
     """
-    rng = generator(seed)
+    rng = make_generator(seed)
     members = [np.flatnonzero(types == t) for t in np.unique(types)]
     shown = np.arange(len(types))
     total = 1
     for of_type in members:
-        total = min(total * factorial(len(of_type)), _FEW)
-    if total >= _FEW:
+        total = min(total * factorial(len(of_type)), _MAX_NUMBERED)
+    if total >= _MAX_NUMBERED:
         for of_type in members:
             shown[of_type] = rng.permutation(of_type)
         return shown
@@ -45,7 +45,7 @@ def exchange(types: np.ndarray, seed: int) -> np.ndarray:
     return shown
 
 
-def deal(types: np.ndarray, places: np.ndarray, boxes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def assign_by_type(types: np.ndarray, places: np.ndarray, boxes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(M,) int: the element shown at each place of an enlarged facade, of the type of the element places[m].
 
     types (N,): of the elements; places (M,): the element that each place is a copy of; boxes (M, 4): where it is. Every

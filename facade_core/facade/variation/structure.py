@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.facade.variation.icm import WHOLE, icm, moves_from, rectangles
+from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_sizes
 
 # The weight alpha grows by _GROWTH from _ALPHA[0] to _ALPHA[1]; costs are normalised to [0, 1], regularity is not.
-_ALPHA = (1e-3, 1e3)
-_GROWTH = 2.6
+_ALPHA_RANGE = (1e-3, 1e3)
+_ALPHA_GROWTH = 2.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +22,7 @@ class Relaxation:
     energies: np.ndarray
 
 
-def relax(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]:
+def relax_structure(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]:
     """Relabel a structure matrix with growing weight of regularity until one label remains.
 
     structure (R, C) int32: element types, -1 where the grid has no element; cost (T, T): of relabelling a as b.
@@ -32,14 +32,14 @@ def relax(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]:
     current = np.ascontiguousarray(structure, np.int32)
     cost = np.ascontiguousarray(cost, np.float64)
     found: list[Relaxation] = []
-    moves = moves_from(current, len(cost))
-    alpha = _ALPHA[0]
-    while _distinct(current) > 1 and alpha <= _ALPHA[1]:
-        energies = icm(moves, cost, alpha)
+    moves = initial_icm_state(current, len(cost))
+    alpha = _ALPHA_RANGE[0]
+    while _count_types(current) > 1 and alpha <= _ALPHA_RANGE[1]:
+        energies = run_icm(moves, cost, alpha)
         current = moves.labels
         found.append(Relaxation(alpha, current, energies))
-        alpha *= _GROWTH
-    if _distinct(current) > 1:
+        alpha *= _ALPHA_GROWTH
+    if _count_types(current) > 1:
         used = current[current >= 0]
         present = np.unique(used)
         cheapest = present[np.argmin(cost[np.ix_(used, present)].sum(axis=0))]
@@ -47,13 +47,13 @@ def relax(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]:
     return found
 
 
-def regularity(structure: np.ndarray) -> tuple[float, float, float]:
+def regularity_terms(structure: np.ndarray) -> tuple[float, float, float]:
     """The three terms of E_reg: number of types, sum of reciprocal repeats, sum of reciprocal sub-rectangle sizes."""
     labels = np.ascontiguousarray(structure, np.int32)
     counts = np.unique(labels[labels >= 0], return_counts=True)
-    sizes = sum(rectangles(labels == label) for label in counts[0])
-    return float(len(counts[0])), float((1 / counts[1]).sum()), sizes / WHOLE
+    sizes = sum(sum_reciprocal_sizes(labels == label) for label in counts[0])
+    return float(len(counts[0])), float((1 / counts[1]).sum()), sizes / FIXED_POINT_ONE
 
 
-def _distinct(labels: np.ndarray) -> int:
+def _count_types(labels: np.ndarray) -> int:
     return len(np.unique(labels[labels >= 0]))

@@ -11,15 +11,22 @@ import numpy as np
 from facade_core.core.errors import LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.layout.grids import box_array, check_boxes, fit_grids, group_by_size
-from facade_core.facade.variation.appearance import projected, relabelling_cost
-from facade_core.facade.variation.contents import Group
-from facade_core.facade.variation.element_types import cluster, descriptors, filled
-from facade_core.facade.variation.patches import align, cut, light, mask_of, patch_size, wall_sums
-from facade_core.facade.variation.rendering import depth_of
-from facade_core.facade.variation.structure import relax
+from facade_core.facade.variation.appearance import project_patches, relabelling_cost
+from facade_core.facade.variation.contents import ElementGroup
+from facade_core.facade.variation.element_types import cluster_types, compute_descriptors, fill_from_similar
+from facade_core.facade.variation.patches import (
+    align_boxes,
+    box_mask,
+    cut_patches,
+    patch_size,
+    relative_light,
+    wall_integrals,
+)
+from facade_core.facade.variation.rendering import drawing_depth
+from facade_core.facade.variation.structure import relax_structure
 
 # The smallest side of an element in pixels; smaller ones stay part of the wall.
-_SMALLEST = 3
+_MIN_SIDE_PX = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +34,7 @@ class Variations:
     """groups, cells and representatives as in `Contents`; costs: of relabelling each group's types (T, T), with the number of
     the group's first type."""
 
-    groups: tuple[Group, ...]
+    groups: tuple[ElementGroup, ...]
     cells: tuple[np.ndarray, ...]
     representatives: np.ndarray
     costs: tuple[tuple[int, np.ndarray], ...]
@@ -45,12 +52,15 @@ class Variations:
         for matrix in start:
             # A grid lies within one group, whose types are consecutive.
             first, cost = next((f, c) for f, c in self.costs if f <= matrix.max() < f + len(c))
-            relaxed = relax(np.where(matrix >= 0, matrix - first, -1), cost)
+            relaxed = relax_structure(np.where(matrix >= 0, matrix - first, -1), cost)
             steps.append([matrix] + [np.where(matrix >= 0, r.labels + first, -1).astype(np.int32) for r in relaxed])
         levels: list[tuple[np.ndarray, ...]] = [tuple(start)]
         for k in range(1, max((len(s) for s in steps), default=1)):
             state = tuple(s[min(k, len(s) - 1)] for s in steps)
-            if any(not np.array_equal(_canonical(a), _canonical(b)) for a, b in zip(state, levels[-1], strict=True)):
+            if any(
+                not np.array_equal(_canonical_labels(a), _canonical_labels(b))
+                for a, b in zip(state, levels[-1], strict=True)
+            ):
                 levels.append(state)
         return tuple(levels)
 
@@ -61,7 +71,7 @@ class Variations:
             found[cells[cells >= 0]] = matrix[cells >= 0]
         return found
 
-    def exchanged(self, shown: np.ndarray) -> Variations:
+    def permute_elements(self, shown: np.ndarray) -> Variations:
         """After every place shows another element of its group, shown (N,) int: a permutation."""
         types, back, groups = self.types[shown], np.argsort(shown), []
         first = 0
@@ -71,7 +81,7 @@ class Variations:
         return Variations(tuple(groups), self.cells, back[self.representatives].astype(np.int32), self.costs)
 
 
-def variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
+def find_variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
     """Of the elements of an image (H, W, 3) uint8, clipped to it; those under 3 px are left out, exact duplicates count once.
 
     Elements are grouped by class and comparable size, their patches aligned and clustered into types by mean shift; costs of
@@ -80,13 +90,13 @@ def variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
     """
     from threadpoolctl import threadpool_limits
 
-    kept = _on_image(elements, image.shape[:2])
+    kept = _clip_to_image(elements, image.shape[:2])
     # Sums in BLAS depend on the number of threads in their last bits; one thread keeps files identical.
     with threadpool_limits(1, user_api="blas"):
-        return _variations(image, kept)
+        return _find_variations(image, kept)
 
 
-def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Element]:
+def _clip_to_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Element]:
     check_boxes(elements)
     height, width = shape
     kept: dict[Element, None] = {}
@@ -95,30 +105,30 @@ def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Eleme
             raise LayoutError(f"element {i} ({e.label}): outside the {width} x {height} px image; drop or move it")
         x0, x1 = np.clip(np.round([e.x0, e.x1]), 0, width).tolist()
         y0, y1 = np.clip(np.round([e.y0, e.y1]), 0, height).tolist()
-        if min(x1 - x0, y1 - y0) >= _SMALLEST:
+        if min(x1 - x0, y1 - y0) >= _MIN_SIDE_PX:
             kept[Element(e.label, x0, y0, x1, y1)] = None
     return list(kept)
 
 
-def _variations(image: np.ndarray, elements: list[Element]) -> Variations:
+def _find_variations(image: np.ndarray, elements: list[Element]) -> Variations:
     all_boxes = box_array(elements).astype(np.int32)
-    sums = wall_sums(image, mask_of(all_boxes, image.shape[:2]))
-    depth = np.array([depth_of(e.label) for e in elements], int)
+    sums = wall_integrals(image, box_mask(all_boxes, image.shape[:2]))
+    depth = np.array([drawing_depth(e.label) for e in elements], int)
     groups, costs, representatives = [], [], []
     number = np.zeros(len(elements), np.int32)
     elements_before = types_before = 0
     for members in group_by_size(elements):
         size = patch_size(all_boxes[members])
-        box = align(image, all_boxes[members], size)
-        shade = light(sums, all_boxes[members])
-        patches = cut(image, box, size) / shade[:, None, None, None].astype(np.float32)
-        in_front = mask_of(all_boxes[depth > depth[members[0]]], image.shape[:2])
-        seen = cut(in_front.astype(np.float32), box, size) < 0.5
-        patches = filled(patches, seen)
-        types, chosen = cluster(descriptors(patches, seen))
-        costs.append((types_before, relabelling_cost(projected(patches)[chosen])))
+        box = align_boxes(image, all_boxes[members], size)
+        shade = relative_light(sums, all_boxes[members])
+        patches = cut_patches(image, box, size) / shade[:, None, None, None].astype(np.float32)
+        in_front = box_mask(all_boxes[depth > depth[members[0]]], image.shape[:2])
+        seen = cut_patches(in_front.astype(np.float32), box, size) < 0.5
+        patches = fill_from_similar(patches, seen)
+        types, chosen = cluster_types(compute_descriptors(patches, seen))
+        costs.append((types_before, relabelling_cost(project_patches(patches)[chosen])))
         representatives.append(chosen + elements_before)
-        groups.append(Group(elements[members[0]].label, box, shade, types + types_before))
+        groups.append(ElementGroup(elements[members[0]].label, box, shade, types + types_before))
         number[members] = elements_before + np.arange(len(members))
         elements_before += len(members)
         types_before += len(chosen)
@@ -127,7 +137,7 @@ def _variations(image: np.ndarray, elements: list[Element]) -> Variations:
     return Variations(tuple(groups), cells, chosen, tuple(costs))
 
 
-def _canonical(matrix: np.ndarray) -> np.ndarray:
+def _canonical_labels(matrix: np.ndarray) -> np.ndarray:
     """The matrix with its labels renumbered in the order in which they appear."""
     _, first, index = np.unique(matrix, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[index].reshape(matrix.shape)

@@ -1,4 +1,4 @@
-"""Chimneys on roofs whose shape is assumed: few, near the ridge, where the building's id puts them."""
+"""Chimneys on roofs of assumed shape: few, near the ridge, at random places by the building's id."""
 
 from __future__ import annotations
 
@@ -9,60 +9,83 @@ import shapely
 from shapely import Polygon
 
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.buildings.roof_details import Faces, Trim
+from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
 from facade_core.geometry.charts import ChartKind
 
-# Roofs of pitched shapes over this many square metres have one, in this share of all cases; from the third figure on two.
-LEAST_M2, SHARE, TWO_M2 = 60.0, 0.7, 900.0
-# Of so many places the highest is taken; they lie this far inside of the outline, two chimneys this far apart.
-PLACES, INSIDE_M, APART_M = 24, 1.6, 6.0
-# A chimney's width, and the least and greatest of its length and of its height over the roof at its middle.
-WIDE_M, LONG_M, HIGH_M = 0.6, (0.7, 1.5), (0.8, 1.3)
-# It begins so far below the lowest place of the roof around it.
-SUNK_M = 0.05
+# Square metres of footprint from which a pitched roof has a chimney, and two.
+MIN_ROOF_M2 = 60.0
+MIN_ROOF_OF_TWO_M2 = 900.0
+# Share of such roofs with chimneys.
+CHIMNEY_SHARE = 0.7
+# Random places per roof, of which the highest is taken.
+CANDIDATES = 24
+# Metres from the outline to a chimney, and between two chimneys.
+MIN_INSET_M = 1.6
+MIN_SPACING_M = 6.0
+# Metres; ranges of the length and of the height over the roof at the middle.
+WIDTH_M = 0.6
+LENGTH_M = (0.7, 1.5)
+HEIGHT_M = (0.8, 1.3)
+# Metres from the lowest roof around a chimney down to its foot.
+BURIED_M = 0.05
 
 
-def chimneys(id: str, roof: Facets, outline: Polygon) -> Trim | None:
-    """The chimneys of a building on the facets of its roof; None where it has none. No more than 20 triangles."""
+def build_chimneys(id: str, roof: Facets, outline: Polygon) -> RoofDetail | None:
+    """Build the chimneys of a building, at most 20 triangles.
+
+    Parameters
+    ----------
+    id : seed of the random draws.
+    roof : facets of the roof.
+    outline : footprint of the building.
+
+    Returns
+    -------
+    None without a chimney.
+    """
     rng = np.random.default_rng(int.from_bytes(blake2b(id.encode(errors="surrogatepass"), digest_size=8).digest()))
-    if outline.area < LEAST_M2 or rng.random() > SHARE:
+    if outline.area < MIN_ROOF_M2 or rng.random() > CHIMNEY_SHARE:
         return None
-    within = outline.buffer(-INSIDE_M)
+    within = outline.buffer(-MIN_INSET_M)
     west, south, east, north = outline.bounds
-    places = [west, south] + rng.random((PLACES, 2)) * [east - west, north - south]
+    places = [west, south] + rng.random((CANDIDATES, 2)) * [east - west, north - south]
     places = places[shapely.contains_xy(within, *places.T)]
-    heights = _heights(roof, places)
-    faces = Faces()
-    turn = _longest(outline)
+    heights = _roof_heights(roof, places)
+    faces = RoofDetailBuilder()
+    turn = _longest_edge_direction(outline)
     built: list[np.ndarray] = []
     for place in places[np.argsort(-np.nan_to_num(heights, nan=-np.inf), kind="stable")]:
-        if len(built) == (2 if outline.area > TWO_M2 else 1):
+        if len(built) == (2 if outline.area > MIN_ROOF_OF_TWO_M2 else 1):
             break
-        if all(np.hypot(*(place - other)) > APART_M for other in built) and _build(faces, rng, roof, place, turn):
+        if all(np.hypot(*(place - other)) > MIN_SPACING_M for other in built) and _add_chimney(
+            faces, rng, roof, place, turn
+        ):
             built.append(place)
-    return faces.trim() if built else None
+    return faces.build() if built else None
 
 
-def _build(faces: Faces, rng: np.random.Generator, roof: Facets, place: np.ndarray, along: np.ndarray) -> bool:
-    """Put a chimney at a place (2,), its long side `along`; False where it would stand over the roof's edge."""
-    long, high = (low + rng.random() * (most - low) for low, most in (LONG_M, HIGH_M))
+def _add_chimney(
+    faces: RoofDetailBuilder, rng: np.random.Generator, roof: Facets, place: np.ndarray, along: np.ndarray
+) -> bool:
+    """Add a chimney at a place (2,), its long side `along`; False where it would cross the roof's edge."""
+    long, high = (low + rng.random() * (most - low) for low, most in (LENGTH_M, HEIGHT_M))
     across = np.array([-along[1], along[0]])
     # counter-clockwise from above
-    corners = place + [x * along * long / 2 + y * across * WIDE_M / 2 for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    under = _heights(roof, np.concatenate([corners, place[None]]))
+    corners = place + [x * along * long / 2 + y * across * WIDTH_M / 2 for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    under = _roof_heights(roof, np.concatenate([corners, place[None]]))
     if not np.isfinite(under).all():
         return False
-    low = np.column_stack([corners, np.full(4, under.min() - SUNK_M)])
+    low = np.column_stack([corners, np.full(4, under.min() - BURIED_M)])
     top = np.column_stack([corners, np.full(4, under[-1] + high)])
     for k in range(4):
         after = (k + 1) % 4
-        faces.add(ChartKind.WALL, [low[k], low[after], top[after], top[k]])
-    faces.add(ChartKind.ROOF, list(top))
+        faces.add_polygon(ChartKind.WALL, [low[k], low[after], top[after], top[k]])
+    faces.add_polygon(ChartKind.ROOF, list(top))
     return True
 
 
-def _heights(roof: Facets, places: np.ndarray) -> np.ndarray:
-    """How high a roof is at places (k, 2), metres; NaN beside it."""
+def _roof_heights(roof: Facets, places: np.ndarray) -> np.ndarray:
+    """Return the height of a roof in metres at places (k, 2), NaN outside."""
     upper = roof.kind[roof.facet] == ChartKind.ROOF
     corners = roof.vertices[roof.triangles[upper]]
     found = np.full(len(places), np.nan)
@@ -75,8 +98,8 @@ def _heights(roof: Facets, places: np.ndarray) -> np.ndarray:
     return found
 
 
-def _longest(outline: Polygon) -> np.ndarray:
-    """The direction (2,) of an outline's longest edge."""
+def _longest_edge_direction(outline: Polygon) -> np.ndarray:
+    """Return the direction (2,) of the longest edge of an outline."""
     edges = np.diff(np.asarray(outline.exterior.coords), axis=0)
     longest = edges[np.argmax(np.hypot(*edges.T))]
     return longest / np.hypot(*longest)

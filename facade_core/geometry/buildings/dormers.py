@@ -1,5 +1,4 @@
-"""Dormers and rooflights on roofs whose shape is assumed: in rows over eaves that a street sees, where the building's id puts
-them."""
+"""Dormers and rooflights on roofs of assumed shape: rows over eaves in sight of a street, random by the building's id."""
 
 from __future__ import annotations
 
@@ -12,88 +11,129 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.buildings.roof_details import Faces, Trim
-from facade_core.geometry.buildings.roof_edges import Around, Edge, free_pieces, roof_edges
+from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
+from facade_core.geometry.buildings.roof_edges import RoofEdge, RoofSurroundings, free_edges, roof_edges
 from facade_core.geometry.charts import ChartKind
 
-# Of the roofs that are steep enough (metres a metre) these shares have dormers and rooflights; of the lower part of mansards
-# the third has dormers. Flatter than the last figure a roof has neither.
-STEEP, MANSARD, FLAT = 0.45, 1.2, 0.25
-DORMERS, ROOFLIGHTS, ON_MANSARDS = 0.35, 0.3, 0.9
-# No row has more, no house more than so many rows.
-MOST, ROWS = 8, 5
-# From the middle of one to that of the next, and from the end of the eaves.
-STEP_M, ASIDE_M = {ChartKind.WALL: (3.4, 5.2), ChartKind.WINDOW: (4.0, 8.0)}, 1.2
-# A dormer's width, the height of its front, at least the second figure, and where that begins over the eaves and behind them.
-WIDE_M, HIGH_M, LEAST_HIGH_M, OVER_M, BEHIND_M = (1.1, 1.5), (1.2, 1.5), 1.0, (0.35, 0.6), 0.2
-# Half of the houses have gables on them, so high; the roofs of other dormers fall by so much a metre, to the front.
-GABLED, GABLE_M, FALL = 0.5, 0.45, 0.08
-# Nothing comes nearer to an edge of the roof's facet, or to its upper end.
-CLEAR_M, BELOW_RIDGE_M = 0.05, 0.15
-# Its window: so far from the sides, over the foot, under the top, and out of the front. It begins so far below the roof.
-JAMB_M, SILL_M, HEAD_M, OUT_M, SUNK_M = 0.13, 0.16, 0.12, 0.03, 0.04
-# A rooflight's width, its height along the slope, and how far over the eaves its lower edge is.
-LIGHT_M, LIGHT_OVER_M = (0.78, 1.18), (1.0, 1.6)
+# Slopes (rise over run) from which roofs have rooflights and dormers, and from which they are lower parts of mansards.
+MIN_SLOPE = 0.25
+MIN_DORMER_SLOPE = 0.45
+MIN_MANSARD_SLOPE = 1.2
+# Shares of roofs with dormers and with rooflights, and of mansards with dormers.
+DORMER_SHARE = 0.35
+ROOFLIGHT_SHARE = 0.3
+MANSARD_DORMER_SHARE = 0.9
+MAX_PER_ROW = 8
+# Rows per building.
+MAX_ROWS = 5
+# Range of metres between the middles of two dormers (WALL) or rooflights (WINDOW).
+SPACING_M = {ChartKind.WALL: (3.4, 5.2), ChartKind.WINDOW: (4.0, 8.0)}
+# Metres from the end of the eaves to the middle of a row's first.
+END_DISTANCE_M = 1.2
+# Ranges in metres: width, height of the front, and height of its foot over the eaves.
+DORMER_WIDTH_M = (1.1, 1.5)
+FRONT_HEIGHT_M = (1.2, 1.5)
+FRONT_ABOVE_EAVES_M = (0.35, 0.6)
+MIN_FRONT_HEIGHT_M = 1.0
+# Metres from the eaves back to the front.
+MIN_SETBACK_M = 0.2
+# Share of buildings whose dormers have gables, and the height of a gable in metres.
+GABLED_SHARE = 0.5
+GABLE_HEIGHT_M = 0.45
+# Slope of the roof of a dormer without a gable, down to the front.
+SHED_SLOPE = 0.08
+# Metres to the edges of the roof facet, and to its upper end.
+EDGE_CLEARANCE_M = 0.05
+RIDGE_CLEARANCE_M = 0.15
+# Metres from a dormer's window to the sides, the foot and the top of the front, and out of it.
+JAMB_M = 0.13
+SILL_M = 0.16
+HEAD_M = 0.12
+WINDOW_RELIEF_M = 0.03
+# Metres from the roof down to the foot of a dormer.
+BURIED_M = 0.04
+# Width of a rooflight and its height along the slope, metres.
+ROOFLIGHT_SIZE_M = (0.78, 1.18)
+# Range of metres from the eaves up to the lower edge of a rooflight.
+ROOFLIGHT_ABOVE_EAVES_M = (1.0, 1.6)
 
-Place = Callable[[float, float, float], np.ndarray]
+RoofPoint = Callable[[float, float, float], np.ndarray]
 
 
-def dormers(id: str, roof: Facets, outline: Polygon, around: Around, taken: Trim | None) -> Trim | None:
-    """The dormers or the rooflights of a building on the facets of its roof; None where it has none.
+def build_dormers(
+    id: str, roof: Facets, outline: Polygon, around: RoofSurroundings, taken: RoofDetail | None
+) -> RoofDetail | None:
+    """Build the dormers or the rooflights of a building.
 
-    taken: what stands on the roof already. A dormer has at most 11 triangles, a rooflight 2.
+    A dormer has at most 11 triangles, a rooflight 2.
+
+    Parameters
+    ----------
+    id : seed of the random draws.
+    roof : facets of the roof.
+    outline : footprint of the building.
+    around : surroundings of the roof's edges.
+    taken : details that are on the roof already.
+
+    Returns
+    -------
+    None without any.
     """
     rng = np.random.default_rng(
         int.from_bytes(blake2b(id.encode(errors="surrogatepass"), digest_size=8, person=b"dormers").digest())
     )
     eaves = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
-    eaves = [edge for edge in eaves if edge.fall > FLAT]
+    eaves = [edge for edge in eaves if edge.slope > MIN_SLOPE]
     if not eaves:
         return None
-    chance, gabled = rng.random(), bool(rng.random() < GABLED)
-    wide, high, over = (low + rng.random() * (most - low) for low, most in (WIDE_M, HIGH_M, OVER_M))
+    chance, gabled = rng.random(), bool(rng.random() < GABLED_SHARE)
+    wide, high, over = (
+        low + rng.random() * (most - low) for low, most in (DORMER_WIDTH_M, FRONT_HEIGHT_M, FRONT_ABOVE_EAVES_M)
+    )
     spacing = rng.random()
     blocked: BaseGeometry = shapely.GeometryCollection()
     if taken is not None:
         blocked = shapely.multipoints(taken.facets.vertices[:, :2]).convex_hull.buffer(0.4)
-    faces, rows = Faces(), 0
-    for edge in free_pieces(eaves, around):
-        kind = _kind(edge.fall, chance)
-        if kind is None or rows == ROWS:
+    faces, rows = RoofDetailBuilder(), 0
+    for edge in free_edges(eaves, around):
+        kind = _opening_kind(edge.slope, chance)
+        if kind is None or rows == MAX_ROWS:
             continue
         mine = roof.vertices[roof.triangles[roof.facet == edge.facet]]
-        free = shapely.union_all(shapely.polygons(mine[..., :2])).buffer(-CLEAR_M).difference(blocked)
-        rise = float(mine[..., 2].max() - edge.start[2]) - BELOW_RIDGE_M
-        low, most = STEP_M[kind]
+        free = shapely.union_all(shapely.polygons(mine[..., :2])).buffer(-EDGE_CLEARANCE_M).difference(blocked)
+        rise = float(mine[..., 2].max() - edge.start[2]) - RIDGE_CLEARANCE_M
+        low, most = SPACING_M[kind]
         built = False
-        for middle in _middles(edge, low + spacing * (most - low)):
+        for middle in _row_middles(edge, low + spacing * (most - low)):
             if kind == ChartKind.WINDOW:
-                built |= _light(faces, edge, middle, LIGHT_OVER_M[0] + spacing * np.ptp(LIGHT_OVER_M), free)
+                built |= _add_rooflight(
+                    faces, edge, middle, ROOFLIGHT_ABOVE_EAVES_M[0] + spacing * np.ptp(ROOFLIGHT_ABOVE_EAVES_M), free
+                )
             else:
-                built |= _dormer(faces, edge, middle, wide, high, over, rise, gabled, free)
+                built |= _add_dormer(faces, edge, middle, wide, high, over, rise, gabled, free)
         rows += built
-    return faces.trim() if rows else None
+    return faces.build() if rows else None
 
 
-def _kind(fall: float, chance: float) -> ChartKind | None:
-    """What a roof that falls so much a metre has: dormers (WALL), rooflights (WINDOW), nothing."""
-    if fall > MANSARD:
-        return ChartKind.WALL if chance < ON_MANSARDS else None
-    if chance < DORMERS:
-        return ChartKind.WALL if fall > STEEP else None
-    return ChartKind.WINDOW if chance < DORMERS + ROOFLIGHTS else None
+def _opening_kind(fall: float, chance: float) -> ChartKind | None:
+    """Choose dormers (WALL), rooflights (WINDOW) or nothing for a roof of slope `fall`."""
+    if fall > MIN_MANSARD_SLOPE:
+        return ChartKind.WALL if chance < MANSARD_DORMER_SHARE else None
+    if chance < DORMER_SHARE:
+        return ChartKind.WALL if fall > MIN_DORMER_SLOPE else None
+    return ChartKind.WINDOW if chance < DORMER_SHARE + ROOFLIGHT_SHARE else None
 
 
-def _middles(edge: Edge, step: float) -> np.ndarray:
-    """Where along an edge the middles of a row are, metres: in the same distance from both of its ends."""
-    room = float(np.hypot(*(edge.end - edge.start)[:2])) - 2 * ASIDE_M
-    count = min(int(max(room, -1.0) / step) + 1, MOST) if room > 0 else 0
-    return ASIDE_M + room / 2 + step * (np.arange(count) - (count - 1) / 2)
+def _row_middles(edge: RoofEdge, step: float) -> np.ndarray:
+    """Return the middles of a centred row along an edge in metres."""
+    room = float(np.hypot(*(edge.end - edge.start)[:2])) - 2 * END_DISTANCE_M
+    count = min(int(max(room, -1.0) / step) + 1, MAX_PER_ROW) if room > 0 else 0
+    return END_DISTANCE_M + room / 2 + step * (np.arange(count) - (count - 1) / 2)
 
 
-def _from(edge: Edge) -> Place:
-    """World points by metres along an edge, behind it and over it."""
-    origin, ahead, out = edge.start, np.append(edge.ahead, 0.0), np.append(edge.out, 0.0)
+def _roof_points(edge: RoofEdge) -> RoofPoint:
+    """Return a function from metres along an edge, behind it and above it to world points."""
+    origin, ahead, out = edge.start, np.append(edge.direction, 0.0), np.append(edge.outward, 0.0)
 
     def at(along: float, behind: float, over: float) -> np.ndarray:
         return origin + along * ahead - behind * out + over * np.array([0.0, 0.0, 1.0])
@@ -101,9 +141,9 @@ def _from(edge: Edge) -> Place:
     return at
 
 
-def _dormer(
-    faces: Faces,
-    edge: Edge,
+def _add_dormer(
+    faces: RoofDetailBuilder,
+    edge: RoofEdge,
     middle: float,
     wide: float,
     high: float,
@@ -112,19 +152,21 @@ def _dormer(
     gabled: bool,
     free: BaseGeometry,
 ) -> bool:
-    """Put a dormer on the roof over an edge, the middle of its front so far along; False where there is no room for it, neither
-    below `rise` metres nor within `free`, from above."""
-    fall, at = edge.fall, _from(edge)
-    front = max(over / fall, BEHIND_M)
-    foot, gable = front * fall, GABLE_M if gabled else 0.0
-    # its upper end lies on the roof: a gable's is level, another's rises to the back
-    slope = 0.0 if gabled else min(FALL, fall / 4)
+    """Add a dormer with its front around `middle` metres along an edge.
+
+    False where it has no room below `rise` metres and, seen from above, within `free`.
+    """
+    fall, at = edge.slope, _roof_points(edge)
+    front = max(over / fall, MIN_SETBACK_M)
+    foot, gable = front * fall, GABLE_HEIGHT_M if gabled else 0.0
+    # the upper end meets the roof: the ridge of a gable is level, a shed roof rises to the back
+    slope = 0.0 if gabled else min(SHED_SLOPE, fall / 4)
     top = min(foot + high, rise - gable)
     back = (top + gable - slope * front) / (fall - slope)
     if not gabled and back * fall > rise:
         back = rise / fall
         top = rise - slope * (back - front)
-    if top - foot < LEAST_HIGH_M:
+    if top - foot < MIN_FRONT_HEIGHT_M:
         return False
     left, right = middle - wide / 2, middle + wide / 2
     ground = Polygon(
@@ -132,40 +174,42 @@ def _dormer(
     )
     if not free.contains(ground):
         return False
-    low = foot - SUNK_M
+    low = foot - BURIED_M
     level = top / fall if gabled else back
     end = top if gabled else back * fall
     face = [at(left, front, low), at(right, front, low), at(right, front, top), at(left, front, top)]
-    out = np.append(edge.out, 0.0)
+    out = np.append(edge.outward, 0.0)
     if gabled:
         apex, ridge = at(middle, front, top + gable), at(middle, back, top + gable)
         face.insert(3, apex)
-        faces.add(ChartKind.ROOF, [at(right, front, top), at(right, level, top), ridge, apex])
-        faces.add(ChartKind.ROOF, [at(left, level, top), at(left, front, top), apex, ridge])
+        faces.add_polygon(ChartKind.ROOF, [at(right, front, top), at(right, level, top), ridge, apex])
+        faces.add_polygon(ChartKind.ROOF, [at(left, level, top), at(left, front, top), apex, ridge])
     else:
-        faces.add(
+        faces.add_polygon(
             ChartKind.ROOF, [at(left, front, top), at(right, front, top), at(right, back, end), at(left, back, end)]
         )
-    faces.add(ChartKind.WALL, face)
-    faces.add(ChartKind.WALL, [at(left, level, end), at(left, front, low), at(left, front, top)], along=out)
-    faces.add(ChartKind.WALL, [at(right, front, low), at(right, level, end), at(right, front, top)], along=-out)
-    sides, ahead = (left + JAMB_M, right - JAMB_M), front - OUT_M
+    faces.add_polygon(ChartKind.WALL, face)
+    faces.add_polygon(ChartKind.WALL, [at(left, level, end), at(left, front, low), at(left, front, top)], along=out)
+    faces.add_polygon(ChartKind.WALL, [at(right, front, low), at(right, level, end), at(right, front, top)], along=-out)
+    sides, ahead = (left + JAMB_M, right - JAMB_M), front - WINDOW_RELIEF_M
     sill, head = foot + SILL_M, top - HEAD_M
-    faces.add(
+    faces.add_polygon(
         ChartKind.WINDOW,
         [at(sides[0], ahead, sill), at(sides[1], ahead, sill), at(sides[1], ahead, head), at(sides[0], ahead, head)],
     )
     return True
 
 
-def _light(faces: Faces, edge: Edge, middle: float, over: float, free: BaseGeometry) -> bool:
-    """Put a rooflight on the roof over an edge; False where there is no room for it within `free`, from above."""
-    fall, at = edge.fall, _from(edge)
-    low = max(over / fall, BEHIND_M)
-    up = low + LIGHT_M[1] / np.hypot(1.0, fall)
-    left, right = middle - LIGHT_M[0] / 2, middle + LIGHT_M[0] / 2
+def _add_rooflight(faces: RoofDetailBuilder, edge: RoofEdge, middle: float, over: float, free: BaseGeometry) -> bool:
+    """Add a rooflight over an edge; False where it has no room within `free`, seen from above."""
+    fall, at = edge.slope, _roof_points(edge)
+    low = max(over / fall, MIN_SETBACK_M)
+    up = low + ROOFLIGHT_SIZE_M[1] / np.hypot(1.0, fall)
+    left, right = middle - ROOFLIGHT_SIZE_M[0] / 2, middle + ROOFLIGHT_SIZE_M[0] / 2
     corners = ((left, low), (right, low), (right, up), (left, up))
     if not free.contains(Polygon([at(along, behind, 0)[:2] for along, behind in corners])):
         return False
-    faces.add(ChartKind.WINDOW, [at(along, behind, behind * fall + OUT_M) for along, behind in corners])
+    faces.add_polygon(
+        ChartKind.WINDOW, [at(along, behind, behind * fall + WINDOW_RELIEF_M) for along, behind in corners]
+    )
     return True

@@ -1,6 +1,6 @@
-"""What stands out at a roof's edge where no neighbour does: eaves and verges of pitched roofs, parapets of flat ones.
+"""Overhangs of pitched roofs, and parapets of flat roofs, at edges without a neighbour.
 
-They are drawn beside the building's closed surfaces, as installations on it: walls and roofs end where they would without.
+They are installations outside the closed surface of the building, which walls and roof form without them.
 """
 
 from __future__ import annotations
@@ -11,116 +11,162 @@ import numpy as np
 from shapely import Polygon
 
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.buildings.roof_details import Faces, Trim, normal_of
-from facade_core.geometry.buildings.roof_edges import OPEN, TOUCH_M, Around, Edge, free_pieces, roof_edges
+from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder, triangle_normal
+from facade_core.geometry.buildings.roof_edges import (
+    MAX_TOUCH_M,
+    OPEN_SURROUNDINGS,
+    RoofEdge,
+    RoofSurroundings,
+    free_edges,
+    roof_edges,
+)
 from facade_core.geometry.charts import ChartKind
 
-# How far a roof reaches beyond a wall below its eaves, and beyond a gable; how far below the edge its cove meets the wall.
-OVERHANG_M, VERGE_M, THICK_M = 0.4, 0.2, 0.22
-# It ends no lower than this under the eaves; one steeper than the second figure runs out as flat as the third (slopes).
-LOWER_M, STEEP, FLAT = 0.3, 1.0, 0.2
-# A parapet, over a roof that is higher than the third figure: lower ones have none.
-PARAPET_M, COPING_M, LOW_ROOF_M = 0.4, 0.3, 4.0
-# A roof with more edges is round, and has none of this.
-MOST = 48
-# Edges meet in a mitre up to this many times as long as they are wide.
-MITRE = 2.5
-# And where their heights there differ by less than this.
-LEVEL_M = 5e-3
+# Metres from the wall to the edge of a roof, over eaves and over gables.
+OVERHANG_M = 0.4
+VERGE_M = 0.2
+# Metres from the lower edge of an overhang down to the foot of its cove at the wall.
+COVE_DEPTH_M = 0.22
+# Metres by which an overhang may drop below the eaves.
+MAX_DROP_M = 0.3
+# Overhangs of steeper roofs (rise over run) continue at the second slope.
+MAX_OVERHANG_SLOPE = 1.0
+STEEP_OVERHANG_SLOPE = 0.2
+# Height and depth of a parapet in metres.
+PARAPET_M = 0.4
+COPING_M = 0.3
+# Lowest roof with a parapet, metres over the ground.
+MIN_PARAPET_ROOF_M = 4.0
+# A roof with more edges is round, and gets neither overhang nor parapet.
+MAX_EDGES = 48
+# Longest mitre as a multiple of the width.
+MAX_MITRE_RATIO = 2.5
+# Metres by which the heights of two overhangs may differ at their mitre.
+MITRE_LEVEL_M = 5e-3
 
 
 class Overhang(NamedTuple):
-    """A pitched roof drawn out over its edges; the coves below, None without any; its edges as far as they are drawn out, with
-    the outer ends (3,) of each; how far below an edge its cove meets the wall, metres."""
+    """Pitched roof extended over its edges.
+
+    Attributes
+    ----------
+    roof : facets with the overhang.
+    coves : sloped surfaces below the overhang; None without any.
+    edges : extended edges.
+    ends : outer ends (3,) of each edge.
+    below : metres from an edge down to the foot of its cove.
+    """
 
     roof: Facets
-    coves: Trim | None
-    edges: list[Edge]
+    coves: RoofDetail | None
+    edges: list[RoofEdge]
     ends: list[tuple[np.ndarray, np.ndarray]]
     below: float
 
 
-def overhang(roof: Facets, outline: Polygon, around: Around) -> Overhang:
-    """The facets of a pitched roof drawn out over its eaves and verges; the roof as it is where there is nowhere to."""
-    offsets, edges = _offsets(free_pieces([_with_width(edge) for edge in roof_edges(roof, outline)], around))
+def build_overhang(roof: Facets, outline: Polygon, around: RoofSurroundings) -> Overhang:
+    """Extend a pitched roof over its eaves and verges; edges with a neighbour stay as they are.
+
+    Parameters
+    ----------
+    roof : facets of the roof.
+    outline : footprint of the building.
+    around : surroundings of the roof's edges.
+    """
+    offsets, edges = _outer_ends(free_edges([_set_width(edge) for edge in roof_edges(roof, outline)], around))
     if not edges:
         return Overhang(roof, None, [], [], 0.0)
-    faces = Faces()
+    faces = RoofDetailBuilder()
     strips, facet, normals = [], [], list(roof.normal)
     level: dict[tuple[int, float], int] = {}
-    # one for all, so that coves meet at corners
-    below = np.array([0.0, 0.0, max(edge.wide * _lower(edge) for edge in edges) + THICK_M])
+    # the same for all edges, so that coves meet at corners
+    below = np.array([0.0, 0.0, max(edge.width * _overhang_slope(edge) for edge in edges) + COVE_DEPTH_M])
     for edge, (left, right) in zip(edges, offsets, strict=True):
         strips.append([edge.start, left, right, edge.end])
-        if edge.fall > STEEP:
-            # a kink: the strip lies in a plane of its own
-            way = (edge.facet, round(float(np.arctan2(*edge.out)), 3))
+        if edge.slope > MAX_OVERHANG_SLOPE:
+            # at a kink the strip is in its own plane
+            way = (edge.facet, round(float(np.arctan2(*edge.outward)), 3))
             facet.append(level.setdefault(way, len(normals)))
             if facet[-1] == len(normals):
-                normals.append(normal_of(*strips[-1][:3]))
+                normals.append(triangle_normal(*strips[-1][:3]))
         else:
             facet.append(edge.facet)
-        faces.add(ChartKind.CEILING, [edge.start - below, edge.end - below, right, left])
-        if edge.before < 0:
-            faces.add(ChartKind.WALL, [edge.start - below, left, edge.start])
-        if edge.after < 0:
-            faces.add(ChartKind.WALL, [right, edge.end - below, edge.end])
-    drawn = _with_strips(roof, np.array(strips), np.array(facet), np.array(normals))
-    return Overhang(drawn, faces.trim(), edges, offsets, float(below[2]))
+        faces.add_polygon(ChartKind.CEILING, [edge.start - below, edge.end - below, right, left])
+        if edge.previous < 0:
+            faces.add_polygon(ChartKind.WALL, [edge.start - below, left, edge.start])
+        if edge.following < 0:
+            faces.add_polygon(ChartKind.WALL, [right, edge.end - below, edge.end])
+    drawn = _append_strips(roof, np.array(strips), np.array(facet), np.array(normals))
+    return Overhang(drawn, faces.build(), edges, offsets, float(below[2]))
 
 
-def parapet(outline: Polygon, top: float, around: Around) -> Trim | None:
-    """A low wall along the edges of a flat roof at height `top`, which slopes inwards; None where neighbours are all around."""
-    edges: list[Edge] = []
+def build_parapet(outline: Polygon, top: float, around: RoofSurroundings) -> RoofDetail | None:
+    """Build a low wall, with a top sloped inwards, along the free edges of a flat roof.
+
+    Parameters
+    ----------
+    outline : footprint of the building.
+    top : height of the roof in metres.
+    around : surroundings of the roof's edges.
+
+    Returns
+    -------
+    None where neighbours surround the roof.
+    """
+    edges: list[RoofEdge] = []
     for ring in (outline.exterior, *outline.interiors):
         corners = np.column_stack([np.asarray(ring.coords), np.full(len(ring.coords), top)])
         first, count = len(edges), len(corners) - 1
         for k in range(count):
             before, after = first + (k - 1) % count, first + (k + 1) % count
-            edges.append(Edge(corners[k], corners[k + 1], -1, 0.0, -COPING_M, before, after))
-    offsets, edges = _offsets(free_pieces(edges, around._replace(eyes=OPEN.eyes)))
+            edges.append(RoofEdge(corners[k], corners[k + 1], -1, 0.0, -COPING_M, before, after))
+    offsets, edges = _outer_ends(free_edges(edges, around._replace(street_points=OPEN_SURROUNDINGS.street_points)))
     if not edges:
         return None
-    faces = Faces()
+    faces = RoofDetailBuilder()
     high = np.array([0.0, 0.0, PARAPET_M])
     for edge, (left, right) in zip(edges, offsets, strict=True):
-        faces.add(ChartKind.WALL, [edge.start, edge.end, edge.end + high, edge.start + high])
-        faces.add(ChartKind.ROOF, [edge.start + high, edge.end + high, right, left])
-        if edge.before < 0:
-            faces.add(ChartKind.WALL, [left, edge.start, edge.start + high])
-        if edge.after < 0:
-            faces.add(ChartKind.WALL, [edge.end, right, edge.end + high])
-    return faces.trim()
+        faces.add_polygon(ChartKind.WALL, [edge.start, edge.end, edge.end + high, edge.start + high])
+        faces.add_polygon(ChartKind.ROOF, [edge.start + high, edge.end + high, right, left])
+        if edge.previous < 0:
+            faces.add_polygon(ChartKind.WALL, [left, edge.start, edge.start + high])
+        if edge.following < 0:
+            faces.add_polygon(ChartKind.WALL, [edge.end, right, edge.end + high])
+    return faces.build()
 
 
-def _with_width(edge: Edge) -> Edge:
-    """An edge of a roof with the width of its overhang."""
+def _set_width(edge: RoofEdge) -> RoofEdge:
+    """Return an edge with the width of its overhang."""
     sloped = abs(edge.end[2] - edge.start[2]) > 0.1 * np.hypot(*(edge.end - edge.start)[:2])
-    if sloped or edge.fall <= 0:
-        return edge._replace(wide=VERGE_M)
-    return edge._replace(wide=min(OVERHANG_M, LOWER_M / edge.fall) if edge.fall <= STEEP else OVERHANG_M)
+    if sloped or edge.slope <= 0:
+        return edge._replace(width=VERGE_M)
+    return edge._replace(
+        width=min(OVERHANG_M, MAX_DROP_M / edge.slope) if edge.slope <= MAX_OVERHANG_SLOPE else OVERHANG_M
+    )
 
 
-def _lower(edge: Edge) -> float:
-    """How far an edge's overhang falls per metre outwards."""
-    return FLAT if edge.fall > STEEP else edge.fall
+def _overhang_slope(edge: RoofEdge) -> float:
+    """Return the fall of an edge's overhang per metre outwards."""
+    return STEEP_OVERHANG_SLOPE if edge.slope > MAX_OVERHANG_SLOPE else edge.slope
 
 
-def _offsets(edges: list[Edge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], list[Edge]]:
-    """Where the outer ends (3,) of edges lie, and the edges left: what is too short for its mitres is left out."""
+def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], list[RoofEdge]]:
+    """Compute the outer ends (3,) of edges; edges too short for their mitres are dropped."""
     while True:
-        if len(edges) > MOST:
+        if len(edges) > MAX_EDGES:
             return [], []
         ends = []
         for i, edge in enumerate(edges):
-            ahead = edge.after
-            if ahead >= 0 and not _meet(edge, edges[ahead]):
-                edges[i], edges[ahead] = edge._replace(after=-1), edges[ahead]._replace(before=-1)
+            ahead = edge.following
+            if ahead >= 0 and not _is_mitred(edge, edges[ahead]):
+                edges[i], edges[ahead] = edge._replace(following=-1), edges[ahead]._replace(previous=-1)
         for edge in edges:
-            left = _outer(edge, edges[edge.before] if edge.before >= 0 else None, edge.start)
-            right = _outer(edge, edges[edge.after] if edge.after >= 0 else None, edge.end)
+            left = _outer_corner(edge, edges[edge.previous] if edge.previous >= 0 else None, edge.start)
+            right = _outer_corner(edge, edges[edge.following] if edge.following >= 0 else None, edge.end)
             ends.append((left, right))
-        short = [(right - left)[:2] @ edge.ahead < TOUCH_M for edge, (left, right) in zip(edges, ends, strict=True)]
+        short = [
+            (right - left)[:2] @ edge.direction < MAX_TOUCH_M for edge, (left, right) in zip(edges, ends, strict=True)
+        ]
         if not any(short):
             return ends, edges
         number = np.cumsum([0, *(not one for one in short)])
@@ -129,47 +175,49 @@ def _offsets(edges: list[Edge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], li
             return -1 if other < 0 or short[other] else int(number[other])
 
         edges = [
-            edge._replace(before=kept(edge.before), after=kept(edge.after))
+            edge._replace(previous=kept(edge.previous), following=kept(edge.following))
             for edge, out in zip(edges, short, strict=True)
             if not out
         ]
 
 
-def _meet(one: Edge, other: Edge) -> bool:
-    """Whether overhangs of two edges meet in a mitre: near enough, and at one height."""
-    step = mitre(one, other)
+def _is_mitred(one: RoofEdge, other: RoofEdge) -> bool:
+    """Return whether the overhangs of two edges meet in a mitre of one height."""
+    step = mitre_offset(one, other)
     if step is None:
         return False
-    return bool(abs(_lowered(one, one.end, step)[2] - _lowered(other, other.start, step)[2]) < LEVEL_M)
+    return bool(
+        abs(_step_outwards(one, one.end, step)[2] - _step_outwards(other, other.start, step)[2]) < MITRE_LEVEL_M
+    )
 
 
-def mitre(one: Edge, other: Edge) -> np.ndarray | None:
-    """From where two edges meet to where their outer edges do, (2,); None where that is too far."""
-    system = np.array([one.out, other.out])
+def mitre_offset(one: RoofEdge, other: RoofEdge) -> np.ndarray | None:
+    """Return the offset (2,) from the corner of two edges to the corner of their outer edges; None where it is too long."""
+    system = np.array([one.outward, other.outward])
     if abs(np.linalg.det(system)) < 0.05:
-        return (one.out * (one.wide + other.wide) / 2) if one.out @ other.out > 0 else None
-    found = np.linalg.solve(system, [one.wide, other.wide])
-    return found if np.hypot(*found) <= MITRE * max(abs(one.wide), abs(other.wide)) else None
+        return (one.outward * (one.width + other.width) / 2) if one.outward @ other.outward > 0 else None
+    found = np.linalg.solve(system, [one.width, other.width])
+    return found if np.hypot(*found) <= MAX_MITRE_RATIO * max(abs(one.width), abs(other.width)) else None
 
 
-def _outer(edge: Edge, other: Edge | None, corner: np.ndarray) -> np.ndarray:
-    """The outer corner (3,) over a corner of an edge, which the other edge shares."""
+def _outer_corner(edge: RoofEdge, other: RoofEdge | None, corner: np.ndarray) -> np.ndarray:
+    """Return the outer corner (3,) at a corner of an edge, shared with `other`."""
     if other is None:
-        return _lowered(edge, corner, edge.wide * edge.out)
-    step = mitre(edge, other)
+        return _step_outwards(edge, corner, edge.width * edge.outward)
+    step = mitre_offset(edge, other)
     assert step is not None
-    return (_lowered(edge, corner, step) + _lowered(other, corner, step)) / 2
+    return (_step_outwards(edge, corner, step) + _step_outwards(other, corner, step)) / 2
 
 
-def _lowered(edge: Edge, corner: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """A corner of an edge, gone a step (2,) on the plane of its overhang."""
+def _step_outwards(edge: RoofEdge, corner: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return a corner of an edge moved by a step (2,) on the plane of its overhang."""
     run = edge.end - edge.start
     climb = run[2] / np.hypot(*run[:2])
-    return corner + np.array([*step, climb * (step @ edge.ahead) - _lower(edge) * (step @ edge.out)])
+    return corner + np.array([*step, climb * (step @ edge.direction) - _overhang_slope(edge) * (step @ edge.outward)])
 
 
-def _with_strips(roof: Facets, strips: np.ndarray, facet: np.ndarray, normals: np.ndarray) -> Facets:
-    """A roof's facets with quads (q, 4, 3) of facets (q,), those beyond its own new."""
+def _append_strips(roof: Facets, strips: np.ndarray, facet: np.ndarray, normals: np.ndarray) -> Facets:
+    """Append quads (q, 4, 3) of facets (q,) to a roof; facet numbers beyond the roof's are new facets."""
     corner = len(roof.vertices) + np.arange(4 * len(strips)).reshape(-1, 4)
     triangles = np.concatenate([roof.triangles, corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])
     of = np.concatenate([roof.facet, facet, facet])

@@ -1,4 +1,4 @@
-"""Footprints extruded: walls on every edge, roofs, undersides and skirts."""
+"""Extrusion of footprints: walls, flat roofs, undersides and skirts."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from shapely import Polygon
 
 from facade_core.geometry.buildings.facets import Facets
 from facade_core.geometry.buildings.roof_shapes import GRID_M
-from facade_core.geometry.buildings.shells import SKIRT_M, add_facets
-from facade_core.geometry.charts import ChartKind, Pieces
-from facade_core.geometry.cutting import SHORTEST_WALL_M, line_cuts
-from facade_core.geometry.ground.ground_charts import FINER, add_level, add_planar
+from facade_core.geometry.buildings.shells import MIN_SKIRT_M, add_facets
+from facade_core.geometry.charts import ChartBuilder, ChartKind
+from facade_core.geometry.cutting import MIN_WALL_PIECE_M, grid_crossings
+from facade_core.geometry.ground.ground_charts import GRID_DIVISORS, add_level_surface, add_planar_chart
 from facade_core.geometry.ground.terrain import Terrain
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
-def add_extruded(
-    pieces: Pieces,
+def add_extrusion(
+    pieces: ChartBuilder,
     index: int,
     outline: Polygon,
     base: float,
@@ -32,26 +32,39 @@ def add_extruded(
     roof: Facets | None = None,
     raised: float = 0.0,
 ) -> None:
-    """Walls on every edge, a flat roof or the facets of one, and a skirt down to the terrain where it lies lower; of what
-    begins `raised` metres above its base an underside instead."""
+    """Add the extrusion of a footprint: walls, a roof, and a skirt down to lower terrain, or an underside where it is raised.
+
+    Parameters
+    ----------
+    pieces : charts collected so far; extended in place.
+    index : row of the building.
+    outline : footprint.
+    base : ground height in metres.
+    height : metres from `base` to the eaves.
+    terrain : ground heights.
+    largest : metres; longer surfaces are cut.
+    grid : step of the world grid in metres.
+    roof : facets of a pitched roof; None for a flat one.
+    raised : metres from `base` to the underside.
+    """
     foot, eaves = base + raised, base + height
     joints = np.empty((0, 2)) if roof is None else roof.vertices[roof.vertices[:, 2] >= eaves, :2]
     rings = [np.asarray(ring.coords) for ring in (outline.exterior, *outline.interiors)]
     edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
     for a, b in edges:
-        _wall(pieces, index, a, b, foot, eaves, largest, grid, joints)
+        _add_wall(pieces, index, a, b, foot, eaves, largest, grid, joints)
     if roof is None:
-        add_level(pieces, ChartKind.ROOF, index, outline, eaves, largest, grid)
+        add_level_surface(pieces, ChartKind.ROOF, index, outline, eaves, largest, grid)
     if raised > 0:
-        add_level(pieces, ChartKind.CEILING, index, outline, foot, largest, grid)
+        add_level_surface(pieces, ChartKind.CEILING, index, outline, foot, largest, grid)
     else:
-        _skirt(pieces, index, edges, base, terrain, largest, grid)
+        _add_skirt_walls(pieces, index, edges, base, terrain, largest, grid)
     if roof is not None:
         add_facets(pieces, index, roof, largest, grid)
 
 
-def _skirt(
-    pieces: Pieces,
+def _add_skirt_walls(
+    pieces: ChartBuilder,
     index: int,
     edges: Sequence[tuple[np.ndarray, np.ndarray]],
     base: float,
@@ -61,14 +74,14 @@ def _skirt(
 ) -> None:
     for a, b in edges:
         length = float(np.hypot(*(b - a)))
-        steps = line_cuts(a, b, length, grid / FINER[-1]) / max(length, SHORTEST_WALL_M)
-        foot = float(terrain.height(a + steps[:, None] * (b - a)).min())
-        if base - foot > SKIRT_M:
-            _wall(pieces, index, a, b, foot, base, largest, grid)
+        steps = grid_crossings(a, b, length, grid / GRID_DIVISORS[-1]) / max(length, MIN_WALL_PIECE_M)
+        foot = float(terrain.interpolate(a + steps[:, None] * (b - a)).min())
+        if base - foot > MIN_SKIRT_M:
+            _add_wall(pieces, index, a, b, foot, base, largest, grid)
 
 
-def above(found: Facets, height: float) -> Facets:
-    """The facets that lie above a height."""
+def facets_above(found: Facets, height: float) -> Facets:
+    """Return the facets above a height in metres."""
     low = np.full(len(found), np.inf)
     np.minimum.at(low, found.facet, found.vertices[found.triangles][..., 2].min(axis=1))
     kept = low > height - GRID_M
@@ -84,8 +97,8 @@ def above(found: Facets, height: float) -> Facets:
     )
 
 
-def _wall(
-    pieces: Pieces,
+def _add_wall(
+    pieces: ChartBuilder,
     index: int,
     a: np.ndarray,
     b: np.ndarray,
@@ -95,46 +108,53 @@ def _wall(
     grid: float,
     joints: np.ndarray | None = None,
 ) -> None:
-    """The wall over an edge with the building on its left, so that the edge runs left to right seen from outside.
+    """Add the wall over an edge with the building on its left, so that it runs left to right seen from outside.
 
-    joints (k, 2): where something on top of it has corners; those on the edge are the wall's too.
+    `joints` (k, 2) are corners of the roof; the wall gets a vertex at those on its edge.
     """
     length, height = float(np.hypot(*(b - a))), high - low
-    if length < SHORTEST_WALL_M:
+    if length < MIN_WALL_PIECE_M:
         return
     along = np.append((b - a) / length, 0.0)
-    cuts = line_cuts(a, b, length, grid) if length > largest else np.array([0.0, length])
+    cuts = grid_crossings(a, b, length, grid) if length > largest else np.array([0.0, length])
     levels = np.arange(0.0, height, grid) if height > largest else np.array([0.0])
     levels = np.append(levels, height)
-    steps = np.empty(0) if joints is None else _on_edge(a, along[:2], length, joints)
+    steps = np.empty(0) if joints is None else _distances_on_edge(a, along[:2], length, joints)
     for left, right in zip(cuts[:-1], cuts[1:], strict=True):
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             origin = np.array([a[0], a[1], low + top]) + left * along
             met = steps[(steps > left) & (steps < right)] - left if top == height else steps[:0]
-            _rectangle(pieces, index, origin, along, right - left, top - bottom, met)
-    pieces.surfaces += 1
+            _add_rectangle(pieces, index, origin, along, right - left, top - bottom, met)
+    pieces.surface_count += 1
 
 
-def _rectangle(
-    pieces: Pieces, index: int, origin: np.ndarray, along: np.ndarray, width: float, height: float, met: np.ndarray
+def _add_rectangle(
+    pieces: ChartBuilder,
+    index: int,
+    origin: np.ndarray,
+    along: np.ndarray,
+    width: float,
+    height: float,
+    met: np.ndarray,
 ) -> None:
-    """A wall's chart of the current surface, with corners at `met` (k,) metres from the left on its upper edge too."""
+    """Add a chart of a wall with extra vertices at `met` (k,) metres from the left on its upper edge."""
     if not len(met):
-        add_planar(pieces, ChartKind.WALL, index, origin, along, _DOWN, shapely.box(0, 0, width, height))
+        add_planar_chart(pieces, ChartKind.WALL, index, origin, along, _DOWN, shapely.box(0, 0, width, height))
         return
     x = np.concatenate([[0.0, width, width], met[::-1], [0.0]])
     y = np.concatenate([[height, height], np.zeros(len(met) + 2)])
     fan = np.arange(1, len(x) - 1)
     triangles = np.column_stack([np.zeros(len(fan), np.int64), fan, fan + 1])
     one = [
-        np.array([value]) for value in (ChartKind.WALL, pieces.surfaces, index, origin, along, _DOWN, (width, height))
+        np.array([value])
+        for value in (ChartKind.WALL, pieces.surface_count, index, origin, along, _DOWN, (width, height))
     ]
     vertices = origin + x[:, None] * along + y[:, None] * _DOWN
     pieces.add_charts(tuple(one), (vertices, triangles, np.zeros(len(fan), np.int64), np.zeros(len(x), np.int64)))
 
 
-def _on_edge(start: np.ndarray, along: np.ndarray, length: float, points: np.ndarray) -> np.ndarray:
-    """How far along an edge the points (k, 2) on it lie, ascending, its ends left out."""
+def _distances_on_edge(start: np.ndarray, along: np.ndarray, length: float, points: np.ndarray) -> np.ndarray:
+    """Return the ascending distances along an edge of the points (k, 2) on it, without its ends."""
     offset = points - start
     step = offset @ along
     off = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0])

@@ -1,4 +1,4 @@
-"""The triangles of a building's shell grouped into planar facets that face outward."""
+"""Planar, outward facets from the triangles of a building's shell."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SEMANTICS, Shell
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.surface_crossings import Crossings
+from facade_core.geometry.surface_crossings import CrossingCounter
 
+# Grid on which vertices are merged; metres.
 WELD_M = 1e-3
-# Triangles of a facet lie this near to its plane, and their normals within this angle of its.
-OFF_PLANE_M = 0.1
-ANGLE = np.cos(np.radians(3.0))
-# Vertices of a source are right to about this: a thin triangle's normal says no more than that.
-VERTEX_M = 0.01
-SMALLEST_M2 = 0.01
-# |nz| below which a surface is upright; one that its source calls a wall, window or door may lean more.
-UPRIGHT, LEANING = 0.2, 0.7
-# A point this far off a wall says whether that side is inside the footprint.
-ASIDE_M = 0.05
-# What faces down this near to the lowest point of a building is its underside.
+# Metres from a triangle of a facet to the facet's plane.
+MAX_OFF_PLANE_M = 0.1
+# Cosine between the normals of a triangle and its facet: 3 degrees.
+MIN_NORMAL_COSINE = np.cos(np.radians(3.0))
+# Accuracy of source vertices in metres, which bounds that of a thin triangle's normal.
+VERTEX_ACCURACY_M = 0.01
+MIN_FACET_M2 = 0.01
+# |nz| below which a surface is upright, and below which one is that its source calls a wall, window or door.
+MAX_UPRIGHT_NZ = 0.2
+MAX_LEANING_NZ = 0.7
+# Metres off a wall of the points that decide which side is inside the footprint.
+SIDE_PROBE_M = 0.05
+# Metres above the lowest point of a building up to which surfaces that face down are its underside.
 UNDERSIDE_M = 0.5
 
-_KIND = {
+_KIND_OF_SEMANTIC = {
     "wall": ChartKind.WALL,
     "roof": ChartKind.ROOF,
     "window": ChartKind.WINDOW,
@@ -44,12 +47,15 @@ _GROUND, _ROOF, _CEILING, _UNKNOWN, _WALL = (
 class Facets:
     """Planar facets of a shell as columns, without its underside.
 
-    vertices (v, 3) float64: welded;
-    triangles (t, 3) int64: counter-clockwise seen from outside, facet by facet;
-    facet (t,);
-    texture (t,) int32 and uv (t, 3, 2) float32: as in Shell;
-    kind (f,) uint8: an index into KINDS;
-    normal (f, 3): outward unit vectors.
+    Attributes
+    ----------
+    vertices : (v, 3) welded, metres.
+    triangles : (t, 3) vertex indices, counter-clockwise from outside, sorted by facet.
+    facet : (t,) facet of each triangle.
+    texture : (t,) as in `Shell`.
+    uv : (t, 3, 2) as in `Shell`.
+    kind : (f,) `ChartKind`.
+    normal : (f, 3) outward unit vectors.
     """
 
     vertices: np.ndarray
@@ -64,12 +70,20 @@ class Facets:
         return len(self.kind)
 
 
-def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
-    """Group the triangles of `shell` into facets: connected, of one semantic and texture, in one plane.
+def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
+    """Group the triangles of a shell into connected planar facets of one semantic and texture.
 
-    Winding is not relied on: an upright facet is turned so that the footprint lies behind it; one inside the footprint, or
-    level, by counting the surfaces on both sides, and only where that does not tell, by its winding. Facets of less than 1 dm2
-    are left out. Raises GeometryError for coordinates that are not numbers, or indices without a vertex.
+    The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a level one, is
+    decided by the number of surfaces on either side. Facets below MIN_FACET_M2 are dropped.
+
+    Parameters
+    ----------
+    footprint : outline of the building.
+
+    Raises
+    ------
+    GeometryError
+        Where coordinates are not finite, or indices have no vertex.
     """
     if not np.isfinite(shell.vertices).all():
         raise GeometryError("its model has coordinates that are not numbers; repair or drop it")
@@ -83,7 +97,7 @@ def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)]), axis=0)
     key = (ends[0] * len(vertices) + ends[1]).ravel()
     by_edge = np.argsort(key, kind="stable")
-    facet, seed, closed = _grow(vertices, triangles, label, area / length[:, None], length, order, key, by_edge)
+    facet, seed, closed = _grow_facets(vertices, triangles, label, area / length[:, None], length, order, key, by_edge)
 
     count = len(seed)
     turned = np.einsum("ij,ij->i", area, area[seed][facet]) < 0
@@ -91,24 +105,24 @@ def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     normal = np.stack([np.bincount(facet, aligned[:, k], count) for k in range(3)], axis=1)
     size = np.linalg.norm(normal, axis=1)
     normal = normal / np.maximum(size, 1e-12)[:, None]
-    # the winding that most of a facet's area has
+    # majority winding by area
     normal[np.bincount(facet, np.where(turned, -length, length), count) < 0] *= -1
     what = semantic[seed]
     corners = vertices[triangles]
-    # towards the top: the foot of a wall may stand in another part of the building
+    # weighted towards the top: the foot of a wall may be inside another part of the building
     top = np.arange(3) == np.argmax(corners[seed][..., 2], axis=1)[:, None]
     middle = np.einsum("fc,fcj->fj", np.where(top, 0.6, 0.2), corners[seed])
-    crossings = Crossings(corners, facet)
-    odd = np.stack([crossings.odd(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
+    crossings = CrossingCounter(corners, facet)
+    odd = np.stack([crossings.is_odd(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
     leaning = (what != _ROOF) & (what != _CEILING) & (what != _UNKNOWN) & (what != _GROUND)
-    upright = np.abs(normal[:, 2]) < np.where(leaning, LEANING, UPRIGHT)
+    upright = np.abs(normal[:, 2]) < np.where(leaning, MAX_LEANING_NZ, MAX_UPRIGHT_NZ)
     low = np.full(count, np.inf)
     np.minimum.at(low, facet, corners[..., 2].min(axis=1))
     low -= vertices[:, 2].min() if len(vertices) else 0.0
 
-    outward = _outward(normal, middle, odd, upright, what, low, size, footprint, closed, crossings)
-    kind = _kinds(what, outward, upright, low)
-    keep = (kind >= 0) & (size / 2 >= SMALLEST_M2)
+    outward = _orient_outward(normal, middle, odd, upright, what, low, size, footprint, closed, crossings)
+    kind = _chart_kinds(what, outward, upright, low)
+    keep = (kind >= 0) & (size / 2 >= MIN_FACET_M2)
     number = np.cumsum(keep) - 1
     mine = np.flatnonzero(keep[facet])
     mine = mine[np.argsort(facet[mine], kind="stable")]
@@ -126,8 +140,10 @@ def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
 
 
 def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices without repeats; triangles with an area, each once (textured ones first); their area vectors, doubled; where
-    they are in the shell."""
+    """Merge vertices and drop degenerate and repeated triangles, keeping textured ones.
+
+    Returns vertices, triangles, doubled area vectors, and the kept rows of the shell.
+    """
     cell = np.round(np.asarray(shell.vertices) / WELD_M).astype(np.int64)
     order = np.lexsort(cell.T)
     new = np.concatenate([[True], (np.diff(cell[order], axis=0) != 0).any(axis=1)]) if len(cell) else np.empty(0, bool)
@@ -145,8 +161,15 @@ def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     return vertices, triangles[kept], area[kept], kept
 
 
-def walled(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
-    """The share of a line along which walls stand that reach down to `foot` metres above the lowest point; 1 of no line."""
+def walled_share(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
+    """Return the share of a line with walls along it; 1 for no line.
+
+    Parameters
+    ----------
+    line : line seen from above.
+    foot : metres above the lowest point of the shell down to which walls must reach.
+    near : metres from the line to its walls.
+    """
     length = line.length
     corners = facets.vertices[facets.triangles]
     upright = np.abs(facets.normal[facets.facet, 2]) < 0.5
@@ -160,7 +183,7 @@ def walled(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: f
     return len(np.unique(walls.query(points, predicate="dwithin", distance=near)[0])) / max(1, len(points))
 
 
-def _outward(
+def _orient_outward(
     normal: np.ndarray,
     middle: np.ndarray,
     odd: np.ndarray,
@@ -170,28 +193,28 @@ def _outward(
     size: np.ndarray,
     footprint: Polygon | MultiPolygon,
     closed: bool,
-    crossings: Crossings,
+    crossings: CrossingCounter,
 ) -> np.ndarray:
-    """Normals turned outward. odd (f, 2): whether an odd number of surfaces lies ahead of the facet and behind it."""
+    """Orient normals outward; odd (f, 2) tells whether the number of surfaces in front of and behind a facet is odd."""
     ahead, behind = odd.T
-    # upright: the footprint, then the number of surfaces on either side
+    # upright facets: by the footprint, then by the number of surfaces on either side
     flat = normal[:, :2] / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]
-    aside = ASIDE_M * np.column_stack([flat, np.zeros(len(flat))])
+    aside = SIDE_PROBE_M * np.column_stack([flat, np.zeros(len(flat))])
     shapely.prepare(footprint)
     inside = [shapely.contains_xy(footprint, (middle + s * aside)[:, :2]) for s in (1, -1)]
     on_outline = upright & (inside[0] != inside[1])
-    # a wall that stands above the roof behind it is the neighbour's: it faces this building's side of the outline
+    # a wall above the roof behind it belongs to the neighbour, and faces this building's side of the outline
     within = middle + np.where(inside[0], 1, -1)[:, None] * aside
     nothing = np.full(len(normal), -1)
-    roofed = crossings.odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
+    roofed = crossings.is_odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
     if (on_outline & roofed).any():
         told = np.where(on_outline, roofed, upright & (ahead != behind))
     else:
         told = on_outline | (upright & (ahead != behind))
     flip = np.where(on_outline, inside[0], ahead) & told
-    # a source that winds most of its walls the wrong way round does so where nothing else tells too
+    # where most decided walls are wound the wrong way round, the undecided ones are too
     reverse = size[flip].sum() > size[told & ~flip].sum()
-    # level: up, unless there is more to say for down
+    # level facets face up, unless the evidence for down is stronger
     winds_down = (normal[:, 2] < 0) != reverse
     above = np.where(normal[:, 2] > 0, ahead, behind)
     below = np.where(normal[:, 2] > 0, behind, ahead)
@@ -202,16 +225,16 @@ def _outward(
     return np.where(flip[:, None], -normal, normal)
 
 
-def _kinds(what: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
-    """Kinds (f,) int64 of facets: what the source says; else by slope and place; -1 for the underside of a building."""
+def _chart_kinds(what: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside."""
     level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < UNDERSIDE_M, -1, ChartKind.CEILING))
-    told = np.array([_KIND.get(name, -1) for name in SEMANTICS])[what]
+    told = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[what]
     kind = np.where((what == _UNKNOWN) | (what == _WALL), np.where(upright, ChartKind.WALL, level), told)
     return np.where((what == _ROOF) & ~upright & (outward[:, 2] < 0), ChartKind.CEILING, kind)
 
 
 @njit(cache=True)
-def _grow(
+def _grow_facets(
     vertices: np.ndarray,
     triangles: np.ndarray,
     label: np.ndarray,
@@ -221,10 +244,10 @@ def _grow(
     key: np.ndarray,
     by_edge: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Facet of each triangle (t,), the seed of each facet, and whether every edge has an even number of triangles.
+    """Grow facets over shared edges from seeds in `order`.
 
-    Seeds are taken in `order`; area (t,) is twice the triangles' area; key (3 t,) numbers the edge from each corner, whichever
-    way it goes, and by_edge (3 t,) puts corners of one edge behind each other.
+    area (t,) is the doubled area of triangles; key (3 t,) identifies the undirected edge from each corner, and by_edge (3 t,) sorts
+    the corners by it. Returns the facet of each triangle, the seed of each facet, and whether the surface is closed.
     """
     t = len(triangles)
     edge = np.empty(3 * t, np.int64)
@@ -279,8 +302,8 @@ def _grow(
                         cosine += normal[s, c] * n0[c]
                     longest = np.sqrt(longest)
                     cosine = abs(cosine)
-                    doubt = VERTEX_M * longest / area[s]
-                    if off <= OFF_PLANE_M and (cosine >= ANGLE or 1 - cosine * cosine <= doubt * doubt):
+                    doubt = VERTEX_ACCURACY_M * longest / area[s]
+                    if off <= MAX_OFF_PLANE_M and (cosine >= MIN_NORMAL_COSINE or 1 - cosine * cosine <= doubt * doubt):
                         facet[s] = count
                         stack[depth] = s
                         depth += 1

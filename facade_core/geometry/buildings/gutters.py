@@ -1,4 +1,4 @@
-"""Gutters along the eaves that a street sees, and the pipes that lead down from them."""
+"""Gutters along eaves in sight of a street, and their downpipes."""
 
 from __future__ import annotations
 
@@ -7,141 +7,167 @@ from hashlib import blake2b
 
 import numpy as np
 
-from facade_core.geometry.buildings.eaves import Overhang, mitre
-from facade_core.geometry.buildings.roof_details import Faces, Trim
-from facade_core.geometry.buildings.roof_edges import Edge
+from facade_core.geometry.buildings.eaves import Overhang, mitre_offset
+from facade_core.geometry.buildings.roof_details import RoofDetail, RoofDetailBuilder
+from facade_core.geometry.buildings.roof_edges import RoofEdge
 from facade_core.geometry.charts import ChartKind
 
-# A building has gutters in this share of all cases; shorter eaves have none, and eaves are as level as the third figure says.
-SHARE, SHORTEST_M, LEVEL_M = 0.92, 1.5, 0.02
-# A gutter's section, metres out of the roof's edge and above it: its rim, its belly, and its back, which lies in the cove; the
-# trough inside, from the rim to under the roof. It tapers off over so much where no other goes on.
-RIM, BELLY, BACK, INSIDE, TAPER_M = (0.11, 0.0), (0.085, -0.085), (-0.09, -0.1), (-0.03, -0.045), 0.05
-# A pipe's section, metres aside of its middle and out of the wall; its middle lies so far from where the eaves end, and the
-# bend over it so far below the cove. Along eaves that go on the next pipe comes after so many metres.
-SECTION = ((-0.05, 0.012), (-0.032, 0.095), (0.032, 0.095), (0.05, 0.012))
-ASIDE_M, BEND_M, APART_M = 0.16, 0.12, 14.0
-# How far out of the roof's edge, and below it, a pipe leaves its gutter; a wall lower than this has none.
-OUTLET_M, SUNK_M, LOW_M = 0.03, 0.07, 2.0
+# Share of buildings with gutters.
+GUTTER_SHARE = 0.92
+# Metres; shorter eaves have no gutter, and eaves rise less than the second figure along their length.
+MIN_EAVES_M = 1.5
+MAX_EAVES_SLOPE_M = 0.02
+# Points of a gutter's section, metres out of the roof's edge and above it; the back is inside the cove.
+RIM_M = (0.11, 0.0)
+BELLY_M = (0.085, -0.085)
+BACK_M = (-0.09, -0.1)
+TROUGH_M = (-0.03, -0.045)
+# Metres over which a gutter tapers at its free end.
+TAPER_M = 0.05
+# Section of a pipe, metres along the wall from its middle and out of the wall.
+PIPE_SECTION_M = ((-0.05, 0.012), (-0.032, 0.095), (0.032, 0.095), (0.05, 0.012))
+# Metres from the end of the eaves to the middle of a pipe, and from the cove down to its bend.
+PIPE_END_DISTANCE_M = 0.16
+PIPE_BEND_M = 0.12
+# Metres of gutter from one pipe to the next.
+MAX_PIPE_SPACING_M = 14.0
+# Metres from the roof's edge out and down to where a pipe leaves its gutter.
+OUTLET_OVERHANG_M = 0.03
+OUTLET_DROP_M = 0.07
+# Metres; lower walls have no pipe.
+MIN_PIPE_M = 2.0
 
 
-def gutters(id: str, over: Overhang, foot: Callable[[np.ndarray], float]) -> Trim | None:
-    """The gutters of a building with their pipes; None where it has none.
+def build_gutters(id: str, over: Overhang, foot: Callable[[np.ndarray], float]) -> RoofDetail | None:
+    """Build the gutters and pipes of a building; a piece of gutter has at most 10 triangles, a pipe 12.
 
-    foot: where walls begin at a place (2,), metres. A piece of gutter has at most 10 triangles, a pipe 12.
+    Parameters
+    ----------
+    id : seed of the random draws.
+    over : the extended roof.
+    foot : height in metres at which walls begin at a place (2,).
+
+    Returns
+    -------
+    None without gutters.
     """
     seed = blake2b(id.encode(errors="surrogatepass"), digest_size=8, person=b"gutters").digest()
     rng = np.random.default_rng(int.from_bytes(seed))
-    if rng.random() > SHARE:
+    if rng.random() > GUTTER_SHARE:
         return None
     eaves = [_is_eave(edge) for edge in over.edges]
-    faces = Faces()
+    faces = RoofDetailBuilder()
     for i, edge in enumerate(over.edges):
         if eaves[i]:
-            _trough(faces, over, i, [j if j >= 0 and eaves[j] else -1 for j in (edge.before, edge.after)])
-    for number, at_end in _outlets(over.edges, eaves, bool(rng.random() < 0.5)):
-        _pipe(faces, over, number, at_end, foot)
-    return faces.trim() if any(eaves) else None
+            _add_trough(faces, over, i, [j if j >= 0 and eaves[j] else -1 for j in (edge.previous, edge.following)])
+    for number, at_end in _pipe_positions(over.edges, eaves, bool(rng.random() < 0.5)):
+        _add_pipe(faces, over, number, at_end, foot)
+    return faces.build() if any(eaves) else None
 
 
-def _is_eave(edge: Edge) -> bool:
+def _is_eave(edge: RoofEdge) -> bool:
     run = edge.end - edge.start
-    return bool(edge.fall > 0 and abs(run[2]) < LEVEL_M and np.hypot(*run[:2]) > SHORTEST_M)
+    return bool(edge.slope > 0 and abs(run[2]) < MAX_EAVES_SLOPE_M and np.hypot(*run[:2]) > MIN_EAVES_M)
 
 
-def _trough(faces: Faces, over: Overhang, number: int, beside: list[int]) -> None:
-    """The gutter along an eave; beside: the eaves before and after it whose gutters it meets, -1 where it ends."""
+def _add_trough(faces: RoofDetailBuilder, over: Overhang, number: int, beside: list[int]) -> None:
+    """Add the gutter along an eave; `beside` are the eaves before and after it whose gutters it meets, -1 at a free end."""
     edge, ends = over.edges[number], over.ends[number]
-    sides = [_section(over, number, other, after) for after, other in enumerate(beside)]
-    if (sides[1][0] - sides[0][0])[:2] @ edge.ahead < 4 * TAPER_M:
+    sides = [_section_corners(over, number, other, after) for after, other in enumerate(beside)]
+    if (sides[1][0] - sides[0][0])[:2] @ edge.direction < 4 * TAPER_M:
         return
     (rim0, belly0, back0, in0), (rim1, belly1, back1, in1) = sides
     outside = [[belly0, belly1, rim1, rim0], [back0, back1, belly1, belly0]]
-    down = np.array([0.0, 0.0, INSIDE[1]])
+    down = np.array([0.0, 0.0, TROUGH_M[1]])
     if beside[0] < 0:
         tip = ends[0] + down
         outside += [[tip, belly0, rim0], [tip, back0, belly0]]
     if beside[1] < 0:
         tip = ends[1] + down
         outside += [[belly1, tip, rim1], [back1, tip, belly1]]
-    along = np.append(edge.ahead, 0.0)
-    faces.bend(ChartKind.METAL, outside, along)
-    faces.bend(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
+    along = np.append(edge.direction, 0.0)
+    faces.add_bent(ChartKind.METAL, outside, along)
+    faces.add_bent(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
 
 
-def _section(over: Overhang, number: int, other: int, after: int) -> list[np.ndarray]:
-    """The corners (3,) of a gutter's section at one end of an eave."""
+def _section_corners(over: Overhang, number: int, other: int, after: int) -> list[np.ndarray]:
+    """Return the corners (3,) of a gutter's section at one end of an eave."""
     edge, end = over.edges[number], over.ends[number][after]
     corner = edge.end if after else edge.start
     found = []
-    for out, up in (RIM, BELLY, BACK, INSIDE):
+    for out, up in (RIM_M, BELLY_M, BACK_M, TROUGH_M):
         step = None
         if other >= 0:
-            step = mitre(edge._replace(wide=edge.wide + out), _widened(over.edges[other], out))
-        place = end[:2] + out * edge.out + (TAPER_M * edge.ahead * (-1 if after else 1) if other < 0 else 0.0)
+            step = mitre_offset(edge._replace(width=edge.width + out), _widen(over.edges[other], out))
+        place = end[:2] + out * edge.outward + (TAPER_M * edge.direction * (-1 if after else 1) if other < 0 else 0.0)
         if step is not None:
             place = corner[:2] + step
         found.append(np.append(place, end[2] + up))
     return found
 
 
-def _widened(edge: Edge, out: float) -> Edge:
-    return edge._replace(wide=edge.wide + out)
+def _widen(edge: RoofEdge, out: float) -> RoofEdge:
+    return edge._replace(width=edge.width + out)
 
 
-def _outlets(edges: list[Edge], eaves: list[bool], last: bool) -> list[tuple[int, bool]]:
-    """Where pipes are: the number of an eave, and whether at its end. At one end of short runs of gutters, the last or the
-    first; of long ones at both, and between them at corners."""
+def _pipe_positions(edges: list[RoofEdge], eaves: list[bool], last: bool) -> list[tuple[int, bool]]:
+    """Return the eaves with a pipe, and whether it is at the end: one per short run, both ends and corners of long runs."""
     found = []
-    for run in _runs(edges, eaves):
+    for run in _gutter_runs(edges, eaves):
         length = [float(np.hypot(*(edges[i].end - edges[i].start)[:2])) for i in run]
-        if sum(length) < APART_M:
+        if sum(length) < MAX_PIPE_SPACING_M:
             found.append((run[-1], True) if last else (run[0], False))
             continue
-        gone = APART_M
+        gone = MAX_PIPE_SPACING_M
         for i, own in zip(run, length, strict=True):
-            if gone >= APART_M:
+            if gone >= MAX_PIPE_SPACING_M:
                 found.append((i, False))
                 gone = 0.0
             gone += own
-        if edges[run[-1]].after != run[0]:
+        if edges[run[-1]].following != run[0]:
             found.append((run[-1], True))
     return found
 
 
-def _runs(edges: list[Edge], eaves: list[bool]) -> list[list[int]]:
-    """Eaves whose gutters go on into each other, in order."""
+def _gutter_runs(edges: list[RoofEdge], eaves: list[bool]) -> list[list[int]]:
+    """Return runs of eaves with continuous gutters, in order."""
     taken: set[int] = set()
     runs = []
-    # those that nothing goes before come first; what is left then are rings
+    # first the runs with a free start; the rest are rings
     for ring in (False, True):
         for i, edge in enumerate(edges):
-            if not eaves[i] or i in taken or (not ring and edge.before >= 0 and eaves[edge.before]):
+            if not eaves[i] or i in taken or (not ring and edge.previous >= 0 and eaves[edge.previous]):
                 continue
             run = [i]
-            while (ahead := edges[run[-1]].after) >= 0 and eaves[ahead] and ahead != i:
+            while (ahead := edges[run[-1]].following) >= 0 and eaves[ahead] and ahead != i:
                 run.append(ahead)
             taken.update(run)
             runs.append(run)
     return runs
 
 
-def _pipe(faces: Faces, over: Overhang, number: int, at_end: bool, foot: Callable[[np.ndarray], float]) -> None:
-    """A pipe from the gutter of an eave, at its end or its start, down the wall."""
+def _add_pipe(
+    faces: RoofDetailBuilder, over: Overhang, number: int, at_end: bool, foot: Callable[[np.ndarray], float]
+) -> None:
+    """Add a pipe from the gutter of an eave, at its end or its start, down the wall."""
     edge, ends = over.edges[number], over.ends[number]
-    ahead, out = np.append(edge.ahead, 0.0), np.append(edge.out, 0.0)
-    wall = edge.end - ASIDE_M * ahead if at_end else edge.start + ASIDE_M * ahead
-    below, top = foot(wall[:2]), wall[2] - over.below - BEND_M
-    if top - below < LOW_M:
+    ahead, out = np.append(edge.direction, 0.0), np.append(edge.outward, 0.0)
+    wall = edge.end - PIPE_END_DISTANCE_M * ahead if at_end else edge.start + PIPE_END_DISTANCE_M * ahead
+    below, top = foot(wall[:2]), wall[2] - over.below - PIPE_BEND_M
+    if top - below < MIN_PIPE_M:
         return
-    head = ends[0][2] - SUNK_M
+    head = ends[0][2] - OUTLET_DROP_M
     rings = [
         [
             wall + aside * ahead + (off + reach) * out + (height - wall[2]) * np.array([0.0, 0.0, 1.0])
-            for aside, off in SECTION
+            for aside, off in PIPE_SECTION_M
         ]
-        for height, reach in ((below, 0.0), (top, 0.0), (head, edge.wide + OUTLET_M - SECTION[1][1] / 2))
+        for height, reach in (
+            (below, 0.0),
+            (top, 0.0),
+            (head, edge.width + OUTLET_OVERHANG_M - PIPE_SECTION_M[1][1] / 2),
+        )
     ]
     for low, high in zip(rings[:-1], rings[1:], strict=True):
-        sides = [[low[k], low[k + 1], high[k + 1], high[k]] for k in range(len(SECTION) - 1)]
-        faces.bend(ChartKind.METAL, sides, low[1] - high[1])
+        sides = [[low[k], low[k + 1], high[k + 1], high[k]] for k in range(len(PIPE_SECTION_M) - 1)]
+        faces.add_bent(ChartKind.METAL, sides, low[1] - high[1])

@@ -1,4 +1,4 @@
-"""What is drawn beside a building's closed surfaces: polygons, a chart each, or several that bend about the plane of one."""
+"""Details outside the closed surface of a building: polygons on a chart each, or bent strips on a common chart."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from facade_core.geometry.buildings.facets import Facets
 
 
-class Trim(NamedTuple):
-    """Facets that are drawn beside a roof, and the directions (f, 3) of their charts' right."""
+class RoofDetail(NamedTuple):
+    """Facets outside the closed surface, and the right axes (f, 3) of their charts."""
 
     facets: Facets
     along: np.ndarray
 
 
-class Faces:
-    """Collects polygons by facets."""
+class RoofDetailBuilder:
+    """Collector of the polygons of a detail."""
 
     def __init__(self) -> None:
         self._kinds: list[int] = []
@@ -25,15 +25,29 @@ class Faces:
         self._along: list[np.ndarray] = []
         self._normals: list[np.ndarray] = []
 
-    def add(self, kind: int, corners: list[np.ndarray], along: np.ndarray | None = None) -> None:
-        """corners: three or more (3,), convex, counter-clockwise seen from outside; the first two along the chart's right, if
-        that (3,) is not given."""
-        self._add(kind, [corners], corners[1] - corners[0] if along is None else along, normal_of(*corners[:3]))
+    def add_polygon(self, kind: int, corners: list[np.ndarray], along: np.ndarray | None = None) -> None:
+        """Add a polygon as one chart.
 
-    def bend(self, kind: int, polygons: list[list[np.ndarray]], along: np.ndarray) -> None:
-        """Polygons as of `add` on one chart, which lies between them: they leave its plane by no more than centimetres, and all
-        face its side. along (3,): the chart's right."""
-        total = sum((np.cross(b - a, c - a) for corners in polygons for a, b, c in _fan(corners)), start=np.zeros(3))
+        Parameters
+        ----------
+        kind : `ChartKind`.
+        corners : three or more (3,), convex, counter-clockwise from outside.
+        along : (3,) right axis of the chart; default is the first edge.
+        """
+        self._add(kind, [corners], corners[1] - corners[0] if along is None else along, triangle_normal(*corners[:3]))
+
+    def add_bent(self, kind: int, polygons: list[list[np.ndarray]], along: np.ndarray) -> None:
+        """Add polygons on one mean chart, whose plane they leave by centimetres at most.
+
+        Parameters
+        ----------
+        kind : `ChartKind`.
+        polygons : corners as in `add_polygon`, all facing one side.
+        along : (3,) right axis of the chart.
+        """
+        total = sum(
+            (np.cross(b - a, c - a) for corners in polygons for a, b, c in _fan_triangles(corners)), start=np.zeros(3)
+        )
         total -= (total @ along) / (along @ along) * along
         self._add(kind, polygons, along, total / np.linalg.norm(total))
 
@@ -43,8 +57,8 @@ class Faces:
         self._along.append(along)
         self._normals.append(normal)
 
-    def trim(self) -> Trim:
-        """The longest first: those that follow share its chunks."""
+    def build(self) -> RoofDetail:
+        """Return the detail, longest facets first, so that shorter ones share their chunks."""
         order = np.argsort([-np.linalg.norm(own[0][1] - own[0][0]) for own in self._polygons], kind="stable").tolist()
         vertices: list[np.ndarray] = []
         triangles: list[tuple[int, int, int]] = []
@@ -66,15 +80,15 @@ class Faces:
             kind=np.array(self._kinds, np.uint8)[order],
             normal=np.array([self._normals[i] for i in order]),
         )
-        return Trim(found, along / np.linalg.norm(along, axis=1, keepdims=True))
+        return RoofDetail(found, along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
-def _fan(corners: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """The triangles of a convex polygon."""
+def _fan_triangles(corners: list[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return the triangles of a convex polygon."""
     return [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
 
 
-def normal_of(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """The direction (3,) that a triangle faces, its corners counter-clockwise."""
+def triangle_normal(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Return the unit normal (3,) of a counter-clockwise triangle with corners (3,)."""
     normal = np.cross(b - a, c - a)
     return normal / np.linalg.norm(normal)

@@ -1,5 +1,4 @@
-"""Roof shapes over a footprint, as closed shells: the lowest of a few planes that rise from the sides of its rectangle, or from
-all edges of one of another form, as its straight skeleton has it."""
+"""Closed shells of pitched roofs, from planes over a rectangle or from the straight skeleton of the outline."""
 
 from __future__ import annotations
 
@@ -14,45 +13,57 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, Building, Roof, Shell
 from facade_core.geometry.buildings import straight_skeleton
 
-# Outlines and ridges meet on this grid, so that the regions of the roof share their corners exactly.
+# Grid of outlines and ridges in metres, so that the regions of a roof share their corners exactly.
 GRID_M = 1e-3
-# Gambrel and mansard roofs: share of the way to the ridge that is steep, and of the height that is reached there.
-STEEP_RUN, STEEP_RISE = 0.25, 0.6
-# A half-hipped roof is a gable up to this share of its height.
-HALF_HIP = 0.5
-# Above the steep part of a mansard roof whose pitch is known, degrees.
-SHALLOW = 18.0
-# These rise from all edges of a footprint that fills less than this share of its rectangle, or has neighbours.
-RISING = ("gabled", "hipped", "mansard", "gambrel")
-RECTANGULAR = 0.95
-# A roof passes over jogs of the outline of up to this, and over gaps of twice this between neighbours.
-JOG_M = 0.6
-# Lines that meet at a corner of the outline pass it by up to this once they are on the grid: there they are one point.
+# Steep part of gambrel and mansard roofs: share of the run to the ridge, and of the rise.
+STEEP_RUN_SHARE = 0.25
+STEEP_RISE_SHARE = 0.6
+# Share of the height up to which a half-hipped roof is a gable.
+HALF_HIP_SHARE = 0.5
+# Degrees of the upper part of a mansard roof whose pitch is known.
+UPPER_PITCH_DEG = 18.0
+# Shapes that rise from all edges of a footprint that is no rectangle, or has neighbours.
+SKELETON_SHAPES = ("gabled", "hipped", "mansard", "gambrel")
+# Share of its smallest rectangle that a rectangular footprint fills.
+MIN_RECTANGLE_FILL = 0.95
+# Jogs of the outline that a roof ignores; metres.
+MAX_JOG_M = 0.6
+# Metres by which lines on the grid may miss the corner of the outline at which they meet; they are moved to it.
 WELD_M = 5e-3
-GAP_M = 0.15
-# Neighbours share so much of the outline, at least; without a pitch their roofs are followed so far.
-SHARED_M = 2.0
-FOLLOWED_M = 25.0
-# A side that ends a wing: up to this long, with corners that turn by 90 degrees, give or take (cosine).
-GABLE_M = 18.0
-SQUARE = 0.35
-# It is drawn out by this share of its length: over half of it, and no hip reaches back.
-BEYOND = 0.7
+# Half of the widest gap between neighbours that a roof closes; metres.
+MAX_GAP_M = 0.15
+# Metres of outline that neighbours share at least.
+MIN_SHARED_M = 2.0
+# Metres of the neighbours that are part of the skeleton where the pitch is unknown.
+NEIGHBOUR_REACH_M = 25.0
+# The side at the end of a wing: greatest length in metres, and cosine of its corners, about 90 degrees.
+MAX_GABLE_SIDE_M = 18.0
+MAX_SQUARE_COSINE = 0.35
+# Share of its length by which such a side is moved outwards: above half of it no hip reaches back.
+GABLE_EXTENSION = 0.7
 
-# What a gable is called, so that it is no part of the wall that it stands on: its slope tells that it is one.
-GABLE = "unknown"
+# Semantic of gables, so that they do not join the wall below; their slope makes them walls.
+GABLE_SEMANTIC = "unknown"
 
-Rise = Callable[[np.ndarray], np.ndarray]
+RoofHeight = Callable[[np.ndarray], np.ndarray]
 
 
-def roof_shell(building: Building, base: float, beside: Sequence[Polygon | MultiPolygon] = ()) -> Shell | None:
-    """A closed shell of a building with its roof, standing on `base`; None where the roof is flat or of another shape.
+def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygon | MultiPolygon] = ()) -> Shell | None:
+    """Build the closed shell of a building with a pitched roof.
 
-    Shapes as in OpenStreetMap: gabled, hipped, half-hipped, pyramidal, skillion (shed), gambrel, mansard. Planes rise from the
-    sides of the footprint's smallest rectangle (a skillion's from its lowest corner), the roof is the lowest of them, and
-    walls reach up to it. The footprint may have holes and need not be a rectangle: over another form RISING ones rise from all
-    edges but those that end a wing under a gable, and go on over the neighbours' footprints `beside` it: at a party wall the
-    ridge runs through. One whose skeleton cannot be had takes the rectangle's planes, or with a pitch none.
+    Shapes as in OpenStreetMap: gabled, hipped, half-hipped, pyramidal, skillion (shed), gambrel, mansard. The roof is the lowest
+    of planes from the sides of the footprint's smallest rectangle, a skillion's from its lowest corner; walls reach up to it. Over
+    another footprint SKELETON_SHAPES rise from all edges but gable sides, and continue over adjoining footprints, so that the
+    ridge passes through party walls. Where the skeleton fails, the rectangle's planes are used, or with a known pitch none.
+
+    Parameters
+    ----------
+    base : ground height in metres.
+    adjoining : footprints that the roof continues over.
+
+    Returns
+    -------
+    None where the roof is flat or of an unknown shape.
     """
     roof = building.roof
     if roof is None or not roof.height > 0:
@@ -61,34 +72,36 @@ def roof_shell(building: Building, base: float, beside: Sequence[Polygon | Multi
     if footprint.geom_type != "Polygon" or footprint.is_empty:
         return None
     eaves = base + building.height
-    rectangular = footprint.area >= RECTANGULAR * shapely.minimum_rotated_rectangle(footprint).area
-    if roof.shape in RISING and not roof.across and (roof.pitch or beside or not rectangular):
+    rectangular = footprint.area >= MIN_RECTANGLE_FILL * shapely.minimum_rotated_rectangle(footprint).area
+    if roof.shape in SKELETON_SHAPES and not roof.across and (roof.pitch or adjoining or not rectangular):
         try:
-            return _shell(*_over_edges(roof, footprint, beside), footprint, base, eaves)
+            return _shell(*_skeleton_regions(roof, footprint, adjoining), footprint, base, eaves)
         except (GeometryError, shapely.errors.GEOSException):
             if roof.pitch:
                 return None
     centre = np.asarray(footprint.centroid.coords[0])
-    planes = _planes(roof, shapely.get_coordinates(footprint) - centre, footprint, centre)
+    planes = _rectangle_planes(roof, shapely.get_coordinates(footprint) - centre, footprint, centre)
     if planes is None:
         return None
 
     def rise(xy: np.ndarray) -> np.ndarray:
         return np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
 
-    return _shell(_regions(footprint, planes, centre), rise, footprint, base, eaves)
+    return _shell(_plane_regions(footprint, planes, centre), rise, footprint, base, eaves)
 
 
-def _over_edges(roof: Roof, footprint: Polygon, beside: Sequence[Polygon | MultiPolygon]) -> tuple[np.ndarray, Rise]:
-    """The regions of a roof that rises from the edges of a footprint and of those beside it, and its rise over the eaves."""
-    runs, rises = _profile(roof)
-    reach = runs[-1] if runs is not None else FOLLOWED_M
-    outline = _roofed(footprint, beside, 1.5 * reach)
+def _skeleton_regions(
+    roof: Roof, footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon]
+) -> tuple[np.ndarray, RoofHeight]:
+    """Return the regions of a roof by the straight skeleton, and its height over the eaves as a function."""
+    runs, rises = _roof_profile(roof)
+    reach = runs[-1] if runs is not None else NEIGHBOUR_REACH_M
+    outline = _common_outline(footprint, adjoining, 1.5 * reach)
     if roof.shape in ("gabled", "gambrel"):
-        outline = _with_gables(outline, footprint)
-    slabs = straight_skeleton.slabs_of(outline)
+        outline = _extend_gables(outline, footprint)
+    slabs = straight_skeleton.edge_slabs(outline)
     if runs is None:
-        runs = np.array([0.0, 1.0]) if roof.shape in ("gabled", "hipped") else np.array([0.0, STEEP_RUN, 1.0])
+        runs = np.array([0.0, 1.0]) if roof.shape in ("gabled", "hipped") else np.array([0.0, STEEP_RUN_SHARE, 1.0])
         faces = slabs.faces(4 * reach)
         corners = shapely.get_coordinates(shapely.intersection(faces, footprint))
         runs = runs * slabs.depth(corners).max(initial=0.0)
@@ -96,7 +109,7 @@ def _over_edges(roof: Roof, footprint: Polygon, beside: Sequence[Polygon | Multi
         faces = slabs.faces(float(runs[-1]) + 1.0)
     if not runs[-1] > 0:
         raise GeometryError("a roof has no slope")
-    contours = np.concatenate([slabs.contour(faces, run) for run in runs[1:]])
+    contours = np.concatenate([slabs.contours(faces, run) for run in runs[1:]])
     lines = shapely.union_all([*shapely.boundary(faces), *contours], grid_size=straight_skeleton.GRID_M)
     lines = shapely.intersection(lines, footprint.buffer(1.0))
     noded = shapely.union_all([footprint.boundary, lines], grid_size=GRID_M)
@@ -107,46 +120,45 @@ def _over_edges(roof: Roof, footprint: Polygon, beside: Sequence[Polygon | Multi
 
     def rise(xy: np.ndarray) -> np.ndarray:
         points = shapely.points(xy)
-        # eaves are level: a wall within a jog of the outline's edge ends with it
-        level = shapely.distance(points, outline.boundary) <= JOG_M
+        # eaves are level: points of the footprint within a jog of the outline are at the eaves
+        level = shapely.distance(points, outline.boundary) <= MAX_JOG_M
         level[level] = shapely.distance(points[level], footprint.boundary) < GRID_M
         return np.where(level, 0.0, np.interp(slabs.depth(xy), runs, rises))
 
     return regions, rise
 
 
-def _profile(roof: Roof) -> tuple[np.ndarray | None, np.ndarray]:
-    """How high a roof is (k,) metres over the eaves at depths (k,) inside of its edges; without a pitch the deepest place is to
-    be found first."""
+def _roof_profile(roof: Roof) -> tuple[np.ndarray | None, np.ndarray]:
+    """Return depths (k,) inside the outline and heights (k,) over the eaves, metres; depths are None without a pitch."""
     broken = roof.shape in ("mansard", "gambrel")
-    rises = roof.height * (np.array([0.0, STEEP_RISE, 1.0]) if broken else np.array([0.0, 1.0]))
+    rises = roof.height * (np.array([0.0, STEEP_RISE_SHARE, 1.0]) if broken else np.array([0.0, 1.0]))
     if roof.pitch is None:
         return None, rises
-    slopes = np.tan(np.radians([roof.pitch, SHALLOW] if broken else [roof.pitch]))
+    slopes = np.tan(np.radians([roof.pitch, UPPER_PITCH_DEG] if broken else [roof.pitch]))
     return np.cumsum([0.0, *(np.diff(rises) / slopes)]), rises
 
 
-def _roofed(footprint: Polygon, beside: Sequence[Polygon | MultiPolygon], reach: float) -> Polygon:
-    """The outline of what one roof covers: a footprint and what of its neighbours lies within reach, without small jogs."""
+def _common_outline(footprint: Polygon, adjoining: Sequence[Polygon | MultiPolygon], reach: float) -> Polygon:
+    """Return the outline of one roof: a footprint and the near parts of its neighbours, without small jogs."""
     near = footprint.buffer(reach, quad_segs=2)
-    party = [other for other in beside if _shared(footprint, other) >= SHARED_M]
+    party = [other for other in adjoining if _shared_length(footprint, other) >= MIN_SHARED_M]
     covered = shapely.union_all([footprint, *(shapely.intersection(other, near) for other in party)])
-    closed = covered.buffer(GAP_M, join_style="mitre").buffer(-GAP_M, join_style="mitre") if party else covered
-    smooth = closed.simplify(JOG_M)
+    closed = covered.buffer(MAX_GAP_M, join_style="mitre").buffer(-MAX_GAP_M, join_style="mitre") if party else covered
+    smooth = closed.simplify(MAX_JOG_M)
     found = [part for part in shapely.get_parts(smooth) if part.intersects(footprint.representative_point())]
     if len(found) != 1 or found[0].geom_type != "Polygon" or not found[0].is_valid:
         raise GeometryError("a footprint falls apart")
-    rings = [ring for ring in found[0].interiors if Polygon(ring).area > (2 * JOG_M) ** 2]
+    rings = [ring for ring in found[0].interiors if Polygon(ring).area > (2 * MAX_JOG_M) ** 2]
     return Polygon(found[0].exterior, rings)
 
 
-def _shared(one: Polygon, other: Polygon | MultiPolygon) -> float:
-    """Metres of outline that two footprints share."""
-    return float(one.boundary.intersection(other.buffer(GAP_M)).length)
+def _shared_length(one: Polygon, other: Polygon | MultiPolygon) -> float:
+    """Return the metres of outline that two footprints share."""
+    return float(one.boundary.intersection(other.buffer(MAX_GAP_M)).length)
 
 
-def _with_gables(outline: Polygon, footprint: Polygon) -> Polygon:
-    """An outline drawn out beyond the free sides of a footprint that end a wing, so that the ridge runs up to them."""
+def _extend_gables(outline: Polygon, footprint: Polygon) -> Polygon:
+    """Extend an outline beyond the free end sides of wings, so that the ridge reaches them."""
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)[:-1]
     ahead = np.roll(ring, -1, axis=0) - ring
     length = np.hypot(*ahead.T)
@@ -154,16 +166,16 @@ def _with_gables(outline: Polygon, footprint: Polygon) -> Polygon:
     # counter-clockwise: a left turn is convex
     turn = np.einsum("ij,ij->i", np.roll(along, 1, axis=0), along)
     convex = np.roll(along, 1, axis=0)[:, 0] * along[:, 1] - np.roll(along, 1, axis=0)[:, 1] * along[:, 0] > 0
-    square = convex & (np.abs(turn) < SQUARE)
+    square = convex & (np.abs(turn) < MAX_SQUARE_COSINE)
     shorter = np.minimum(np.roll(length, 1), np.roll(length, -1))
-    ends = np.flatnonzero(square & np.roll(square, -1) & (length < GABLE_M) & (length < shorter))
+    ends = np.flatnonzero(square & np.roll(square, -1) & (length < MAX_GABLE_SIDE_M) & (length < shorter))
     drawn_out = outline
     for edge in ends:
         a, b = ring[edge], ring[(edge + 1) % len(ring)]
-        if footprint.boundary.distance(shapely.Point((a + b) / 2)) > JOG_M:
+        if footprint.boundary.distance(shapely.Point((a + b) / 2)) > MAX_JOG_M:
             continue
-        out = BEYOND * length[edge] * np.array([along[edge, 1], -along[edge, 0]])
-        # the sides run on as they are, so that their slopes do
+        out = GABLE_EXTENSION * length[edge] * np.array([along[edge, 1], -along[edge, 0]])
+        # the adjacent sides are extended in their own directions, so that their slopes continue
         left, right = (way * (out @ out) / (way @ out) for way in (along[edge - 1], along[(edge + 1) % len(ring)]))
         added = Polygon([a, b, b + right, a + left])
         if added.is_valid and outline.intersection(added).area < 1e-3:
@@ -172,8 +184,8 @@ def _with_gables(outline: Polygon, footprint: Polygon) -> Polygon:
     return drawn_out
 
 
-def _planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centre: np.ndarray) -> np.ndarray | None:
-    """Planes (k, 3): height over the eaves = a x + b y + c, x and y from the centre; None for another shape."""
+def _rectangle_planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centre: np.ndarray) -> np.ndarray | None:
+    """Return planes (k, 3): height over the eaves = a x + b y + c, from the centre; None for an unknown shape."""
     height = roof.height
     along, across, half_along, half_across, middle = _rectangle(footprint, centre, roof.across)
     if roof.shape in ("skillion", "shed"):
@@ -191,7 +203,7 @@ def _planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centre: np.ndar
         return np.array([*(-slope * normal), start + slope * (half + middle @ normal)])
 
     eaves = [(across, half_across, half_across), (-across, half_across, half_across)]
-    # hips are as steep as the sides, but never eat up the whole ridge of a roof across
+    # hips are as steep as the sides, but leave a ridge on a roof across
     run = half_across if half_across <= half_along else half_along / 2
     hips = [(along, half_along, run), (-along, half_along, run)]
     match roof.shape:
@@ -201,14 +213,16 @@ def _planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centre: np.ndar
             planes = [side(n, half, height, r) for n, half, r in eaves + hips]
         case "half-hipped":
             planes = [side(n, half, height, r) for n, half, r in eaves]
-            planes += [side(n, half, height, r, HALF_HIP * height) for n, half, r in hips]
+            planes += [side(n, half, height, r, HALF_HIP_SHARE * height) for n, half, r in hips]
         case "pyramidal":
             planes = [side(n, half, height, half) for n, half, _ in eaves + hips]
         case "gambrel" | "mansard":
             sides = eaves if roof.shape == "gambrel" else eaves + hips
-            steep, left = STEEP_RISE * height, (1 - STEEP_RISE) * height
-            planes = [side(n, half, steep, STEEP_RUN * r) for n, half, r in sides]
-            planes += [side(n, half - STEEP_RUN * r, left, (1 - STEEP_RUN) * r, steep) for n, half, r in sides]
+            steep, left = STEEP_RISE_SHARE * height, (1 - STEEP_RISE_SHARE) * height
+            planes = [side(n, half, steep, STEEP_RUN_SHARE * r) for n, half, r in sides]
+            planes += [
+                side(n, half - STEEP_RUN_SHARE * r, left, (1 - STEEP_RUN_SHARE) * r, steep) for n, half, r in sides
+            ]
         case _:
             return None
     return np.array(planes)
@@ -230,11 +244,11 @@ def _rectangle(
     return along, across, float(half_along), float(half_across), corners.mean(axis=0)
 
 
-def _shell(regions: np.ndarray, rise: Rise, footprint: Polygon, base: float, eaves: float) -> Shell:
+def _shell(regions: np.ndarray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> Shell:
     """The closed shell between the base and a roof, given by the regions of its planes and its height over the eaves."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
-    welded = _welded(corners.reshape(-1, 2), shapely.get_coordinates(footprint))
+    welded = _weld_to_corners(corners.reshape(-1, 2), shapely.get_coordinates(footprint))
     points, index = np.unique(welded, axis=0, return_inverse=True)
     top = index.reshape(-1, 3)
     top = top[(top != np.roll(top, 1, axis=1)).all(axis=1)]
@@ -253,7 +267,7 @@ def _shell(regions: np.ndarray, rise: Rise, footprint: Polygon, base: float, eav
     one, other = raised[b], raised[a]
     gables = np.concatenate([np.stack([low_a, low_b, b], axis=1)[one], np.stack([low_a, b, a], axis=1)[other]])
     triangles = np.concatenate([top, top[:, ::-1] + count, walls, gables])
-    parts = (("roof", top), ("ground", top), ("wall", walls), (GABLE, gables))
+    parts = (("roof", top), ("ground", top), ("wall", walls), (GABLE_SEMANTIC, gables))
     semantic = np.repeat([SEMANTICS.index(name) for name, _ in parts], [len(part) for _, part in parts])
     heights = np.concatenate([eaves + risen, np.full(count, base), np.full(count, eaves)])
     return Shell(
@@ -265,8 +279,8 @@ def _shell(regions: np.ndarray, rise: Rise, footprint: Polygon, base: float, eav
     )
 
 
-def _welded(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Points (n, 2), on the corner (k, 2) of the outline that lies within WELD_M of them where one does."""
+def _weld_to_corners(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return points (n, 2), moved to a corner (k, 2) of the outline within WELD_M."""
     distance, nearest = KDTree(corners).query(points, distance_upper_bound=WELD_M)
     near = np.isfinite(distance)
     welded = points.copy()
@@ -274,8 +288,8 @@ def _welded(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return welded
 
 
-def _regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """The footprint cut into the regions where one plane is the lowest, with shared corners."""
+def _plane_regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Cut the footprint into the regions of the lowest planes, with shared corners."""
     reach = 2 * footprint.length
     ridges = [_ridge(planes, i, j, reach) for i in range(len(planes)) for j in range(i)]
     lines = [footprint.boundary, *(LineString(ridge + centre) for ridge in ridges if ridge is not None)]
@@ -285,7 +299,7 @@ def _regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -> np.n
 
 
 def _ridge(planes: np.ndarray, i: int, j: int, reach: float) -> np.ndarray | None:
-    """The segment (2, 2) on which planes i and j meet and none is lower, up to `reach` from the centre; None without."""
+    """Return the segment (2, 2) on which planes i and j are the lowest, up to `reach` from the centre; None without."""
     difference = planes[i] - planes[j]
     size = np.hypot(*difference[:2])
     if size < 1e-9:

@@ -1,4 +1,4 @@
-"""Facets into charts; modelled shells down to the ground, and no farther."""
+"""Charts of facets, and contact of modelled shells with the ground."""
 
 from __future__ import annotations
 
@@ -10,25 +10,32 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.types import Shell
 from facade_core.geometry.buildings.facets import Facets
-from facade_core.geometry.charts import ChartKind, Pieces, frames
-from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles
+from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
+from facade_core.geometry.cutting import MIN_WALL_PIECE_M, cut_triangles
 from facade_core.geometry.ground.terrain import Terrain
-from facade_core.geometry.neighbours import OUTLINE_M
+from facade_core.geometry.neighbours import NEIGHBOUR_GAP_M
 
-# A gap of this much between a building and the terrain below it is closed by a wall.
-SKIRT_M = 0.05
-# The lower edges of a shell's walls lie near its lowest point.
-FOOT_M = 2.0
-# A shell that goes so far into the ground begins there, if so much of it is above.
-SUNK_M, ABOVE_M = 0.5, 2.5
+# Metres; wider gaps between a building and the terrain are closed by a skirt.
+MIN_SKIRT_M = 0.05
+# Metres from the lowest point of a shell up to the lower edges of its walls.
+MAX_FOOT_M = 2.0
+# A shell is lifted to the ground if it is at least this deep below it, and this high above; metres.
+MIN_BURIED_M = 0.5
+MIN_VISIBLE_M = 2.5
 
 
-def from_the_ground(shell: Shell, lowest: float) -> Shell:
-    """A shell that begins below the lowest ground about it, metres, begun there instead: what lies deeper is lifted, so what is
-    closed stays closed. There are models whose walls go down to height 0, metres below the ground that they state: storeys
-    counted from there have their doors and shops in the earth. A shell with textures of its own stays as it is."""
+def lift_to_ground(shell: Shell, lowest: float) -> Shell:
+    """Lift the part of a shell below the lowest ground around it to that height; closed shells stay closed.
+
+    Some models extend down to height 0, metres below their stated ground, and floors would be counted from there. Shells with
+    textures of their own stay unchanged.
+
+    Parameters
+    ----------
+    lowest : height in metres of the lowest ground.
+    """
     deep, height = shell.vertices[:, 2] < lowest, shell.vertices[:, 2] - lowest
-    if not len(height) or height.min() > -SUNK_M or height.max() < ABOVE_M or (shell.texture >= 0).any():
+    if not len(height) or height.min() > -MIN_BURIED_M or height.max() < MIN_VISIBLE_M or (shell.texture >= 0).any():
         return shell
     vertices = shell.vertices.copy()
     vertices[deep, 2] = lowest
@@ -36,10 +43,19 @@ def from_the_ground(shell: Shell, lowest: float) -> Shell:
 
 
 def add_facets(
-    pieces: Pieces, index: int, facets: Facets, largest: float, grid: float, along: np.ndarray | None = None
+    pieces: ChartBuilder, index: int, facets: Facets, largest: float, grid: float, along: np.ndarray | None = None
 ) -> None:
-    """Facets as charts, with their right `along` (f, 3) if that is given; those longer than `max_chart_side` are cut on the grid."""
-    axis_u, axis_v = frames(facets.normal) if along is None else (along, np.cross(along, facets.normal))
+    """Add facets as charts, and cut long ones on the world grid.
+
+    Parameters
+    ----------
+    pieces : charts collected so far; extended in place.
+    index : row of the building.
+    largest : metres; longer facets are cut.
+    grid : step of the world grid in metres.
+    along : (f, 3) right axes of the charts; default by `chart_axes`.
+    """
+    axis_u, axis_v = chart_axes(facets.normal) if along is None else (along, np.cross(along, facets.normal))
     vertices, triangles, uv = facets.vertices, facets.triangles, facets.uv
     corners = vertices[triangles]
     first = np.searchsorted(facets.facet, np.arange(len(facets)))
@@ -63,14 +79,14 @@ def add_facets(
     surface, chart = np.unique(facet * (cell.max() + 1) + cell, return_inverse=True)
     surface //= cell.max() + 1
     order = np.argsort(chart, kind="stable")
-    pieces.add(
+    pieces.add_surfaces(
         facets.kind[surface], surface, index, axis_u[surface], axis_v[surface],
         vertices, triangles[order], chart[order], texture[order], uv[order],
     )  # fmt: skip
 
 
 def add_skirt(
-    pieces: Pieces,
+    pieces: ChartBuilder,
     index: int,
     facets: Facets,
     outline: Polygon | MultiPolygon,
@@ -78,32 +94,42 @@ def add_skirt(
     largest: float,
     grid: float,
 ) -> None:
-    """Walls from the open lower edges of a shell's walls down to the terrain, one surface per facet."""
+    """Add walls from the open lower edges of a shell down to the terrain, one surface per facet.
+
+    Parameters
+    ----------
+    pieces : charts collected so far; extended in place.
+    index : row of the building.
+    outline : footprint of the building.
+    terrain : ground heights.
+    largest : metres; longer walls are cut.
+    grid : step of the world grid in metres.
+    """
     edges = np.concatenate([facets.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     key = np.sort(edges, axis=1) @ [len(facets.vertices), 1]
     _, of, uses = np.unique(key, return_inverse=True, return_counts=True)
     facet = np.tile(facets.facet, 3)
     ends = facets.vertices[edges]
-    gap = ends[..., 2] - terrain.height(ends.reshape(-1, 3)[:, :2]).reshape(-1, 2)
+    gap = ends[..., 2] - terrain.interpolate(ends.reshape(-1, 3)[:, :2]).reshape(-1, 2)
     run = np.hypot(*(ends[:, 1] - ends[:, 0])[:, :2].T)
     # counter-clockwise seen from outside, the lower edge of a wall runs to the right
-    right = np.einsum("ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], frames(facets.normal)[0][facet][:, :2])
+    right = np.einsum("ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], chart_axes(facets.normal)[0][facet][:, :2])
     foot = (
         (uses[of] == 1)
         & (np.abs(facets.normal[facet, 2]) < 0.5)
         & (right > 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + FOOT_M)
-        & (gap.max(axis=1) > SKIRT_M)
-        & (run > SHORTEST_WALL_M)
+        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + MAX_FOOT_M)
+        & (gap.max(axis=1) > MIN_SKIRT_M)
+        & (run > MIN_WALL_PIECE_M)
     )
-    foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < OUTLINE_M
+    foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < NEIGHBOUR_GAP_M
     if not foot.any():
         return
     a, b = ends[foot, 0], ends[foot, 1]
     drop = np.maximum(gap[foot], 0)
-    for share in (0.25, 0.5, 0.75):  # uneven ground lies lower than its ends somewhere between
+    for share in (0.25, 0.5, 0.75):  # uneven ground may be lower between the ends
         between = a + share * (b - a) - np.array([0, 0, 1]) * (drop @ [1 - share, share])[:, None]
-        drop += np.maximum(between[:, 2] - terrain.height(between[:, :2]), 0)[:, None]
+        drop += np.maximum(between[:, 2] - terrain.interpolate(between[:, :2]), 0)[:, None]
     low = [p - drop[:, k : k + 1] * [0, 0, 1] for k, p in enumerate((a, b))]
     order = np.argsort(facet[foot], kind="stable")
     of_facet, chart = np.unique(facet[foot][order], return_inverse=True)

@@ -1,8 +1,13 @@
-"""How deep a place lies inside an outline, as its straight skeleton has it: what a roof of one pitch rises by.
+"""Straight skeleton of an outline, as the depth of any place inside it.
 
-The wavefront that leaves all edges at one speed reaches a place after its depth. It is the lowest of one slab per edge, where
-the slabs at a reflex corner reach as far as its motorcycle runs: Cheng and Vigneron (2002), Huber and Held (2012). Being a
-function of the place, it gives a closed roof wherever it is looked up.
+A roof of one pitch rises with that depth. A wavefront leaves all edges at unit speed; the depth of a place is the time at which
+it arrives. It is the lowest of one slab per edge, where the slabs at a reflex corner end at the trace of its motorcycle.
+As a function of the place it always gives a closed roof.
+
+References
+----------
+Cheng and Vigneron (2002), Motorcycle graphs and straight skeletons.
+Huber and Held (2012), A fast straight-skeleton algorithm based on generalized motorcycle graphs.
 """
 
 from __future__ import annotations
@@ -15,25 +20,28 @@ from shapely import Polygon
 
 from facade_core.core.errors import GeometryError
 
-# Ridges meet on this grid.
+# Grid of ridges in metres.
 GRID_M = 0.01
-# A place this far outside of a slab still lies in it.
-NEAR_M = 0.02
-# 1 + the cosine between the normals of a corner's edges: below it the corner is a spike, whose motorcycle has no speed.
-SPIKE = 0.02
-# A motorcycle that runs into a corner meets its edges, to this share of their lengths.
-NEAR_SHARE = 1e-6
-# Corners whose sine is below this are straight.
-STRAIGHT = 1e-6
+# Metres by which a point may be outside of a slab that it counts to.
+SLAB_TOLERANCE_M = 0.02
+# 1 + the cosine between the normals at a corner; below it the corner is a spike, whose motorcycle has no speed.
+MIN_CORNER_BEND = 0.02
+# Share of an edge's length beyond its ends within which a motorcycle that runs into a corner meets it.
+CORNER_TOLERANCE_SHARE = 1e-6
+# Sine of the turn below which a corner is straight.
+MIN_CORNER_SINE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Slabs:
-    """One slab for each edge (n,) of an outline, in the edge's own frame: along it from its start, and inwards.
+class EdgeSlabs:
+    """Slabs over the edges (n,) of an outline, in the frame of each edge: along it from its start, and inwards.
 
-    outline: the polygon; start, along, inward (n, 2): the frame; length (n,) metres;
-    before, after (n, 2): where the motorcycles at the edge's start and end stop, (along, inwards); the corner itself where
-    there is none.
+    Attributes
+    ----------
+    outline : the polygon.
+    start, along, inward : (n, 2) frames.
+    length : (n,) metres.
+    before, after : (n, 2) stops of the motorcycles at the start and the end, (along, inwards); the corner without one.
     """
 
     outline: Polygon
@@ -45,7 +53,7 @@ class Slabs:
     after: np.ndarray
 
     def depth(self, points: np.ndarray) -> np.ndarray:
-        """How deep points (k, 2) lie inside the outline, (k,) metres; 0 outside."""
+        """Return the depth (k,) in metres of points (k, 2) inside the outline; 0 outside."""
         offset = points[:, None] - self.start
         x, y = np.einsum("kej,ej->ke", offset, self.along), np.einsum("kej,ej->ke", offset, self.inward)
         low = np.zeros_like(y)
@@ -53,19 +61,19 @@ class Slabs:
         for stop, beyond, reach in sides:
             slope = stop[:, 1] / np.maximum(reach, 1e-12)
             low = np.where(beyond > 0, np.maximum(low, np.minimum(beyond, reach) * slope), low)
-            low[beyond > reach + NEAR_M] = np.inf
-        depth = np.where(y >= low - NEAR_M, y, np.inf).min(axis=1)
+            low[beyond > reach + SLAB_TOLERANCE_M] = np.inf
+        depth = np.where(y >= low - SLAB_TOLERANCE_M, y, np.inf).min(axis=1)
         inside = shapely.intersects_xy(self.outline.buffer(1e-6), points)
         return np.where(inside & np.isfinite(depth), np.maximum(depth, 0.0), 0.0)
 
     def faces(self, reach: float) -> np.ndarray:
-        """The regions (n,) that each edge's slab is lowest in, up to `reach` metres deep."""
+        """Return the regions (n,) in which each edge's slab is the lowest, up to `reach` metres deep."""
         ends = self.before, self.after
         corner = np.zeros((len(self.start), 2))
         far = np.column_stack([self.length, corner[:, 1]])
         high = np.full(len(self.start), reach)
-        # the traces end at `reach`, too
-        stops = [_cut(stop, foot, reach) for stop, foot in zip(ends, (corner, far), strict=True)]
+        # traces end at `reach` too
+        stops = [_cut_traces(stop, foot, reach) for stop, foot in zip(ends, (corner, far), strict=True)]
         top = [np.column_stack([stop[:, 0], high]) for stop in stops]
         ring = np.stack([corner, far, stops[1], top[1], top[0], stops[0]], axis=1)
         slabs = shapely.polygons(
@@ -81,15 +89,15 @@ class Slabs:
             faces[edge] = shapely.difference(slabs[edge], shapely.union_all(lower[one == edge]))
         return faces
 
-    def contour(self, faces: np.ndarray, depth: float) -> np.ndarray:
-        """The lines (n,) on the faces (n,) of the edges that lie so deep."""
+    def contours(self, faces: np.ndarray, depth: float) -> np.ndarray:
+        """Return the lines (n,) of one depth in metres on the faces (n,) of the edges."""
         size = self.outline.length
         foot = self.start + depth * self.inward
         ends = np.stack([foot - size * self.along, foot + (self.length[:, None] + size) * self.along], axis=1)
         return shapely.intersection(shapely.linestrings(ends), faces)
 
     def _below(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Half planes (k,), large enough, where the planes of edges `low` (k,) lie below those of edges `high`."""
+        """Return half planes (k,), large enough, in which the planes of edges `low` (k,) are below those of edges `high` (k,)."""
         size = 4 * self.outline.length
         middle = np.asarray(self.outline.centroid.coords[0])
         gradient = self.inward[low] - self.inward[high]
@@ -107,16 +115,22 @@ class Slabs:
         return shapely.polygons(ring)
 
 
-def _cut(stop: np.ndarray, foot: np.ndarray, reach: float) -> np.ndarray:
-    """Stops (n, 2) of traces from `foot` no farther inwards than `reach`."""
+def _cut_traces(stop: np.ndarray, foot: np.ndarray, reach: float) -> np.ndarray:
+    """Shorten the stops (n, 2) of traces from `foot` to `reach` metres inwards."""
     share = np.minimum(1.0, reach / np.maximum(stop[:, 1], 1e-12))
     return foot + share[:, None] * (stop - foot)
 
 
-def slabs_of(outline: Polygon) -> Slabs:
-    """The slabs of a valid outline, which may have holes. Raises GeometryError where a corner of it is a spike."""
+def edge_slabs(outline: Polygon) -> EdgeSlabs:
+    """Compute the slabs of a valid outline, which may have holes.
+
+    Raises
+    ------
+    GeometryError
+        Where a corner of the outline is a spike.
+    """
     outline = shapely.orient_polygons(outline)
-    rings = [_corners(np.asarray(ring.coords)[:-1]) for ring in (outline.exterior, *outline.interiors)]
+    rings = [_true_corners(np.asarray(ring.coords)[:-1]) for ring in (outline.exterior, *outline.interiors)]
     outline = Polygon(rings[0], rings[1:])
     start = np.concatenate(rings)
     following = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
@@ -128,29 +142,29 @@ def slabs_of(outline: Polygon) -> Slabs:
     turn = along[previous, 0] * along[:, 1] - along[previous, 1] * along[:, 0]
     reflex = np.flatnonzero(turn < 0)
     bend = 1 + np.einsum("ij,ij->i", inward[previous], inward)
-    if (bend[reflex] < SPIKE).any():
+    if (bend[reflex] < MIN_CORNER_BEND).any():
         raise GeometryError("an outline has a spike")
     speed = (inward[previous] + inward)[reflex] / bend[reflex, None]
-    stopped = _motorcycles(start[reflex], speed, start, following, reflex, previous)
+    stopped = _motorcycle_stops(start[reflex], speed, start, following, reflex, previous)
     before, after = np.zeros((len(start), 2)), np.column_stack([length, np.zeros(len(start))])
     trace = stopped[:, None] * speed
     for stops, edge in ((before, reflex), (after, previous[reflex])):
         stops[edge, 0] += np.einsum("ij,ij->i", trace, along[edge])
         stops[edge, 1] = stopped
-    return Slabs(outline, start, along, inward, length, before, after)
+    return EdgeSlabs(outline, start, along, inward, length, before, after)
 
 
-def _corners(ring: np.ndarray) -> np.ndarray:
-    """A ring without its straight corners. Raises GeometryError where nothing is left."""
+def _true_corners(ring: np.ndarray) -> np.ndarray:
+    """Return a ring without its straight corners."""
     back, ahead = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     sine = back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0]
-    kept = ring[np.abs(sine) > STRAIGHT * np.hypot(*back.T) * np.hypot(*ahead.T)]
+    kept = ring[np.abs(sine) > MIN_CORNER_SINE * np.hypot(*back.T) * np.hypot(*ahead.T)]
     if len(kept) < 3:
         raise GeometryError("an outline has no corners")
     return kept
 
 
-def _motorcycles(
+def _motorcycle_stops(
     corner: np.ndarray,
     speed: np.ndarray,
     start: np.ndarray,
@@ -158,21 +172,21 @@ def _motorcycles(
     reflex: np.ndarray,
     previous: np.ndarray,
 ) -> np.ndarray:
-    """How long each motorcycle (m,) runs until it meets an edge, or the trace of one that was there before it.
+    """Return the time at which each motorcycle (m,) meets an edge, or the trace of an earlier one.
 
-    corner, speed (m, 2): from where and how fast; start, end (n, 2): the edges; reflex (m,): the edge behind each corner.
+    corner, speed (m, 2) are their starts; start, end (n, 2) the edges; reflex (m,) the edge after each corner.
     """
     until = np.full(len(corner), np.inf)
     for k in range(len(corner)):
-        time, share = _meeting(corner[k], speed[k], start, end - start)
-        wall = (time > 1e-9) & (share >= -NEAR_SHARE) & (share <= 1 + NEAR_SHARE)
+        time, share = _intersect_lines(corner[k], speed[k], start, end - start)
+        wall = (time > 1e-9) & (share >= -CORNER_TOLERANCE_SHARE) & (share <= 1 + CORNER_TOLERANCE_SHARE)
         wall[[reflex[k], previous[reflex[k]]]] = False
         until[k] = time[wall].min(initial=np.inf)
     if not np.isfinite(until).all():
         raise GeometryError("an outline does not close")
-    # two traces cross at a time of either; the later one stops there, if the earlier one came so far
+    # where two traces cross, the later motorcycle stops, if the earlier one got that far
     one, other = np.triu_indices(len(corner), 1)
-    mine, yours = _meeting(corner[one], speed[one], corner[other], speed[other])
+    mine, yours = _intersect_lines(corner[one], speed[one], corner[other], speed[other])
     crossing = (mine > 1e-9) & (yours > 1e-9)
     pairs = [(m, y, i, j) for m, y, i, j in zip(mine, yours, one, other, strict=True) if np.isfinite(m)]
     pairs = [pair for pair, meets in zip(pairs, crossing[np.isfinite(mine)], strict=True) if meets]
@@ -185,8 +199,10 @@ def _motorcycles(
     return until
 
 
-def _meeting(place: np.ndarray, way: np.ndarray, start: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where lines meet: place + t way = start + s along, (t, s); infinite where they are parallel."""
+def _intersect_lines(
+    place: np.ndarray, way: np.ndarray, start: np.ndarray, along: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve place + t way = start + s along for (t, s); infinite for parallel lines."""
     across = way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]
     apart = start - place
     flat = np.abs(across) < 1e-12

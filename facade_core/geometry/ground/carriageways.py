@@ -1,4 +1,4 @@
-"""What ways leave between buildings: carriageways no wider than the gap, and yards where no street comes."""
+"""Fitting of mapped ways between buildings, and yards where no street is."""
 
 from __future__ import annotations
 
@@ -12,60 +12,77 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.types import Area, Ground, Street, Way
 
-# What a street is where nothing is known but its line: carriageway and pavements, metres.
-ROAD_M, PAVEMENT_M = 7.0, 5.0
-# A carriageway keeps this far from the buildings beside it, and is at least so wide; metres.
-FRONT_M, NARROWEST_M = 1.4, 2.6
-# Pavements reach buildings that are no further from the kerb; how far is looked for any.
-FRONTED_M, FAR_M = 9.0, 30.0
-# From one place that is measured along a way to the next.
-STEP_M = 4.0
-# A yard is ground between buildings that are no further apart, and at least this large: metres and square metres.
-YARD_M, YARD_M2 = 24.0, 12.0
+# Widths in metres of a street of which only the line is known.
+ASSUMED_ROAD_M = 7.0
+ASSUMED_PAVEMENT_M = 5.0
+# Metres between a carriageway and the buildings along it.
+BUILDING_CLEARANCE_M = 1.4
+MIN_CARRIAGEWAY_M = 2.6
+# Metres from the kerb to the farthest building that a pavement reaches.
+MAX_PAVEMENT_M = 9.0
+# Metres from a way within which buildings are searched.
+BUILDING_SEARCH_M = 30.0
+# Metres between the places where the gap along a way is measured.
+GAP_SAMPLING_M = 4.0
+# A yard is ground between buildings no farther apart than this, of at least this area.
+MAX_YARD_GAP_M = 24.0
+MIN_YARD_M2 = 12.0
 
 
-def ways_of(streets: Sequence[Street]) -> tuple[Way, ...]:
-    """Streets of which only the lines are known, as ways: assumed carriageways with pavements."""
+def assumed_ways(streets: Sequence[Street]) -> tuple[Way, ...]:
+    """Return ways with assumed carriageways and pavements for streets of which only the lines are known."""
     return tuple(
-        Way(street.id, street.line, "road", ROAD_M, "asphalt", pavement=(PAVEMENT_M, PAVEMENT_M)) for street in streets
+        Way(
+            street.id, street.line, "road", ASSUMED_ROAD_M, "asphalt", pavement=(ASSUMED_PAVEMENT_M, ASSUMED_PAVEMENT_M)
+        )
+        for street in streets
     )
 
 
-def fitted(ground: Ground, streets: Sequence[Street], footprints: Sequence[Polygon | MultiPolygon]) -> Ground:
-    """The ground of a block among its buildings: no carriageway is wider than they leave, and what they enclose is a yard."""
-    ways = ground.ways if any(way.kind == "road" for way in ground.ways) else (*ground.ways, *ways_of(streets))
+def fit_ground(ground: Ground, streets: Sequence[Street], footprints: Sequence[Polygon | MultiPolygon]) -> Ground:
+    """Fit the ground of a block among its buildings: narrow the ways to the gaps, and add enclosed yards.
+
+    Parameters
+    ----------
+    ground : mapped ground.
+    streets : streets to use where no road is mapped.
+    footprints : outlines of the buildings.
+    """
+    ways = ground.ways if any(way.kind == "road" for way in ground.ways) else (*ground.ways, *assumed_ways(streets))
     tree = shapely.STRtree(footprints)
-    ways = tuple(_narrowed(way, tree) for way in ways)
-    return replace(ground, ways=ways, areas=tuple(_apart([*_yards(ways, footprints), *ground.areas])))
+    ways = tuple(_narrow_way(way, tree) for way in ways)
+    return replace(ground, ways=ways, areas=tuple(_separate_areas([*_find_yards(ways, footprints), *ground.areas])))
 
 
-def _narrowed(way: Way, tree: shapely.STRtree) -> Way:
-    """A way that fits between the buildings beside it; its pavements reach them where they are near."""
+def _narrow_way(way: Way, tree: shapely.STRtree) -> Way:
+    """Narrow a way to the gap between buildings, and extend its pavements to near ones."""
     if way.kind not in ("road", "path", "cycle") or way.line.length == 0 or not len(tree):
         return way
-    places = shapely.line_interpolate_point(way.line, np.arange(0.0, way.line.length, STEP_M))
-    (place, _), away = tree.query_nearest(places, max_distance=FAR_M, return_distance=True, all_matches=False)
-    free = np.full(len(places), FAR_M)
+    places = shapely.line_interpolate_point(way.line, np.arange(0.0, way.line.length, GAP_SAMPLING_M))
+    (place, _), away = tree.query_nearest(
+        places, max_distance=BUILDING_SEARCH_M, return_distance=True, all_matches=False
+    )
+    free = np.full(len(places), BUILDING_SEARCH_M)
     free[place] = away
-    free = free[free > 0.3]  # a way through a building says nothing of how wide it is outside
+    free = free[free > 0.3]  # where a way passes through a building, the gap is unknown
     if not len(free):
         return way
-    widest = 2 * (float(np.quantile(free, 0.15)) - (FRONT_M if way.kind == "road" else 0.1))
+    widest = 2 * (float(np.quantile(free, 0.15)) - (BUILDING_CLEARANCE_M if way.kind == "road" else 0.1))
     if widest < way.width:
-        width = round(max(widest, min(NARROWEST_M, way.width)), 2)
+        width = round(max(widest, min(MIN_CARRIAGEWAY_M, way.width)), 2)
         parking = way.parking if width - sum(way.parking) >= 2.2 else (0.0, 0.0)
         way = replace(way, width=width, assumed=True, parking=parking)
     beside = float(np.quantile(free, 0.7)) - way.width / 2
-    if way.kind == "road" and beside < FRONTED_M:
+    if way.kind == "road" and beside < MAX_PAVEMENT_M:
         left, right = (max(wide, round(beside + 1.0, 2)) if wide > 0 else 0.0 for wide in way.pavement)
         way = replace(way, pavement=(left, right))
     return way
 
 
-def _yards(ways: Sequence[Way], footprints: Sequence[Polygon | MultiPolygon]) -> list[Area]:
-    """Ground that buildings enclose, or that lies between them beyond the pavements, by its size paved or not."""
+def _find_yards(ways: Sequence[Way], footprints: Sequence[Polygon | MultiPolygon]) -> list[Area]:
+    """Return the ground that buildings enclose beyond the pavements, with a surface by its size and place."""
     built = shapely.union_all(footprints)
-    closed = built.buffer(YARD_M / 2, join_style="mitre").buffer(-YARD_M / 2, join_style="mitre")
+    closed = built.buffer(MAX_YARD_GAP_M / 2, join_style="mitre").buffer(-MAX_YARD_GAP_M / 2, join_style="mitre")
     holes = [Polygon(ring) for part in shapely.get_parts(closed) for ring in getattr(part, "interiors", ())]
     streets = [
         way.line.buffer(way.width / 2 + max(way.pavement), cap_style="flat") for way in ways if way.kind == "road"
@@ -73,7 +90,7 @@ def _yards(ways: Sequence[Way], footprints: Sequence[Polygon | MultiPolygon]) ->
     open_ground = shapely.union_all([closed, *holes]).difference(shapely.union_all([built, *streets]))
     yards = []
     for part in shapely.get_parts(open_ground.buffer(-0.2).buffer(0.2)):
-        if part.geom_type != "Polygon" or part.area < YARD_M2:
+        if part.geom_type != "Polygon" or part.area < MIN_YARD_M2:
             continue
         place = part.representative_point()
         chance = blake2b(f"{place.x:.0f} {place.y:.0f}".encode(), digest_size=1).digest()[0] / 256
@@ -82,8 +99,8 @@ def _yards(ways: Sequence[Way], footprints: Sequence[Polygon | MultiPolygon]) ->
     return yards
 
 
-def _apart(areas: Sequence[Area]) -> list[Area]:
-    """The areas without what smaller ones of another surface have of them, and yards without any other."""
+def _separate_areas(areas: Sequence[Area]) -> list[Area]:
+    """Cut smaller areas of other surfaces out of larger ones, and all areas out of yards."""
     shapes = [area.outline for area in areas]
     yard = [area.id.startswith("yard-") for area in areas]
     tree = shapely.STRtree(shapes)

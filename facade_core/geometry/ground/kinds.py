@@ -1,4 +1,4 @@
-"""What kind of ground lies where, as a map draws it: carriageway, pavement, paths and areas by their surfaces."""
+"""Rasters of the mapped ground layers: carriageways, pavements, paths and areas by surface."""
 
 from __future__ import annotations
 
@@ -6,30 +6,47 @@ import numpy as np
 import shapely
 
 from facade_core.geometry.charts import Charts
-from facade_core.geometry.ground.layers import carriageways, layers_of
-from facade_core.geometry.ground.shapes import Piece
+from facade_core.geometry.ground.layers import ground_layers, join_carriageways
+from facade_core.geometry.ground.shapes import GroundTile
 
-# Fractions of a texel to which outlines are drawn.
-SHIFT = 4
+# Binary fraction digits of a texel to which outlines are drawn.
+SUBPIXEL_BITS = 4
 
 
-def kinds_of(
-    charts: Charts, chart: int, piece: Piece, density: float, size: tuple[int, int], margin: int
+def rasterise_ground_layers(
+    charts: Charts, chart: int, piece: GroundTile, density: float, size: tuple[int, int], margin: int
 ) -> np.ndarray:
-    """Kinds (h + 2 m, w + 2 m) uint8 of a chart of size (h, w) texels and of m = `margin` texels around it: the uppermost layer
-    there plus one, 0 without any. piece: what the chart's square is drawn of; density in texels per metre."""
+    """Draw the ground layers of a chart.
+
+    Parameters
+    ----------
+    chart : index of the chart.
+    piece : ground tile of the chart.
+    density : texels per metre.
+    size : (height, width) of the chart in texels.
+    margin : texels around the chart.
+
+    Returns
+    -------
+    (height + 2 margin, width + 2 margin) uppermost layer plus one, 0 without any.
+    """
     import cv2
 
     kinds = np.zeros((size[0] + 2 * margin, size[1] + 2 * margin), np.uint8)
     roads = [way for way in piece.ways if way.kind == "road"]
-    # on sloping ground shapes are drawn as they lie on the map
+    # on sloping ground, shapes keep their map coordinates
     frame = np.linalg.inv(np.column_stack([charts.axis_u[chart, :2], charts.axis_v[chart, :2]]))
-    for layer, shape in layers_of(piece.areas, piece.ways, carriageways(roads)[0]).items():
+    for layer, shape in ground_layers(piece.areas, piece.ways, join_carriageways(roads)[0]).items():
         rings = shapely.get_rings(shapely.get_parts(shape))
         texels = [
             (shapely.get_coordinates(ring) - charts.origin[chart, :2]) @ frame.T * density + margin - 0.5
             for ring in rings
         ]
         if texels:
-            cv2.fillPoly(kinds, [np.rint(one * 2**SHIFT).astype(np.int32) for one in texels], layer + 1, shift=SHIFT)
+            cv2.fillPoly(
+                kinds,
+                [np.rint(one * 2**SUBPIXEL_BITS).astype(np.int32) for one in texels],
+                layer + 1,
+                shift=SUBPIXEL_BITS,
+            )
     return kinds

@@ -1,4 +1,4 @@
-"""The height of the ground: a raster, or interpolated from what the buildings stand on."""
+"""Ground heights from a raster, or interpolated from the bases of buildings."""
 
 from __future__ import annotations
 
@@ -11,28 +11,31 @@ from shapely import Polygon
 
 from facade_core.core.types import Building, Elevation
 
-# The raster made from the buildings' bases: its finest step, its largest number of cells, how far it reaches around them.
-STEP_M = 2.0
-CELLS = 1_000_000
-MARGIN_M = 40.0
-# Coordinates are taken relative to a place on a grid of this step.
-NEAR_M = 1000.0
-# Steps between neighbouring bases are smoothed over about this distance.
+# Raster from the buildings' bases: finest step in metres, greatest number of cells, margin around the buildings in metres.
+MIN_RASTER_STEP_M = 2.0
+MAX_RASTER_CELLS = 1_000_000
+RASTER_MARGIN_M = 40.0
+# Grid step of the local origin in metres.
+LOCAL_ORIGIN_GRID_M = 1000.0
+# Sigma of the smoothing of the raster in metres.
 SMOOTH_M = 5.0
-# A base is taken for wrong when it is this far from the median of its neighbours', and farther than they usually are.
-NEIGHBOURS = 8
-WILD_M = 2.0
-WILD_SPREADS = 4.0
-# Outlines are looked at this often.
-SAMPLE_M = 2.0
+# A base is an outlier when it is this far in metres, and this many median deviations, from the median of its neighbours.
+OUTLIER_NEIGHBOURS = 8
+MIN_OUTLIER_M = 2.0
+MIN_OUTLIER_SPREADS = 4.0
+# Metres between samples of the ground along an outline.
+OUTLINE_SAMPLING_M = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Terrain:
-    """Ground heights on a raster: bilinear between cell centres, the nearest outside.
+    """Raster of ground heights: bilinear between cell centres, nearest outside.
 
-    x, y: the centre of the first (south-western) cell; step in metres; heights (rows, columns) float64 metres, row 0 south.
-    One cell is level ground.
+    Attributes
+    ----------
+    x, y : centre of the first (south-western) cell.
+    step : metres between cells.
+    heights : (rows, columns) metres, row 0 south; one cell is level ground.
     """
 
     x: float
@@ -41,30 +44,30 @@ class Terrain:
     heights: np.ndarray
 
     @property
-    def level(self) -> bool:
-        """Whether the ground has one height."""
+    def is_level(self) -> bool:
+        """Return whether the ground has one height."""
         return self.heights.size == 1
 
-    def height(self, points: np.ndarray) -> np.ndarray:
-        """Ground height (n,) at points (n, 2), metres."""
+    def interpolate(self, points: np.ndarray) -> np.ndarray:
+        """Return the ground heights (n,) in metres at points (n, 2)."""
         rows, columns = self.heights.shape
         u = np.clip((points[:, 0] - self.x) / self.step, 0, columns - 1)
         v = np.clip((points[:, 1] - self.y) / self.step, 0, rows - 1)
         i, j = u.astype(np.int64), v.astype(np.int64)
         right, up = np.minimum(i + 1, columns - 1), np.minimum(j + 1, rows - 1)
         fu, fv = u - i, v - j
-        # from one value towards the other, so that equal ones stay exactly what they are
+        # interpolation by differences keeps equal heights exact
         south = self.heights[j, i] + fu * (self.heights[j, right] - self.heights[j, i])
         north = self.heights[up, i] + fu * (self.heights[up, right] - self.heights[up, i])
         return south + fv * (north - south)
 
-    def lowest(self, outline: Polygon) -> float:
-        """The lowest ground along an outline, metres."""
-        return float(self.height(shapely.get_coordinates(outline.segmentize(SAMPLE_M))).min())
+    def lowest_along(self, outline: Polygon) -> float:
+        """Return the lowest ground along an outline in metres."""
+        return float(self.interpolate(shapely.get_coordinates(outline.segmentize(OUTLINE_SAMPLING_M))).min())
 
 
-def base_of(building: Building) -> float | None:
-    """Height of the ground at a building as its source has it: stated, or the lowest point of its model; None without."""
+def source_base(building: Building) -> float | None:
+    """Return the ground height at a building by its source: stated, or the lowest point of its model; None without."""
     if building.base is not None:
         return building.base
     if building.shell is not None and len(building.shell.triangles):
@@ -72,24 +75,28 @@ def base_of(building: Building) -> float | None:
     return None
 
 
-def terrain_of(buildings: Sequence[Building], elevation: Elevation | None) -> Terrain:
-    """The ground under a block: of a raster where there is one, else of the buildings' bases, else level at 0.
+def build_terrain(buildings: Sequence[Building], elevation: Elevation | None) -> Terrain:
+    """Build the terrain of a block from a raster, else from the buildings' bases, else level at 0.
 
-    Cells without a height take the nearest one's; a raster without any does not count. A base far from its neighbours' is
-    replaced by their median. Equal bases give exactly level ground.
+    Unknown cells take the nearest height. Outlier bases are replaced by the median of their neighbours. Equal bases give
+    exactly level ground.
+
+    Parameters
+    ----------
+    elevation : raster of ground heights; ignored where all of it is unknown.
     """
     if elevation is not None and np.isfinite(elevation.heights).any():
-        return _of_raster(elevation)
+        return _terrain_from_raster(elevation)
     bases = [
-        (building, base) for building in buildings if (base := base_of(building)) is not None and np.isfinite(base)
+        (building, base) for building in buildings if (base := source_base(building)) is not None and np.isfinite(base)
     ]
     heights = np.array([base for _, base in bases])
     if len(bases) == 0 or np.ptp(heights) == 0:
         return Terrain(0.0, 0.0, 1.0, np.full((1, 1), heights[0] if len(bases) else 0.0))
-    return _of_bases([building.footprint for building, _ in bases], heights)
+    return _terrain_from_bases([building.footprint for building, _ in bases], heights)
 
 
-def _of_raster(elevation: Elevation) -> Terrain:
+def _terrain_from_raster(elevation: Elevation) -> Terrain:
     from scipy.ndimage import distance_transform_edt
 
     heights = np.asarray(elevation.heights, np.float64)
@@ -103,23 +110,23 @@ def _of_raster(elevation: Elevation) -> Terrain:
     return Terrain(elevation.x, south, elevation.step, heights[::-1])
 
 
-def _of_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
-    """A triangulation of the outlines' corners at their bases, on a raster, smoothed."""
+def _terrain_from_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
+    """Triangulate the outlines' corners at their bases, rasterise and smooth."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.ndimage import gaussian_filter
     from scipy.spatial import cKDTree
 
     middles = shapely.get_coordinates(shapely.centroid(np.asarray(outlines, object)))
-    bases = _tamed(middles, bases)
+    bases = _replace_outliers(middles, bases)
     if np.ptp(bases) == 0:
         return Terrain(0.0, 0.0, 1.0, bases[:1, None])
     corners, owner = shapely.get_coordinates(np.asarray(outlines, object), return_index=True)
-    low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
-    step = max(STEP_M, float(np.sqrt(np.prod(high - low) / CELLS)))
-    # on a grid and to the millimetre: the ground stays as it is when something is built elsewhere
+    low, high = corners.min(axis=0) - RASTER_MARGIN_M, corners.max(axis=0) + RASTER_MARGIN_M
+    step = max(MIN_RASTER_STEP_M, float(np.sqrt(np.prod(high - low) / MAX_RASTER_CELLS)))
+    # on a grid and rounded to millimetres, so that the ground does not move when the block changes elsewhere
     low = np.floor(low / step) * step
     columns, rows = np.ceil((high - low) / step).astype(int) + 1
-    # one point for each cell of the raster that has corners
+    # one point per raster cell with corners
     _, of, corners_in = np.unique(
         np.round((corners - low) / step) @ [1, columns], return_inverse=True, return_counts=True
     )
@@ -128,8 +135,8 @@ def _of_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
     at = np.stack(np.meshgrid(low[0] + step * np.arange(columns), low[1] + step * np.arange(rows)), axis=-1).reshape(
         -1, 2
     )
-    # relative to a place near: the triangulation works to a share of the coordinates' size
-    centre = np.round(points.mean(axis=0) / NEAR_M) * NEAR_M
+    # relative to a near origin: the precision of the triangulation depends on the size of the coordinates
+    centre = np.round(points.mean(axis=0) / LOCAL_ORIGIN_GRID_M) * LOCAL_ORIGIN_GRID_M
     raster = np.round(LinearNDInterpolator(points - centre, heights)(at - centre), 3)
     outside = ~np.isfinite(raster)
     raster[outside] = heights[cKDTree(points).query(at[outside])[1]]
@@ -137,15 +144,15 @@ def _of_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
     return Terrain(float(low[0]), float(low[1]), step, smooth)
 
 
-def _tamed(middles: np.ndarray, bases: np.ndarray) -> np.ndarray:
-    """Bases (n,) with those far from the bases around replaced by their median."""
+def _replace_outliers(middles: np.ndarray, bases: np.ndarray) -> np.ndarray:
+    """Replace outliers among bases (n,) by the median of their neighbours."""
     from scipy.spatial import cKDTree
 
     if len(bases) < 4:
         return bases
-    near = cKDTree(middles).query(middles, k=min(NEIGHBOURS + 1, len(bases)))[1]
+    near = cKDTree(middles).query(middles, k=min(OUTLIER_NEIGHBOURS + 1, len(bases)))[1]
     others = np.where(near == np.arange(len(bases))[:, None], np.nan, bases[near])
     median = np.nanmedian(others, axis=1)
     spread = np.nanmedian(np.abs(others - median[:, None]), axis=1)
-    wild = np.abs(bases - median) > WILD_M + WILD_SPREADS * spread
+    wild = np.abs(bases - median) > MIN_OUTLIER_M + MIN_OUTLIER_SPREADS * spread
     return np.where(wild, median, bases)

@@ -1,1 +1,1 @@
-"""Ground, walls and roofs from posed panoramas: occluders, exposure and agreement."""
+"""Ground, walls and roofs from posed panoramas: occluders, exposure and agreement between cameras."""

@@ -1,4 +1,4 @@
-"""What panoramas of one surface agree on: squares of it compared by their mean colours, and thin things that only one shows."""
+"""Agreement of several camera views of one surface: mean colours of squares, and thin objects in single views."""
 
 from __future__ import annotations
 
@@ -8,22 +8,35 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.levelling import fill_unknown
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.rectify.fusion import ChartView
 
-# Side of the squares by which cameras are compared, metres, and how far apart their colours may be, as logarithms of their
-# ratio: what is the same ground in two pictures of one exposure is within it.
-SQUARE_M, APART = 0.5, 0.22
-# A square of which less is clear is not compared.
-LEAST_CLEAR = 0.25
-# Side of the cells in which thin things are looked for, metres: trunks, posts, cables, of which a square is not. One is as far
-# off the median of so much around it as this, as a logarithm, and goes with a rim of so many cells, unless another camera shows
-# that colour within as many cells.
-THIN_M, BESIDE_M, THIN, RIM = 0.125, 1.6, 0.3, 2
+# Side in metres of the squares by which cameras are compared.
+COMPARED_SQUARE_M = 0.5
+# Colours of one surface in two pictures of one exposure differ by no more than this, as a log ratio.
+MAX_LOG_DIFFERENCE = 0.22
+# Share of a square that must be clear for a comparison.
+MIN_CLEAR_SHARE = 0.25
+# Side in metres of the cells that find trunks, posts and cables, which are narrower than a square.
+THIN_CELL_M = 0.125
+# Side in metres of the window whose median a cell is compared with.
+MEDIAN_WINDOW_M = 1.6
+# Log ratio to that median from which a cell is a thin object.
+MIN_THIN_CONTRAST = 0.3
+# Cells around a thin object that are removed too, and in which another camera may confirm its colour.
+THIN_RIM_CELLS = 2
 
 
 class SquareAgreement(NamedTuple):
-    """Squares of n views, `side` texels each: whether enough of each is clear, whether another view agrees with it there, and
-    whether one contradicts it, (n, r, c) bool; the logarithms (n, r, c, 3) of its mean colour."""
+    """Comparison of n views of one surface by squares.
+
+    Attributes
+    ----------
+    side : side of a square in texels.
+    is_usable : (n, r, c) bool, enough of the square is clear.
+    is_confirmed : (n, r, c) bool, another view agrees.
+    is_contradicted : (n, r, c) bool, another view disagrees.
+    log_colour : (n, r, c, 3) logarithm of the mean colour.
+    """
 
     side: int
     is_usable: np.ndarray
@@ -32,77 +45,104 @@ class SquareAgreement(NamedTuple):
     log_colour: np.ndarray
 
     def unconfirmed_squares(self, view: int) -> np.ndarray:
-        """The squares (r, c) bool that one view shows and no other."""
+        """Return the squares (r, c) bool that only this view shows."""
         return self.is_usable[view] & ~self.is_confirmed[view] & ~self.is_contradicted[view]
 
 
-def compare_squares(views: Sequence[View], density: float) -> SquareAgreement:
-    """The squares of views of one exposure; density in texels per metre. A view agrees with another that shows its colour there
-    or in a square beside, as a pose may be off by one."""
-    side = max(1, round(SQUARE_M * density))
-    there = np.stack([_means(view.clear.astype(np.float32), side) for view in views]) > LEAST_CLEAR
-    logs = np.stack([_logs(view, side) for view in views])
-    supported, opposed = np.zeros(there.shape, bool), np.zeros(there.shape, bool)
+def compare_squares(views: Sequence[ChartView], density: float) -> SquareAgreement:
+    """Compare the mean colours of squares between views of one exposure.
+
+    A view agrees with another one that shows its colour in the same or a neighbouring square: poses may be off by one square.
+
+    Parameters
+    ----------
+    views : views of one chart, of equal size.
+    density : texels per metre.
+
+    Returns
+    -------
+    The agreement of every view with the others.
+    """
+    side = max(1, round(COMPARED_SQUARE_M * density))
+    is_usable = np.stack([_square_means(view.clear.astype(np.float32), side) for view in views]) > MIN_CLEAR_SHARE
+    log_colour = np.stack([_mean_log_colour(view, side) for view in views])
+    is_confirmed, is_contradicted = np.zeros(is_usable.shape, bool), np.zeros(is_usable.shape, bool)
     for i in range(len(views)):
         for j in range(len(views)):
             if i == j:
                 continue
-            both = there[i] & there[j]
-            agree = both & _near(logs[i], logs[j], there[j]) & _near(logs[j], logs[i], there[i])
-            supported[i] |= agree
-            opposed[i] |= both & ~agree
-    return SquareAgreement(side, there, supported, opposed, logs)
+            both = is_usable[i] & is_usable[j]
+            agree = (
+                both
+                & _has_match(log_colour[i], log_colour[j], is_usable[j])
+                & _has_match(log_colour[j], log_colour[i], is_usable[i])
+            )
+            is_confirmed[i] |= agree
+            is_contradicted[i] |= both & ~agree
+    return SquareAgreement(side, is_usable, is_confirmed, is_contradicted, log_colour)
 
 
-def find_thin_objects(views: Sequence[View], density: float) -> list[np.ndarray]:
-    """Texels (h, w) bool of each view that stand out from the surface around them, which no other view confirms."""
+def find_thin_objects(views: Sequence[ChartView], density: float) -> list[np.ndarray]:
+    """Find texels that contrast with their surroundings and that no other view confirms.
+
+    Parameters
+    ----------
+    views : views of one chart, of equal size and exposure.
+    density : texels per metre.
+
+    Returns
+    -------
+    One mask (h, w) bool per view, with a rim.
+    """
     import cv2
 
-    side = max(1, round(THIN_M * density))
-    window = 2 * round(BESIDE_M / THIN_M / 2) + 1
-    there = [_means(view.clear.astype(np.float32), side) > LEAST_CLEAR for view in views]
-    logs = [_logs(view, side) for view in views]
-    found = []
+    side = max(1, round(THIN_CELL_M * density))
+    window = 2 * round(MEDIAN_WINDOW_M / THIN_CELL_M / 2) + 1
+    is_usable = [_square_means(view.clear.astype(np.float32), side) > MIN_CLEAR_SHARE for view in views]
+    log_colour = [_mean_log_colour(view, side) for view in views]
+    masks = []
     for i, view in enumerate(views):
-        colour = np.rint(fill_unknown(np.exp(logs[i]), there[i])).clip(1, 255).astype(np.uint8)
-        usual = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
-        odd = there[i] & (np.abs(logs[i] - usual).max(axis=2) > THIN)
+        colour = np.rint(fill_unknown(np.exp(log_colour[i]), is_usable[i])).clip(1, 255).astype(np.uint8)
+        median_colour = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
+        is_thin = is_usable[i] & (np.abs(log_colour[i] - median_colour).max(axis=2) > MIN_THIN_CONTRAST)
         for j in range(len(views)):
-            if j != i and odd.any():
-                odd &= ~_near(logs[i], logs[j], there[j], RIM)
-        wide = cv2.dilate(odd.astype(np.uint8), np.ones((2 * RIM + 1,) * 2, np.uint8)) > 0
-        found.append(squares_to_texels(wide, side, view.seen.shape))
-    return found
+            if j != i and is_thin.any():
+                is_thin &= ~_has_match(log_colour[i], log_colour[j], is_usable[j], THIN_RIM_CELLS)
+        with_rim = cv2.dilate(is_thin.astype(np.uint8), np.ones((2 * THIN_RIM_CELLS + 1,) * 2, np.uint8)) > 0
+        masks.append(squares_to_texels(with_rim, side, view.seen.shape))
+    return masks
 
 
 def squares_to_texels(squares: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
-    """Squares (r, c) of `side` texels on the texels (h, w) of a raster."""
+    """Repeat squares (r, c) of `side` texels to a raster of the given shape (h, w)."""
     return squares.repeat(side, axis=0).repeat(side, axis=1)[: shape[0], : shape[1]]
 
 
-def _near(one: np.ndarray, other: np.ndarray, there: np.ndarray, reach: int = 1) -> np.ndarray:
-    """Squares (r, c) of which another view shows the colour there or so many beside: a pose may be off by that."""
-    found = np.zeros(there.shape, bool)
-    rows, columns = there.shape
+def _has_match(log_colour: np.ndarray, other: np.ndarray, is_usable: np.ndarray, reach: int = 1) -> np.ndarray:
+    """Find squares (r, c) whose colour the other view shows within `reach` squares."""
+    is_matched = np.zeros(is_usable.shape, bool)
+    rows, columns = is_usable.shape
     padded = np.pad(other, ((reach, reach), (reach, reach), (0, 0)))
-    known = np.pad(there, reach)
+    usable_padded = np.pad(is_usable, reach)
     for down in range(2 * reach + 1):
         for right in range(2 * reach + 1):
-            at = (slice(down, down + rows), slice(right, right + columns))
-            found |= known[at] & (np.abs(one - padded[at]).max(axis=2) <= APART)
-    return found
+            window = (slice(down, down + rows), slice(right, right + columns))
+            is_matched |= usable_padded[window] & (
+                np.abs(log_colour - padded[window]).max(axis=2) <= MAX_LOG_DIFFERENCE
+            )
+    return is_matched
 
 
-def _logs(view: View, side: int) -> np.ndarray:
-    """Logarithms of the mean colour of the clear texels of squares: (r, c, 3)."""
+def _mean_log_colour(view: ChartView, side: int) -> np.ndarray:
+    """Logarithm of the mean colour of a square's clear texels: (r, c, 3)."""
     clear = view.clear
-    share = _means(clear.astype(np.float32), side)
-    total = _means(view.rgb * clear[..., None].astype(np.float32), side)
+    share = _square_means(clear.astype(np.float32), side)
+    total = _square_means(view.rgb * clear[..., None].astype(np.float32), side)
     return np.log(np.maximum(total / np.maximum(share, 1e-6)[..., None], 1.0))
 
 
-def _means(array: np.ndarray, side: int) -> np.ndarray:
-    """Means over squares of `side` texels of an array (h, w) or (h, w, 3); beyond the border lies 0."""
+def _square_means(array: np.ndarray, side: int) -> np.ndarray:
+    """Means over squares of `side` texels of an array (h, w) or (h, w, 3), padded with 0."""
     import cv2
 
     rows, columns = (-(-n // side) for n in array.shape[:2])

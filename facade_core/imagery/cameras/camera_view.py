@@ -1,4 +1,4 @@
-"""A panorama as a camera, and a chart as several of them show it."""
+"""Panoramas as cameras, and a chart as several cameras see it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facade_core.core.types import Pose
-from facade_core.imagery.rectify.fusion import View, fuse_views
+from facade_core.imagery.rectify.fusion import ChartView, fuse_views
 
-# Pieces smaller than this are left to the material, square metres, as is what is narrower, metres.
-LEAST_M2, NARROW_M = 2.0, 0.6
+# Smaller pieces, in square metres, are left to the material.
+MIN_PIECE_M2 = 2.0
+# Narrower pieces, in metres, are left to the material.
+MIN_PIECE_WIDTH_M = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PanoramaCamera:
-    """A posed panorama: image (H, W, 3) uint8, its pose, what of it is hidden (H, W) bool, the factors (3,) to its exposure,
-    and what the ground around it usually looks like, as of `typical_ground_colour`."""
+    """Posed panorama with its occluders and exposure.
+
+    Attributes
+    ----------
+    image : (H, W, 3) uint8 RGB.
+    pose : pose of the camera.
+    occluded : (H, W) bool, an occluder is seen.
+    exposure_factor : (3,) factors to the common exposure.
+    ground_colour : typical ground colour around the camera, see `typical_ground_colour`.
+    """
 
     image: np.ndarray
     pose: Pose
@@ -28,8 +38,15 @@ class PanoramaCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraView:
-    """A chart as cameras show it: rgb (h, w, 3) uint8; shown (h, w) bool, where they do; camera (h, w) int8, which of them,
-    -1 none; confidence (h, w) float32, the share of the raster's resolution that it has, times the sine of its angle."""
+    """Chart as cameras see it.
+
+    Attributes
+    ----------
+    rgb : (h, w, 3) uint8.
+    is_visible : (h, w) bool, a camera shows the texel.
+    camera : (h, w) int8 index of that camera, -1 for none.
+    confidence : (h, w) float32, share of the raster's resolution times the sine of the viewing angle.
+    """
 
     rgb: np.ndarray
     is_visible: np.ndarray
@@ -37,33 +54,54 @@ class CameraView:
     confidence: np.ndarray
 
 
-def equalise_exposure(view: View, camera: PanoramaCamera, mask: np.ndarray) -> View:
-    """A view by a camera in the exposure of all, of the texels `within` (h, w) bool."""
+def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: np.ndarray) -> ChartView:
+    """Bring a camera's view to the common exposure, limited to the texels of a mask.
+
+    Parameters
+    ----------
+    view : chart as the camera shows it.
+    camera : camera with its exposure factors.
+    mask : (h, w) bool, texels to keep.
+
+    Returns
+    -------
+    The view in the common exposure.
+    """
     seen = view.seen & mask
     rgb = np.clip(view.rgb * camera.exposure_factor.astype(np.float32) + 0.5, 0, 255).astype(np.uint8)
-    return View(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
+    return ChartView(rgb, seen, view.quality * seen, None if view.occluded is None else view.occluded & seen)
 
 
-def fuse_camera_views(views: Sequence[View], trusted: Sequence[np.ndarray], density: float) -> CameraView | None:
-    """A chart from views of one exposure, by what is believed (h, w) bool of each; None where that is too little. Seams between
-    cameras run where they show least. density in texels per metre."""
-    views = [replace(view, occluded=view.seen & ~kept) for view, kept in zip(views, trusted, strict=True)]
+def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[np.ndarray], density: float) -> CameraView | None:
+    """Fuse the trusted texels of views of one exposure; seams run where they show least.
+
+    Parameters
+    ----------
+    views : views of one chart, of equal size.
+    trusted : (h, w) bool per view, texels that may be used.
+    density : texels per metre.
+
+    Returns
+    -------
+    The fused view, None where too little is left.
+    """
+    views = [replace(view, occluded=view.seen & ~is_trusted) for view, is_trusted in zip(views, trusted, strict=True)]
     fused = fuse_views(views, matched=True)
-    shown = _whole(fused.seen & ~fused.occluded, density)
-    if not shown.any():
+    is_visible = _drop_small_pieces(fused.seen & ~fused.occluded, density)
+    if not is_visible.any():
         return None
-    source = np.where(shown, fused.source, np.int8(-1)).astype(np.int8)
-    return CameraView(np.where(shown[..., None], fused.rgb, 0), shown, source, fused.confidence * shown)
+    source = np.where(is_visible, fused.source, np.int8(-1)).astype(np.int8)
+    return CameraView(np.where(is_visible[..., None], fused.rgb, 0), is_visible, source, fused.confidence * is_visible)
 
 
-def _whole(shown: np.ndarray, density: float) -> np.ndarray:
-    """What is shown (h, w) bool without what is too narrow or too small."""
+def _drop_small_pieces(is_visible: np.ndarray, density: float) -> np.ndarray:
+    """Remove pieces that are too narrow or too small."""
     import cv2
     from skimage.morphology import remove_small_objects
 
-    side = max(1, round(NARROW_M * density))
+    side = max(1, round(MIN_PIECE_WIDTH_M * density))
     narrow = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
-    # what the raster's border cuts goes on on the next chart
-    padded = cv2.copyMakeBorder(shown.astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)
+    # replicated border: a piece that the raster's border cuts continues on the next chart
+    padded = cv2.copyMakeBorder(is_visible.astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)
     opened = cv2.morphologyEx(padded, cv2.MORPH_OPEN, narrow)[side:-side, side:-side] > 0
-    return remove_small_objects(opened & shown, max_size=round(LEAST_M2 * density**2))
+    return remove_small_objects(opened & is_visible, max_size=round(MIN_PIECE_M2 * density**2))

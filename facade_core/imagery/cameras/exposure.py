@@ -1,4 +1,4 @@
-"""One exposure for the panoramas of a block: factors per camera and colour, by what neighbours show of the same ground."""
+"""Common exposure of a block's panoramas: factors per camera and channel from ground that neighbours share."""
 
 from __future__ import annotations
 
@@ -11,30 +11,44 @@ from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import in_view, position, shares
+from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
 
-# Side of the squares of the world grid whose colours are compared, metres: more than a pose is off.
-SQUARE_M = 2.0
-# From so near to so far from a camera its ground is sampled, metres.
-NEAR_M, FAR_M = 4.0, 14.0
-# Rays that look for the ground: around, and from so many degrees below the horizon to so many.
-AROUND, STEPS, STEEP_DEG, FLAT_DEG = 240, 32, 40.0, 8.0
-# Samples that make a square's colour; squares that make a pair's ratio; colours that tell of exposure.
-LEAST_SAMPLES, LEAST_SHARED, EXPOSED = 3, 6, (8, 247)
-# Factors beyond these say that two pictures do not show the same thing.
-MOST = 2.0
-# How strongly each camera is held to no factor at all, beside a pair's weight of the root of its squares: what many share is
-# their difference, and not that all are too dark.
-HELD = 0.3
-# Factors are whole numbers of these: what hardly changes makes nobody due again.
-STEP = 1 / 64
+# Side in metres of the world grid's squares whose colours are compared; larger than the error of a pose.
+GRID_SQUARE_M = 2.0
+# Distance in metres from the camera at which ground samples begin.
+MIN_SAMPLE_DISTANCE_M = 4.0
+# Distance in metres from the camera at which ground samples end.
+MAX_SAMPLE_DISTANCE_M = 14.0
+# Rays per turn that look for the ground.
+RAYS_PER_TURN = 240
+# Rows of these rays.
+RAY_ROWS = 32
+# Steepest row, in degrees below the horizon.
+MAX_DEPRESSION_DEG = 40.0
+# Flattest row, in degrees below the horizon.
+MIN_DEPRESSION_DEG = 8.0
+# Samples that a square's colour needs.
+MIN_SQUARE_SAMPLES = 3
+# Squares that a pair's ratio or a typical ground colour needs.
+MIN_SHARED_SQUARES = 6
+# Grey levels of well exposed colours.
+EXPOSED_RANGE = (8, 247)
+# Larger factors mean that two pictures do not show the same thing.
+MAX_FACTOR = 2.0
+# Weight that holds each camera to a factor of one, against a pair's weight of the square root of its squares. A
+# shared difference is a difference between pictures, not a sign that all are too dark.
+FACTOR_DAMPING = 0.3
+# Factors are multiples of this, so that small changes do not make units stale.
+FACTOR_STEP = 1 / 64
 
 
 class GroundSamples(NamedTuple):
-    """What one camera shows of the ground.
+    """Ground samples of one camera.
 
-    height: the camera's over it, metres; None where there is no ground below.
-    squares (n, 5): east and north of the square in SQUARE_M, and its red, green and blue; whole numbers.
+    Attributes
+    ----------
+    height : height of the camera above the ground in metres, None without ground below.
+    squares : (n, 5) integers: east and north of the square in GRID_SQUARE_M, then its red, green and blue.
     """
 
     height: float | None
@@ -42,68 +56,95 @@ class GroundSamples(NamedTuple):
 
 
 def sample_ground(scene: Scene, image: np.ndarray, pose: Pose) -> GroundSamples:
-    """The ground around a panorama by squares of the world grid, each the median of what is in sight of it.
+    """Sample the ground around a panorama by squares of the world grid.
 
-    image (H, W, 3) uint8 is the part pose.view of the full panorama. Raises GeometryError for a pose without height.
+    Each square has the median colour of its samples in sight.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
+    pose : pose of the camera.
+
+    Returns
+    -------
+    Height of the camera and colours of the squares.
+
+    Raises
+    ------
+    GeometryError
+        If the pose has no height.
     """
     import cv2
 
-    place = position(pose)
-    below, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
+    centre = camera_position(pose)
+    below, chart = scene.caster.cast(centre, np.array([[0.0, 0.0, -1.0]]))
     if chart[0] == MISS or scene.charts.kind[chart[0]] != ChartKind.GROUND:
         return GroundSamples(None, [])
-    latitude = np.radians(-np.linspace(FLAT_DEG, STEEP_DEG, STEPS))[:, None]
-    longitude = (np.arange(AROUND) + 0.5)[None] / AROUND * 2 * np.pi
+    latitude = np.radians(-np.linspace(MIN_DEPRESSION_DEG, MAX_DEPRESSION_DEG, RAY_ROWS))[:, None]
+    longitude = (np.arange(RAYS_PER_TURN) + 0.5)[None] / RAYS_PER_TURN * 2 * np.pi
     rays = np.stack(
         [
             np.sin(longitude) * np.cos(latitude),
             np.cos(longitude) * np.cos(latitude),
-            np.broadcast_to(np.sin(latitude), (STEPS, AROUND)),
+            np.broadcast_to(np.sin(latitude), (RAY_ROWS, RAYS_PER_TURN)),
         ],
         axis=-1,
     ).reshape(-1, 3)
-    depth, hit = scene.caster.cast(place, rays)
-    away = depth * np.hypot(rays[:, 0], rays[:, 1])
-    share = shares(rays, pose)
-    usable = (hit != MISS) & (away >= NEAR_M) & (away <= FAR_M) & in_view(share, pose)
+    depth, hit = scene.caster.cast(centre, rays)
+    distance = depth * np.hypot(rays[:, 0], rays[:, 1])
+    share = project_to_panorama(rays, pose)
+    usable = (
+        (hit != MISS)
+        & (distance >= MIN_SAMPLE_DISTANCE_M)
+        & (distance <= MAX_SAMPLE_DISTANCE_M)
+        & is_in_view(share, pose)
+    )
     usable[usable] = scene.charts.kind[hit[usable]] == ChartKind.GROUND
     if not usable.any():
         return GroundSamples(round(float(below[0]), 3), [])
     left, top, wide, high = pose.view
-    columns = max(1, round(2 * AROUND * wide))
-    small = cv2.resize(image, (columns, max(1, round(AROUND * high))), interpolation=cv2.INTER_AREA)
+    columns = max(1, round(2 * RAYS_PER_TURN * wide))
+    small = cv2.resize(image, (columns, max(1, round(RAYS_PER_TURN * high))), interpolation=cv2.INTER_AREA)
     column = ((share[usable, 0] - left) % 1.0 / wide * columns).astype(np.intp).clip(max=columns - 1)
     row = ((share[usable, 1] - top) / high * len(small)).astype(np.intp).clip(0, len(small) - 1)
     colour = small[row, column]
-    points = place[:2] + (depth[usable, None] * rays[usable])[:, :2]
-    square, of = np.unique(np.floor(points / SQUARE_M).astype(np.int64), axis=0, return_inverse=True)
-    of = of.reshape(-1)
+    points = centre[:2] + (depth[usable, None] * rays[usable])[:, :2]
+    square, square_index = np.unique(np.floor(points / GRID_SQUARE_M).astype(np.int64), axis=0, return_inverse=True)
+    square_index = square_index.reshape(-1)
     squares = []
     for index, (east, north) in enumerate(square.tolist()):
-        own = colour[of == index]
-        if len(own) >= LEAST_SAMPLES:
-            squares.append([east, north, *np.round(np.median(own, axis=0)).astype(int).tolist()])
+        samples = colour[square_index == index]
+        if len(samples) >= MIN_SQUARE_SAMPLES:
+            squares.append([east, north, *np.round(np.median(samples, axis=0)).astype(int).tolist()])
     return GroundSamples(round(float(below[0]), 3), squares)
 
 
 def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> np.ndarray:
-    """Factors (n, 3) that bring the pictures of n cameras to one exposure and white balance, by their squares as of `Ground`.
+    """Estimate the factors that bring cameras to one exposure and white balance.
 
-    Least squares over the pairs that share squares, each pair's ratio a median; the factors' mean is one. A camera that shares
-    nothing keeps its colours.
+    Least squares over the pairs that share squares. The ratio of a pair is a median, and the mean factor is one.
+    A camera that shares nothing keeps its colours.
+
+    Parameters
+    ----------
+    squares_by_camera : squares of each of n cameras, see `GroundSamples`.
+
+    Returns
+    -------
+    (n, 3) factors per camera and channel.
     """
     n = len(squares_by_camera)
-    known = [{(one[0], one[1]): one[2:] for one in squares if _exposed(one[2:])} for squares in squares_by_camera]
-    at: dict[tuple[int, int], list[int]] = {}
-    for camera, squares in enumerate(known):
+    colours = [{(one[0], one[1]): one[2:] for one in squares if _is_exposed(one[2:])} for squares in squares_by_camera]
+    cameras_by_square: dict[tuple[int, int], list[int]] = {}
+    for camera, squares in enumerate(colours):
         for square in squares:
-            at.setdefault(square, []).append(camera)
-    pairs = sorted({(i, j) for cameras in at.values() for i in cameras for j in cameras if i < j})
+            cameras_by_square.setdefault(square, []).append(camera)
+    pairs = sorted({(i, j) for cameras in cameras_by_square.values() for i in cameras for j in cameras if i < j})
     equations, ratios = [], []
     for i, j in pairs:
-        shared = sorted(known[i].keys() & known[j].keys())
-        if len(shared) >= LEAST_SHARED:
-            both = np.array([[known[one][square] for square in shared] for one in (i, j)], np.float64)
+        shared = sorted(colours[i].keys() & colours[j].keys())
+        if len(shared) >= MIN_SHARED_SQUARES:
+            both = np.array([[colours[one][square] for square in shared] for one in (i, j)], np.float64)
             weight = np.sqrt(len(shared))
             equations.append((i, j, weight))
             ratios.append(weight * np.median(np.log(both[1] / both[0]), axis=0))
@@ -117,23 +158,31 @@ def exposure_factors(squares_by_camera: Sequence[Sequence[Sequence[int]]]) -> np
     matrix = coo_array(
         (np.concatenate([weight, -weight]), (np.tile(row, 2), np.concatenate([first, second]))), (len(row), n)
     )
-    held = coo_array((np.full(n, HELD), (np.arange(n), np.arange(n))), (n, n))
-    whole = vstack([matrix, held]).tocsc()
+    damping = coo_array((np.full(n, FACTOR_DAMPING), (np.arange(n), np.arange(n))), (n, n))
+    system = vstack([matrix, damping]).tocsc()
     right = np.vstack([*ratios, np.zeros((n, 3))])
-    solution = np.column_stack([spsolve((whole.T @ whole).tocsc(), whole.T @ right[:, band]) for band in range(3)])
-    return np.round(np.exp(np.clip(solution, -np.log(MOST), np.log(MOST))) / STEP) * STEP
+    solution = np.column_stack([spsolve((system.T @ system).tocsc(), system.T @ right[:, band]) for band in range(3)])
+    return np.round(np.exp(np.clip(solution, -np.log(MAX_FACTOR), np.log(MAX_FACTOR))) / FACTOR_STEP) * FACTOR_STEP
 
 
 def typical_ground_colour(squares: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray] | None:
-    """What the ground around a camera mostly looks like: logarithm of its colour (3,) and how far half of it is off that (3,);
-    None where too little of it is known."""
-    colours = np.array([one[2:] for one in squares if _exposed(one[2:])], np.float64)
-    if len(colours) < LEAST_SHARED:
+    """Return median and median absolute deviation of the ground's log colours.
+
+    Parameters
+    ----------
+    squares : squares of one camera, see `GroundSamples`.
+
+    Returns
+    -------
+    Two arrays (3,), None with too few well exposed squares.
+    """
+    colours = np.array([one[2:] for one in squares if _is_exposed(one[2:])], np.float64)
+    if len(colours) < MIN_SHARED_SQUARES:
         return None
     logs = np.log(colours)
     middle = np.median(logs, axis=0)
     return middle, np.median(np.abs(logs - middle), axis=0)
 
 
-def _exposed(colour: Sequence[int]) -> bool:
-    return min(colour) >= EXPOSED[0] and max(colour) <= EXPOSED[1]
+def _is_exposed(colour: Sequence[int]) -> bool:
+    return min(colour) >= EXPOSED_RANGE[0] and max(colour) <= EXPOSED_RANGE[1]

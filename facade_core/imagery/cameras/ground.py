@@ -1,7 +1,7 @@
-"""Ground charts from posed panoramas: each texel from the camera that shows it best, where cameras agree on what it is.
+"""Ground charts from posed panoramas: each texel from the best camera, where cameras agree.
 
-What is not in the model (cars, people, kerbs, the camera's own vehicle) lies elsewhere on the ground for each camera, by
-parallax: squares in which cameras contradict each other are left to the material.
+Objects that the model lacks (cars, people, kerbs, the camera's own vehicle) appear at different ground positions in each
+camera, by parallax. Squares in which cameras contradict each other are left to the material.
 """
 
 from __future__ import annotations
@@ -14,88 +14,128 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.agreement import compare_squares, find_thin_objects, squares_to_texels
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera, equalise_exposure, fuse_camera_views
-from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, position
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M, camera_position
+from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.panorama import rectify_view
 
-# A camera shows ground from so near, metres: nearer its own vehicle is in the way.
-NEAR_M = 3.4
-# What one camera alone shows nearer than this may be its own vehicle, metres.
-ALONE_M = 7.0
-# A camera is believed where it is alone if so many squares of the piece, and this share of those that it shows with others,
-# are agreed on: no camera without neighbours is, whose ground would be a ring around it.
-VOUCHED, VOUCHED_SHARE = 24, 0.5
-# What one camera alone shows is ground where it is no farther off the usual colour around that camera than this, or than so
-# many times what half of the ground is off.
-ODD, OFTEN = 0.35, 3.0
-# So far around a square that is not believed, metres, no square is: what stands there reaches over its border.
-BESIDE_M = 0.3
+# Nearer than this, in metres, the camera's own vehicle hides the ground.
+MIN_GROUND_DISTANCE_M = 3.4
+# Nearer than this, in metres, a view that no other camera confirms may show the camera's own vehicle.
+MIN_UNCONFIRMED_DISTANCE_M = 7.0
+# Squares that other cameras must confirm before unconfirmed ones of a view are trusted. A camera without
+# neighbours would leave a ring of ground around it.
+MIN_CONFIRMED_SQUARES = 24
+# Share of the squares seen by others that must be confirmed likewise.
+MIN_CONFIRMED_SHARE = 0.5
+# Unconfirmed ground differs from the typical ground colour by at most this log ratio,
+MAX_LOG_DEVIATION = 0.35
+# or by this many times its median absolute deviation.
+MAX_DEVIATION_SPREADS = 3.0
+# Metres around a doubted square that are removed too: objects reach over its border.
+DOUBT_RIM_M = 0.3
 
 
 def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
-    """A chart of the ground from panoramas; None where they show too little.
+    """Fuse a ground chart from panoramas.
 
-    A square that several cameras show is taken from those that agree with another one; what one alone shows is taken where it
-    is far enough from the camera and of the usual colour, and others agree with that camera beside it.
+    A square that several cameras show comes from those that agree with another one. A square that only one camera shows is used
+    if it is far enough from the camera, has the typical ground colour, and if other squares of that camera are confirmed.
+
+    Parameters
+    ----------
+    scene : scene that contains the chart.
+    chart : index of the ground chart.
+    cameras : panoramas around it.
+
+    Returns
+    -------
+    The fused view, None where the cameras show too little.
     """
-    views = [_view(scene, chart, camera) for camera in cameras]
+    views = [_ground_view(scene, chart, camera) for camera in cameras]
     if not any(bool(view.clear.any()) for view in views):
         return None
     density = float(scene.placement.texels_per_metre[chart])
-    away = [_away(scene, chart, camera.pose) for camera in cameras]
-    return fuse_camera_views(views, trusted_ground_texels(views, away, [_usual(camera) for camera in cameras], density), density)
+    distance = [_ground_distance(scene, chart, camera.pose) for camera in cameras]
+    return fuse_camera_views(
+        views,
+        trusted_ground_texels(views, distance, [_equalised_ground_colour(camera) for camera in cameras], density),
+        density,
+    )
 
 
 def trusted_ground_texels(
-    views: Sequence[View],
+    views: Sequence[ChartView],
     distance: Sequence[np.ndarray],
     ground_colours: Sequence[tuple[np.ndarray, np.ndarray] | None],
     density: float,
 ) -> list[np.ndarray]:
-    """Which clear texels of each view are believed, (h, w) bool each.
+    """Select the clear texels of each view that can be trusted.
 
-    away (h, w): metres from the camera; usual: as of `typical_ground_colour`, in the views' exposure; density in texels per metre.
+    Parameters
+    ----------
+    views : views of one chart, of equal size and exposure.
+    distance : (h, w) distance of the texels from each camera in metres.
+    ground_colours : see `typical_ground_colour`, in the views' exposure.
+    density : texels per metre.
+
+    Returns
+    -------
+    One mask (h, w) bool per view.
     """
     import cv2
 
-    squares, kept, rim = compare_squares(views, density), [], round(BESIDE_M * density)
+    squares, trusted, rim = compare_squares(views, density), [], round(DOUBT_RIM_M * density)
     for i, view in enumerate(views):
         supported, opposed, alone = squares.is_confirmed[i], squares.is_contradicted[i], squares.unconfirmed_squares(i)
-        like = ground_colours[i]
-        agreed = int(supported.sum())
-        if like is None or agreed < VOUCHED or agreed < VOUCHED_SHARE * (supported | opposed).sum():
+        ground_colour = ground_colours[i]
+        confirmed_count = int(supported.sum())
+        if (
+            ground_colour is None
+            or confirmed_count < MIN_CONFIRMED_SQUARES
+            or confirmed_count < MIN_CONFIRMED_SHARE * (supported | opposed).sum()
+        ):
             alone[:] = False
         else:
-            middle, half = like
-            alone &= (np.abs(squares.log_colour[i] - middle) <= np.maximum(ODD, OFTEN * half)).all(axis=2)
+            middle, spread = ground_colour
+            alone &= (
+                np.abs(squares.log_colour[i] - middle) <= np.maximum(MAX_LOG_DEVIATION, MAX_DEVIATION_SPREADS * spread)
+            ).all(axis=2)
         doubted = squares.is_usable[i] & ~supported & ~alone
-        whole = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
-        beside = cv2.dilate(whole[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
-        kept.append(view.clear & (whole[0] | (whole[1] & (distance[i] >= ALONE_M))) & ~beside)
-    return [one & ~odd for one, odd in zip(kept, find_thin_objects(views, density), strict=True)]
+        texels = [squares_to_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
+        near_doubt = cv2.dilate(texels[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
+        trusted.append(
+            view.clear & (texels[0] | (texels[1] & (distance[i] >= MIN_UNCONFIRMED_DISTANCE_M))) & ~near_doubt
+        )
+    return [
+        is_trusted & ~is_thin for is_trusted, is_thin in zip(trusted, find_thin_objects(views, density), strict=True)
+    ]
 
 
-def _view(scene: Scene, chart: int, camera: PanoramaCamera) -> View:
-    """A chart as one camera shows it, in the common exposure, from NEAR_M to GROUND_REACH_M."""
+def _ground_view(scene: Scene, chart: int, camera: PanoramaCamera) -> ChartView:
+    """Rectify a chart in the common exposure, from MIN_GROUND_DISTANCE_M to GROUND_REACH_M."""
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-    away = _away(scene, chart, camera.pose)
+    distance = _ground_distance(scene, chart, camera.pose)
     view = rectify_view(scene, chart, camera.image, camera.pose, size, camera.occluded)
-    return equalise_exposure(view, camera, (away >= NEAR_M) & (away <= GROUND_REACH_M))
+    return equalise_exposure(view, camera, (distance >= MIN_GROUND_DISTANCE_M) & (distance <= GROUND_REACH_M))
 
 
-def _away(scene: Scene, chart: int, pose: Pose) -> np.ndarray:
-    """How far each texel of a chart is from the foot of a camera, (h, w) float32 metres."""
+def _ground_distance(scene: Scene, chart: int, pose: Pose) -> np.ndarray:
+    """Horizontal distance in metres of each texel from a camera: (h, w) float32."""
     charts, step = scene.charts, 1 / float(scene.placement.texels_per_metre[chart])
-    place = position(pose)
+    centre = camera_position(pose)
     x = (np.arange(int(scene.placement.width[chart]), dtype=np.float32) + 0.5) * step
     y = (np.arange(int(scene.placement.height[chart]), dtype=np.float32) + 0.5) * step
-    corner = (charts.origin[chart] - place)[:2]
+    corner = (charts.origin[chart] - centre)[:2]
     across, down = charts.axis_u[chart][:2], charts.axis_v[chart][:2]
     east = corner[0] + across[0] * x[None] + down[0] * y[:, None]
     north = corner[1] + across[1] * x[None] + down[1] * y[:, None]
     return np.hypot(east, north).astype(np.float32)
 
 
-def _usual(camera: PanoramaCamera) -> tuple[np.ndarray, np.ndarray] | None:
-    """In the common exposure."""
-    return None if camera.ground_colour is None else (camera.ground_colour[0] + np.log(camera.exposure_factor), camera.ground_colour[1])
+def _equalised_ground_colour(camera: PanoramaCamera) -> tuple[np.ndarray, np.ndarray] | None:
+    """Typical ground colour in the common exposure."""
+    return (
+        None
+        if camera.ground_colour is None
+        else (camera.ground_colour[0] + np.log(camera.exposure_factor), camera.ground_colour[1])
+    )

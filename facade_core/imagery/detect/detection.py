@@ -1,4 +1,4 @@
-"""Faces and number plates on a picture, and its text: a second opinion beside the parser's, where the models are there."""
+"""Detection of faces, number plates and text on pictures, where the optional models are installed."""
 
 from __future__ import annotations
 
@@ -8,65 +8,75 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from facade_core.core.types import Box
-from facade_core.imagery.detect.faces import SMALL, find_faces
+from facade_core.imagery.detect.faces import MAX_ENLARGED_PIXELS, find_faces
 from facade_core.imagery.detect.models import models_digest
 from facade_core.imagery.detect.plates import is_plate
-from facade_core.imagery.detect.text import Line, find_lines, joined
+from facade_core.imagery.detect.text import TextLine, find_text_lines, merge_lines
 
-# What is hidden is larger than what is found by this share of its longer side, to every side: hair and chin, a plate's rim.
-RIM = 0.4
-# A panorama is looked at so many pixels on across its border: no face or plate there is wider.
-SEAM = 256
-# Plates stand in the lower part of a picture, below this share of its height.
-LOW = 0.5
-# Between these shares of a full panorama's height, 27 degrees over the horizon and 63 below it, faces and plates are looked
-# for; the latter stand below the horizon.
-UPPERMOST, HORIZON, LOWERMOST = 0.35, 0.5, 0.85
-# Of a picture of ordinary size they are looked for so many times enlarged: of 24 marked by eye four were found at twice, eight
-# at three times their size, and of those left few can be read.
-CLOSER = 3.0
+# Hidden boxes extend detected ones by this share of the longer side: hair, chin and a plate's frame.
+HIDDEN_RIM_SHARE = 0.4
+# Pixels that a panorama strip is continued beyond its right border; no face or plate is wider.
+SEAM_OVERLAP_PX = 256
+# Number plates are below this share of a picture's height.
+PLATES_TOP_SHARE = 0.5
+# Top of the searched part of a full panorama, as a share of its height: 27 degrees above the horizon.
+SEARCH_TOP_SHARE = 0.35
+# Horizon of a full panorama; plates are below it.
+HORIZON_SHARE = 0.5
+# Bottom of the searched part: 63 degrees below the horizon.
+SEARCH_BOTTOM_SHARE = 0.85
+# Enlargement of the lower part of pictures of ordinary size. Of 24 plates marked by eye, scale 2 found four and
+# scale 3 eight; few of the rest are legible.
+LOWER_PART_SCALE = 3.0
 
 
-def _none() -> np.ndarray:
+def _no_boxes() -> np.ndarray:
     return np.zeros((0, 4))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detections:
-    """faces, plates (n, 4): boxes x0, y0, x1, y1 in pixels; lines of text, the plates' among them."""
+    """Faces, number plates and text of a picture.
 
-    faces: np.ndarray = field(default_factory=_none)
-    plates: np.ndarray = field(default_factory=_none)
-    lines: Sequence[Line] = ()
+    Attributes
+    ----------
+    faces : (n, 4) boxes x0, y0, x1, y1 in pixels.
+    plates : (m, 4) boxes of number plates.
+    lines : lines of text, including those of the plates.
+    """
+
+    faces: np.ndarray = field(default_factory=_no_boxes)
+    plates: np.ndarray = field(default_factory=_no_boxes)
+    lines: Sequence[TextLine] = ()
 
     def has_private_boxes(self) -> bool:
-        """Whether there is anything to hide."""
+        """Return True if there is a face or a plate to hide."""
         return len(self.faces) + len(self.plates) > 0
 
     def rescale(self, across: float, down: float) -> Detections:
-        """The same on the picture at another size."""
+        """Return the detections for the picture at another size, by factors across and down."""
         both = np.array([across, down])
         lines = [replace(line, corners=line.corners * both) for line in self.lines]
         return Detections(self.faces * np.tile(both, 2), self.plates * np.tile(both, 2), lines)
 
     def translate(self, across: float, down: float) -> Detections:
-        """The same on a picture of which this one is a part that begins there."""
+        """Return the detections for a larger picture in which this one begins at the given pixel."""
         both = np.array([across, down])
         lines = [replace(line, corners=line.corners + both) for line in self.lines]
         return Detections(self.faces + np.tile(both, 2), self.plates + np.tile(both, 2), lines)
 
     def private_boxes(self, shape: tuple[int, int]) -> tuple[Box, ...]:
-        """What is to be hidden of a picture (H, W): boxes of whole pixels, faces first."""
-        found = []
+        """Return the boxes to hide in a picture (H, W), in whole pixels, faces first."""
+        boxes = []
         for x0, y0, x1, y1 in np.concatenate([self.faces, self.plates]).tolist():
-            rim = RIM * max(x1 - x0, y1 - y0)
+            rim = HIDDEN_RIM_SHARE * max(x1 - x0, y1 - y0)
             left, top = max(0, int(x0 - rim)), max(0, int(y0 - rim))
             right, bottom = min(shape[1], int(x1 + rim) + 1), min(shape[0], int(y1 + rim) + 1)
-            found.append((left, top, right, bottom))
-        return tuple(found)
+            boxes.append((left, top, right, bottom))
+        return tuple(boxes)
 
     def private_mask(self, shape: tuple[int, int]) -> np.ndarray:
-        """The same as a mask (H, W) bool."""
+        """Return the pixels (H, W) bool to hide."""
         mask = np.zeros(shape, bool)
         for x0, y0, x1, y1 in self.private_boxes(shape):
             mask[y0:y1, x0:x1] = True
@@ -74,55 +84,87 @@ class Detections:
 
 
 def detectors_available() -> bool:
-    """Whether faces, plates and text are looked for here: where the packages that bring the models are installed."""
+    """Return True if the packages that contain the detection models are installed."""
     return bool(models_digest())
 
 
-def detect_on_image(image: np.ndarray, plates_top: float = LOW) -> Detections:
-    """What there is on a picture (H, W, 3) uint8; plates below the share `low` of its height. Nothing without the models."""
+def detect_on_image(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> Detections:
+    """Detect faces, plates and text on an image; nothing without the models.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    plates_top : share of the height below which plates are accepted.
+    """
     if not detectors_available():
         return Detections()
     plates, lines = find_plates(image, plates_top)
     return Detections(find_faces(image)[0], plates, lines)
 
 
-def detect_on_strip(image: np.ndarray, plates_top: float = LOW) -> Detections:
-    """The same on a strip (H, W, 3) of a whole panorama, whose left border goes on from its right one: what lies across is
-    found whole, and is there at both."""
+def detect_on_strip(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> Detections:
+    """Detect on a strip of a full panorama, whose left and right borders meet.
+
+    Objects across the border are detected whole, and returned at both sides.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    plates_top : share of the height below which plates are accepted.
+    """
     width = image.shape[1]
-    seen = detect_on_image(np.concatenate([image, image[:, :SEAM]], axis=1), plates_top)
-    lines = [line for line in seen.lines if line.box[0] < width]
-    return Detections(_around(seen.faces, width), _around(seen.plates, width), lines)
+    detections = detect_on_image(np.concatenate([image, image[:, :SEAM_OVERLAP_PX]], axis=1), plates_top)
+    lines = [line for line in detections.lines if line.box[0] < width]
+    return Detections(_wrap_boxes(detections.faces, width), _wrap_boxes(detections.plates, width), lines)
 
 
 def detect_on_panorama(image: np.ndarray, view: tuple[float, float, float, float]) -> Detections:
-    """The same on the part `view` of a panorama, as of `facade_core.core.types.Pose`: between UPPERMOST and LOWERMOST."""
+    """Detect on a panorama between SEARCH_TOP_SHARE and SEARCH_BOTTOM_SHARE of the full height.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8, the part `view` of the full panorama.
+    view : left, top, width and height of that part, see `facade_core.core.types.Pose`.
+    """
     _, top, wide, share = view
     first, middle, last = (
-        min(len(image), max(0, round((row - top) / share * len(image)))) for row in (UPPERMOST, HORIZON, LOWERMOST)
+        min(len(image), max(0, round((row - top) / share * len(image))))
+        for row in (SEARCH_TOP_SHARE, HORIZON_SHARE, SEARCH_BOTTOM_SHARE)
     )
     if last == first:
         return Detections()
-    looked = detect_on_strip if wide == 1 else detect_on_image
-    return looked(image[first:last], (middle - first) / (last - first)).translate(0, first)
+    detect = detect_on_strip if wide == 1 else detect_on_image
+    return detect(image[first:last], (middle - first) / (last - first)).translate(0, first)
 
 
-def _around(boxes: np.ndarray, width: int) -> np.ndarray:
-    """Boxes (n, 4) of a strip that goes on beyond its width, as on the strip: one across the border in two parts."""
-    own = boxes[boxes[:, 0] < width]
-    return np.concatenate([own, own[own[:, 2] > width] - np.array([width, 0, width, 0])])
+def _wrap_boxes(boxes: np.ndarray, width: int) -> np.ndarray:
+    """Boxes (n, 4) of a continued strip as boxes of the strip; a box across the border is returned twice."""
+    wrapped = boxes[boxes[:, 0] < width]
+    return np.concatenate([wrapped, wrapped[wrapped[:, 2] > width] - np.array([width, 0, width, 0])])
 
 
-def find_plates(image: np.ndarray, plates_top: float = LOW) -> tuple[np.ndarray, list[Line]]:
-    """Boxes (n, 4) of the number plates below the share `low` of an image's height, and all its lines of text.
+def find_plates(image: np.ndarray, plates_top: float = PLATES_TOP_SHARE) -> tuple[np.ndarray, list[TextLine]]:
+    """Find number plates and all lines of text.
 
-    Of a picture of ordinary size the lower part is looked at enlarged as well: plates and many signs of shops are small.
+    The lower part of pictures of ordinary size is searched enlarged as well: plates and many shop signs are small.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    plates_top : share of the height below which plates are accepted.
+
+    Returns
+    -------
+    Boxes (n, 4) of the plates, and the lines of text.
     """
-    lines, first = find_lines(image), round(plates_top * len(image))
-    closer: list[Line] = []
-    if image.size <= 3 * SMALL and first < len(image):
-        down = np.array([0, first])
-        closer = [replace(line, corners=line.corners + down) for line in find_lines(image[first:], CLOSER)]
-    # of a plate that is found twice both boxes are hidden
-    plates = [line.box for line in (*lines, *closer) if is_plate(line, first)]
-    return np.array(plates).reshape(-1, 4), joined(lines, closer)
+    lines, first_row = find_text_lines(image), round(plates_top * len(image))
+    enlarged_lines: list[TextLine] = []
+    if image.size <= 3 * MAX_ENLARGED_PIXELS and first_row < len(image):
+        offset = np.array([0, first_row])
+        enlarged_lines = [
+            replace(line, corners=line.corners + offset)
+            for line in find_text_lines(image[first_row:], LOWER_PART_SCALE)
+        ]
+    # both boxes of a plate that is found twice are hidden
+    plates = [line.box for line in (*lines, *enlarged_lines) if is_plate(line, first_row)]
+    return np.array(plates).reshape(-1, 4), merge_lines(lines, enlarged_lines)

@@ -1,4 +1,4 @@
-"""Large pictures in parts that a network takes."""
+"""Overlapping tiles of large pictures."""
 
 from __future__ import annotations
 
@@ -8,13 +8,23 @@ import numpy as np
 
 
 def split_tiles(image: np.ndarray, side: int, overlap: int) -> Iterator[tuple[np.ndarray, int, int]]:
-    """Parts (h, w, 3) of an image, at most `side` wide and high, which overlap by at least `overlap` pixels, and the column and
-    row at which each begins."""
-    for y in _starts(image.shape[0], side, overlap):
-        for x in _starts(image.shape[1], side, overlap):
+    """Split an image into overlapping tiles.
+
+    Parameters
+    ----------
+    image : (H, W, 3).
+    side : largest width and height of a tile in pixels.
+    overlap : smallest overlap in pixels.
+
+    Yields
+    ------
+    Tile (h, w, 3), and its first column and row.
+    """
+    for y in _tile_starts(image.shape[0], side, overlap):
+        for x in _tile_starts(image.shape[1], side, overlap):
             yield image[y : y + side, x : x + side], x, y
 
 
-def _starts(length: int, side: int, overlap: int) -> list[int]:
+def _tile_starts(length: int, side: int, overlap: int) -> list[int]:
     count = max(1, -(-(length - overlap) // (side - overlap)))
     return np.linspace(0, max(0, length - side), count).round().astype(int).tolist()

@@ -1,4 +1,4 @@
-"""Lines of text by two networks of PP-OCRv4: where they stand (DB, Liao et al. 2020), and what they say (CTC, Graves 2006)."""
+"""Text lines by two networks of PP-OCRv4: detection (DB, Liao et al. 2020) and recognition (CTC, Graves 2006)."""
 
 from __future__ import annotations
 
@@ -10,28 +10,51 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.imagery.detect.image_tiles import split_tiles
-from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, session
+from facade_core.imagery.detect.models import LETTER_MODEL, LINE_MODEL, model_session
 
-# Tiles that are looked at: their side for the network, their overlap, and the least side that a small picture is brought
-# to, enlarged so many times at most.
-SIDE, OVERLAPPING, WORKED_AT, MOST = 960, 160, 736, 2.0
-# A pixel is text from this probability on, a line where its mean is at least that; thinner ones in pixels are specks.
-LEAST_PIXEL, LEAST_LINE, THINNEST = 0.3, 0.5, 3
-# What is found is the core of a line: it grows by this times its area over its circumference.
-GROWN = 1.6
-# What is darker than this in the middle of its values is lit by this power: signs in the shade are missed otherwise. Chosen
-# with ten of the photos of benchmarks/shop_signs.json in view.
-_DARK, _LIT = 64, 0.5
-# Of two lines that share more than this share of the smaller one's box the larger one stays.
-SAME = 0.5
-# A line is read at this height in pixels and at least this width; one as much higher than wide stands upright.
-_READ_HEIGHT, _READ_WIDTH, _UPRIGHT = 48, 320, 1.5
-_MULTIPLE = 32
+# Side in pixels of the network's tiles.
+TEXT_TILE_SIDE = 960
+# Overlap of tiles in pixels.
+TEXT_TILE_OVERLAP = 160
+# Smaller sides of a picture are enlarged to this many pixels,
+MIN_INPUT_SIDE = 736
+# by at most this factor.
+MAX_ENLARGEMENT = 2.0
+# Probability from which a pixel is text.
+MIN_PIXEL_PROBABILITY = 0.3
+# Mean probability from which a box is a line.
+MIN_LINE_PROBABILITY = 0.5
+# Thinner lines, in pixels, are specks.
+MIN_LINE_PIXELS = 3
+# The network detects the core of a line; the box grows by this times its area over its circumference.
+UNCLIP_RATIO = 1.6
+# Pictures with a darker median are brightened: signs in the shade are missed otherwise. Chosen on ten photos of
+# benchmarks/shop_signs.json.
+_DARK_LEVEL = 64
+# Exponent of that brightening.
+_BRIGHTEN_GAMMA = 0.5
+# Of two lines that share more than this share of the smaller box, the larger one stays.
+MAX_LINE_OVERLAP = 0.5
+# Height in pixels at which a line is recognised,
+_READ_HEIGHT = 48
+# and its smallest width.
+_MIN_READ_WIDTH = 320
+# Lines that are higher than wide by this factor are upright.
+_UPRIGHT_ASPECT = 1.5
+# The network takes sides that are multiples of this.
+_SIDE_MULTIPLE = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Line:
-    """A line of text: corners (4, 2) x, y in pixels from its upper left on clockwise; what it says and how sure that is."""
+class TextLine:
+    """Line of text.
+
+    Attributes
+    ----------
+    corners : (4, 2) x, y in pixels, clockwise from the upper left.
+    text : recognised text.
+    score : mean probability of its characters.
+    """
 
     corners: np.ndarray
     text: str
@@ -39,55 +62,61 @@ class Line:
 
     @property
     def box(self) -> np.ndarray:
-        """x0, y0, x1, y1."""
+        """Return x0, y0, x1, y1."""
         return np.concatenate([self.corners.min(axis=0), self.corners.max(axis=0)])
 
     @property
     def size(self) -> tuple[float, float]:
-        """Length and height."""
+        """Return length and height."""
         across, down = self.corners[1] - self.corners[0], self.corners[3] - self.corners[0]
         return float(np.hypot(*across)), float(np.hypot(*down))
 
 
-def find_lines(image: np.ndarray, scale: float = 1.0) -> list[Line]:
-    """The lines of text in an image (H, W, 3) uint8, from its upper left on; found in the image enlarged so many times."""
-    found: list[np.ndarray] = []
-    for part, x, y in split_tiles(image, round(SIDE / scale), round(OVERLAPPING / scale)):
-        found += [corners + np.array([x, y]) for corners in _in_tile(_lit(part), scale)]
-    return [Line(found[index], *_read(image, found[index])) for index in _once(found)]
+def find_text_lines(image: np.ndarray, scale: float = 1.0) -> list[TextLine]:
+    """Find and recognise the lines of text in an image (H, W, 3) uint8, enlarged by `scale`."""
+    corners_found: list[np.ndarray] = []
+    for part, x, y in split_tiles(image, round(TEXT_TILE_SIDE / scale), round(TEXT_TILE_OVERLAP / scale)):
+        corners_found += [corners + np.array([x, y]) for corners in _lines_in_tile(_brighten(part), scale)]
+    return [
+        TextLine(corners_found[index], *_read_line(image, corners_found[index]))
+        for index in _deduplicate(corners_found)
+    ]
 
 
-def joined(lines: Sequence[Line], closer: Sequence[Line]) -> list[Line]:
-    """The lines of two looks at an image: of one that both found the larger, as the tiles of a closer look cut long ones."""
-    every = [*lines, *closer]
-    return [every[index] for index in _once([line.corners for line in every])]
+def merge_lines(lines: Sequence[TextLine], enlarged_lines: Sequence[TextLine]) -> list[TextLine]:
+    """Merge two detections of one image; of overlapping lines the larger one stays."""
+    all_lines = [*lines, *enlarged_lines]
+    return [all_lines[index] for index in _deduplicate([line.corners for line in all_lines])]
 
 
-def _lit(image: np.ndarray) -> np.ndarray:
-    """A part of an image (h, w, 3) uint8, brighter where it is dark."""
-    if np.median(image) >= _DARK:
+def _brighten(image: np.ndarray) -> np.ndarray:
+    """Brighten an image (h, w, 3) uint8 if it is dark."""
+    if np.median(image) >= _DARK_LEVEL:
         return image
-    return np.rint(255 * (np.arange(256) / 255) ** _LIT).astype(np.uint8)[image]
+    return np.rint(255 * (np.arange(256) / 255) ** _BRIGHTEN_GAMMA).astype(np.uint8)[image]
 
 
-def _in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
-    """Corners (4, 2) of the lines in a part of an image."""
+def _lines_in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
+    """Corners (4, 2) of the lines in a tile."""
     import cv2
 
     height, width = image.shape[:2]
-    scale = max(scale, min(MOST, WORKED_AT / min(height, width)))
-    size = tuple(max(_MULTIPLE, round(side * scale / _MULTIPLE) * _MULTIPLE) for side in (width, height))
+    scale = max(scale, min(MAX_ENLARGEMENT, MIN_INPUT_SIDE / min(height, width)))
+    size = tuple(max(_SIDE_MULTIPLE, round(side * scale / _SIDE_MULTIPLE) * _SIDE_MULTIPLE) for side in (width, height))
     pixels = cv2.resize(image, size)[..., ::-1] / 255.0
     feed = ((pixels - 0.5) / 0.5).transpose(2, 0, 1)[None].astype(np.float32)
-    net = session(LINE_MODEL)
-    chance = net.run(None, {net.get_inputs()[0].name: feed})[0][0, 0]
-    core = cv2.dilate((chance > LEAST_PIXEL).astype(np.uint8), np.ones((2, 2), np.uint8))
+    net = model_session(LINE_MODEL)
+    probability = net.run(None, {net.get_inputs()[0].name: feed})[0][0, 0]
+    core = cv2.dilate((probability > MIN_PIXEL_PROBABILITY).astype(np.uint8), np.ones((2, 2), np.uint8))
     for outline in cv2.findContours(core, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)[0]:
         middle, sides, angle = cv2.minAreaRect(outline)
-        if min(sides) < THINNEST or _mean_within(chance, cv2.boxPoints((middle, sides, angle))) < LEAST_LINE:
+        if (
+            min(sides) < MIN_LINE_PIXELS
+            or _mean_within(probability, cv2.boxPoints((middle, sides, angle))) < MIN_LINE_PROBABILITY
+        ):
             continue
-        more = GROWN * math.prod(sides) / sum(sides)
-        corners = cv2.boxPoints((middle, (sides[0] + more, sides[1] + more), angle))
+        growth = UNCLIP_RATIO * math.prod(sides) / sum(sides)
+        corners = cv2.boxPoints((middle, (sides[0] + growth, sides[1] + growth), angle))
         corners = corners * (np.array([width, height]) / size)
         yield _from_upper_left(np.clip(corners, 0, [width, height]))
 
@@ -104,29 +133,28 @@ def _mean_within(values: np.ndarray, corners: np.ndarray) -> float:
 
 
 def _from_upper_left(corners: np.ndarray) -> np.ndarray:
-    """The corners of a rectangle clockwise (y down) from the upper left one."""
+    """Corners of a rectangle, clockwise (y down) from the upper left one."""
     by_x = corners[np.argsort(corners[:, 0], kind="stable")]
     left, right = (side[np.argsort(side[:, 1], kind="stable")] for side in (by_x[:2], by_x[2:]))
     return np.stack([left[0], right[0], right[1], left[1]])
 
 
-def _once(found: Sequence[np.ndarray]) -> list[int]:
-    """Which lines, by their corners (4, 2), to keep: of those that are the same, whole or in part, the largest; in their order
-    on the image."""
+def _deduplicate(corners_found: Sequence[np.ndarray]) -> list[int]:
+    """Indices of the lines to keep, in reading order: the largest of those that overlap."""
     kept: list[int] = []
-    boxes = [np.concatenate([c.min(axis=0), c.max(axis=0)]) for c in found]
+    boxes = [np.concatenate([corners.min(axis=0), corners.max(axis=0)]) for corners in corners_found]
     areas = [float(np.prod(box[2:] - box[:2])) for box in boxes]
-    for index in sorted(range(len(found)), key=lambda i: -areas[i]):
+    for index in sorted(range(len(corners_found)), key=lambda i: -areas[i]):
         low = np.array([np.maximum(boxes[index][:2], boxes[other][:2]) for other in kept]).reshape(-1, 2)
         high = np.array([np.minimum(boxes[index][2:], boxes[other][2:]) for other in kept]).reshape(-1, 2)
-        least = np.minimum(areas[index], [areas[other] for other in kept])
-        if not (np.prod(np.maximum(high - low, 0), axis=1) > SAME * least).any():
+        smaller = np.minimum(areas[index], [areas[other] for other in kept])
+        if not (np.prod(np.maximum(high - low, 0), axis=1) > MAX_LINE_OVERLAP * smaller).any():
             kept.append(index)
     return sorted(kept, key=lambda i: (boxes[i][1], boxes[i][0]))
 
 
-def _read(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
-    """What a line says, and the mean probability of its letters; "" and 0 where nothing is read."""
+def _read_line(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
+    """Text of a line and mean probability of its characters; "" and 0 if nothing is recognised."""
     import cv2
 
     width, height = (
@@ -134,27 +162,29 @@ def _read(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
         for a, b, c, d in ((1, 0, 2, 3), (3, 0, 2, 1))
     )
     flat = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
-    turned = cv2.getPerspectiveTransform(corners.astype(np.float32), flat)
-    line = cv2.warpPerspective(image, turned, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    if height >= _UPRIGHT * width:
+    perspective = cv2.getPerspectiveTransform(corners.astype(np.float32), flat)
+    line = cv2.warpPerspective(
+        image, perspective, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+    )
+    if height >= _UPRIGHT_ASPECT * width:
         line = np.ascontiguousarray(np.rot90(line))
     wide = max(1, math.ceil(_READ_HEIGHT * line.shape[1] / line.shape[0]))
-    line = _lit(cv2.resize(line, (wide, _READ_HEIGHT)))
-    feed = np.zeros((1, 3, _READ_HEIGHT, max(_READ_WIDTH, wide)), np.float32)
+    line = _brighten(cv2.resize(line, (wide, _READ_HEIGHT)))
+    feed = np.zeros((1, 3, _READ_HEIGHT, max(_MIN_READ_WIDTH, wide)), np.float32)
     feed[0, :, :, :wide] = (line[..., ::-1] / 127.5 - 1).transpose(2, 0, 1)
-    net = session(LETTER_MODEL)
-    chances = net.run(None, {net.get_inputs()[0].name: feed})[0][0]
-    best = chances.argmax(axis=1)
-    told = np.flatnonzero((best > 0) & (np.diff(best, prepend=0) != 0))
-    if not len(told):
+    net = model_session(LETTER_MODEL)
+    probabilities = net.run(None, {net.get_inputs()[0].name: feed})[0][0]
+    best = probabilities.argmax(axis=1)
+    columns = np.flatnonzero((best > 0) & (np.diff(best, prepend=0) != 0))
+    if not len(columns):
         return "", 0.0
-    letters = _letters()
-    text = "".join(letters[best[at]] for at in told)
-    return text, float(chances[told, best[told]].mean())
+    letters = _alphabet()
+    text = "".join(letters[best[column]] for column in columns)
+    return text, float(probabilities[columns, best[columns]].mean())
 
 
 @functools.cache
-def _letters() -> tuple[str, ...]:
-    """What the outputs stand for; the first is for nothing, the last for a blank."""
-    told = session(LETTER_MODEL).get_modelmeta().custom_metadata_map["character"]
-    return ("", *told.splitlines(), " ")
+def _alphabet() -> tuple[str, ...]:
+    """Characters of the outputs: the first is the CTC blank, the last a space."""
+    characters = model_session(LETTER_MODEL).get_modelmeta().custom_metadata_map["character"]
+    return ("", *characters.splitlines(), " ")

@@ -12,16 +12,16 @@ from scipy.sparse.csgraph import connected_components
 from facade_core.core.grouping import group_rows
 
 # Panoramas of a bundle at most: their pictures are held at once, and the equations are solved densely.
-MOST = 12
+MAX_BUNDLE_SIZE = 12
 # The least share of a wall that a panorama must show to be compared on it.
-LEAST_SEEN = 0.25
+MIN_WALL_SHARE = 0.25
 # Pictures taken more than so many days apart may show two states of a street: they are not compared.
-APART_DAYS = 400
+MAX_DAYS_APART = 400
 # Side of the squares of the world, metres, that more panoramas than MOST are cut by first.
 WIDEST_M = 4096.0
 
 
-def bundles_of(
+def group_bundles(
     wall: np.ndarray, panorama: np.ndarray, seen: np.ndarray, places: np.ndarray, days: Sequence[int | None]
 ) -> list[tuple[int, ...]]:
     """Bundles of two to MOST panoramas, each ascending, in the order of their first.
@@ -33,14 +33,14 @@ def bundles_of(
     through any number of others is one bundle. More than MOST are cut by squares of the world that are halved until few enough
     lie in each, and connected anew there: one that is added changes the bundle of its square and no other.
     """
-    large = seen >= LEAST_SEEN
+    large = seen >= MIN_WALL_SHARE
     pairs = np.array(sorted(_pairs(wall[large], panorama[large], days)), np.int64).reshape(-1, 2)
     found: list[tuple[int, ...]] = []
     waiting = [(group, WIDEST_M) for group in _connected(np.arange(len(places)), pairs)]
     while waiting:
         group, side = waiting.pop()
-        if len(group) <= MOST or side < 1e-3:  # cameras in one place, which nothing tells apart, are cut by their order
-            found += [tuple(part) for i in range(0, len(group), MOST) if len(part := group[i : i + MOST].tolist()) > 1]
+        if len(group) <= MAX_BUNDLE_SIZE or side < 1e-3:  # cameras in one place, which nothing tells apart, are cut by their order
+            found += [tuple(part) for i in range(0, len(group), MAX_BUNDLE_SIZE) if len(part := group[i : i + MAX_BUNDLE_SIZE].tolist()) > 1]
             continue
         _, square = np.unique(np.floor(places[group] / side), axis=0, return_inverse=True)
         for rows in group_rows(square.reshape(-1)).values():
@@ -54,7 +54,7 @@ def _pairs(wall: np.ndarray, panorama: np.ndarray, days: Sequence[int | None]) -
     for rows in group_rows(wall).values():
         for one, other in combinations(np.unique(panorama[rows]).tolist(), 2):
             first, second = days[one], days[other]
-            if first is None or second is None or abs(first - second) <= APART_DAYS:
+            if first is None or second is None or abs(first - second) <= MAX_DAYS_APART:
                 found.add((one, other))
     return found
 

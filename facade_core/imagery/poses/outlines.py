@@ -11,10 +11,10 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, position
+from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 
 # Edges farther away say nothing of a place; metres between samples, and how many are judged together.
-REACH_M, SPACING_M, GROUP = 60.0, 0.25, 10
+MAX_OUTLINE_DISTANCE_M, SPACING_M, GROUP = 60.0, 0.25, 10
 # A sample is seen where nothing stands this far before it; what lies to its sides is looked up this far off it.
 SKIN_M, BESIDE_DEG = 0.15, 0.7
 # Surfaces that differ less than this in direction or in depth are one.
@@ -28,7 +28,7 @@ FULL_STEP = 80.0
 INNER = 0.15
 # The search: metres to either side on the level and in height, steps.
 LEVEL_M, STEP_M, HEIGHT_M, UP_STEP_M = 1.0, 0.25, 1.0, 0.5
-# Cost of an offset of one metre, squared with it: on the level; in height where that is stated, and where it is `carried`.
+# Cost of an offset of one metre, squared with it: on the level; in height where that is stated, and where it is `height_is_assumed`.
 LEVEL_PULL, STATED_PULL, CARRIED_PULL = 0.08, 0.02, 0.25
 # Cost of a turn by the expected error of the heading, squared with it.
 TURN_PULL = 0.02
@@ -37,7 +37,7 @@ COST, EXPECTED, CARRIED_UP = 0.01, np.array([0.25, 0.25, 1.0, 0.5]), 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outline:
+class OutlineSamples:
     """Samples of mesh edges in sight, in groups of neighbours on one edge: point, along (k, 3) world place and direction; group
     (k,) int64, ascending from 0; weight (groups,), angular length in radians, INNER of it where it is not against the sky."""
 
@@ -60,19 +60,19 @@ class Gradients:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class PlaceEstimate:
     """offset (3,) metres from a pose; turn_deg, clockwise from above, of its heading; the fit there; spread (4, 4),
     the covariance of offset and turn_deg."""
 
     offset: np.ndarray
     turn_deg: float
-    fit: float
-    spread: np.ndarray
+    outline_fit: float
+    covariance: np.ndarray
 
 
-def outline(scene: Scene, pose: Pose) -> Outline:
+def sample_outline(scene: Scene, pose: Pose) -> OutlineSamples:
     """The edges of walls and roofs that a camera sees against other surfaces or the sky."""
-    place = position(pose)
+    place = camera_position(pose)
     ends = _edges(scene, place)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     count = np.maximum(1, (length / SPACING_M).astype(int))
@@ -90,14 +90,14 @@ def outline(scene: Scene, pose: Pose) -> Outline:
     sine = np.linalg.norm(np.cross(along, rays), axis=1) / distance
     weight = np.bincount(group, SPACING_M * sine / distance * np.where(sky, 1.0, INNER), minlength=len(key))
     weight[np.bincount(group, minlength=len(key)) < 3] = 0
-    return Outline(point, along, group.astype(np.int64), weight)
+    return OutlineSamples(point, along, group.astype(np.int64), weight)
 
 
 def _edges(scene: Scene, place: np.ndarray) -> np.ndarray:
     """Ends (k, 2, 3) of the outlines of surfaces other than the ground near a place."""
     mesh, charts = scene.mesh, scene.charts
     corners = mesh.vertices[mesh.triangles]
-    near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < REACH_M) & (
+    near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < MAX_OUTLINE_DISTANCE_M) & (
         charts.kind[mesh.chart] != ChartKind.GROUND
     )
     triangles, surface = corners[near], charts.surface[mesh.chart[near]]
@@ -119,7 +119,7 @@ def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.nd
     distance = np.linalg.norm(rays, axis=1)
     across = np.cross(along, rays)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-    normal, plane = charts.normal(), np.einsum("ij,ij->i", charts.normal(), charts.origin)
+    normal, plane = charts.normals(), np.einsum("ij,ij->i", charts.normals(), charts.origin)
     depths, hits = [], []
     for side in (1, -1):
         tilted = rays + side * np.tan(np.radians(BESIDE_DEG)) * distance[:, None] * across
@@ -138,15 +138,15 @@ def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.nd
     ground = ((one >= 0) & (charts.kind[one] == ChartKind.GROUND)) | (
         (other >= 0) & (charts.kind[other] == ChartKind.GROUND)
     )
-    return seen & ~same & ~ground & (distance < REACH_M) & (distance > 1.0), (one < 0) | (other < 0)
+    return seen & ~same & ~ground & (distance < MAX_OUTLINE_DISTANCE_M) & (distance > 1.0), (one < 0) | (other < 0)
 
 
-def gradients(image: np.ndarray, pose: Pose, widest: int, blur: float) -> Gradients:
+def image_gradients(image: np.ndarray, pose: Pose, turn_pixels: int, blur: float) -> Gradients:
     """The gradients of a panorama (H, W, 3) uint8, the part pose.view of the full one, shrunk to `widest` pixels a turn."""
     import cv2
 
     left, top, width, _ = pose.view
-    shrink = min(1.0, widest * width / image.shape[1])
+    shrink = min(1.0, turn_pixels * width / image.shape[1])
     size = (round(image.shape[1] * shrink), round(image.shape[0] * shrink))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if shrink < 1 else image
     rim = int(4 * blur)
@@ -157,13 +157,13 @@ def gradients(image: np.ndarray, pose: Pose, widest: int, blur: float) -> Gradie
     return Gradients(np.concatenate(slope, axis=2), turn, left * turn, top * turn / 2, blur)
 
 
-def fit(outline: Outline, picture: Gradients, pose: Pose, offset: np.ndarray, turn_deg: float = 0.0) -> float:
+def outline_fit(outline: OutlineSamples, picture: Gradients, pose: Pose, offset: np.ndarray, turn_deg: float = 0.0) -> float:
     """How well the outline lies on edges of the picture from pose + offset (3,), turned about the vertical: 0 to 1."""
     if len(outline.group) == 0 or outline.weight.sum() == 0:
         return 0.0
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     camera = camera_from_world(pose) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-    place = position(pose) + offset
+    place = camera_position(pose) + offset
     geometry = (picture.turn, picture.left, picture.top)
     response = _respond(
         outline.point, outline.along, outline.group, place, camera, geometry, picture.slope, len(outline.weight)
@@ -172,32 +172,32 @@ def fit(outline: Outline, picture: Gradients, pose: Pose, offset: np.ndarray, tu
     return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
 
 
-def to_search(image: np.ndarray, pose: Pose) -> tuple[Gradients, Gradients]:
+def search_gradients(image: np.ndarray, pose: Pose) -> tuple[Gradients, Gradients]:
     """The gradients of a panorama to find its place on, and to fix it on."""
-    return gradients(image, pose, *COARSE), gradients(image, pose, *FINE)
+    return image_gradients(image, pose, *COARSE), image_gradients(image, pose, *FINE)
 
 
 def find_place(
-    outline: Outline,
+    outline: OutlineSamples,
     pictures: tuple[Gradients, Gradients],
     pose: Pose,
     *,
     heading_deg: float,
-    carried: bool = False,
-) -> Place:
+    height_is_assumed: bool = False,
+) -> PlaceEstimate:
     """Where the outline fits best near a pose: a grid on blurred gradients, then simplexes, at last on sharp ones.
 
-    pictures: as of `to_search`. heading_deg is the expected error of the pose's heading. carried: whether the pose's height is
+    pictures: as of `search_gradients`. heading_deg is the expected error of the pose's heading. carried: whether the pose's height is
     that at which cameras are carried over the ground, or the roofs around are as high as was guessed: neither is to be mended
     by the other's error. What lies farther from the pose must fit better.
     """
     from scipy.optimize import minimize
 
-    pulls = np.array([LEVEL_PULL, LEVEL_PULL, CARRIED_PULL if carried else STATED_PULL])
+    pulls = np.array([LEVEL_PULL, LEVEL_PULL, CARRIED_PULL if height_is_assumed else STATED_PULL])
 
     def cost(picture: Gradients, v: np.ndarray) -> float:
         pull = float(pulls @ v[:3] ** 2) + TURN_PULL * float(v[3] / heading_deg) ** 2
-        return pull - fit(outline, picture, pose, v[:3], float(v[3]))
+        return pull - outline_fit(outline, picture, pose, v[:3], float(v[3]))
 
     coarse, fine = pictures
     level = np.arange(-LEVEL_M, LEVEL_M + 1e-9, STEP_M)
@@ -210,15 +210,15 @@ def find_place(
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
     turn_deg = float(best[3])
-    return Place(
+    return PlaceEstimate(
         best[:3],
         turn_deg,
-        fit(outline, fine, pose, best[:3], turn_deg),
+        outline_fit(outline, fine, pose, best[:3], turn_deg),
         _spread(
-            lambda v: -fit(outline, coarse, pose, v[:3], float(v[3])),
+            lambda v: -outline_fit(outline, coarse, pose, v[:3], float(v[3])),
             best,
             np.array([STEP_M, STEP_M, STEP_M, heading_deg]),
-            np.where([False, False, carried, False], CARRIED_UP, EXPECTED),
+            np.where([False, False, height_is_assumed, False], CARRIED_UP, EXPECTED),
         ),
     )
 

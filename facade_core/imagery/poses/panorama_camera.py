@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Pose
-from facade_core.geometry.equirectangular import basis
+from facade_core.geometry.equirectangular import upright_rotation
 
 # How far from a panorama its ground is taken from it, metres: farther a pose that is off by a degree moves a kerb by metres.
 GROUND_REACH_M = 15.0
@@ -16,7 +16,7 @@ GROUND_REACH_M = 15.0
 WALL_REACH_M = 40.0
 
 
-def position(pose: Pose) -> np.ndarray:
+def camera_position(pose: Pose) -> np.ndarray:
     """The camera's place (3,) in world metres; GeometryError for a pose without height."""
     if pose.z is None:
         raise GeometryError(f"the pose at {pose.x:.1f}, {pose.y:.1f} has no height; put it on the terrain first")
@@ -26,13 +26,13 @@ def position(pose: Pose) -> np.ndarray:
 def camera_from_world(pose: Pose) -> np.ndarray:
     """Rotation (3, 3) of a panorama: heading clockwise from north, pitch up, roll clockwise as the camera looks."""
     heading, pitch, roll = np.radians([pose.heading, pose.pitch, pose.roll])
-    upright = basis(np.array([np.sin(heading), np.cos(heading)]))
+    upright = upright_rotation(np.array([np.sin(heading), np.cos(heading)]))
     pitched = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
     rolled = np.array([[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
     return rolled @ pitched @ upright
 
 
-def shares(directions: np.ndarray, pose: Pose) -> np.ndarray:
+def project_to_panorama(directions: np.ndarray, pose: Pose) -> np.ndarray:
     """Where world directions (..., 3) fall in the full panorama: (..., 2) shares of its width and height from the top left."""
     camera = np.asarray(directions, np.float64) @ camera_from_world(pose).T
     longitude = np.arctan2(camera[..., 0], camera[..., 2])
@@ -40,13 +40,13 @@ def shares(directions: np.ndarray, pose: Pose) -> np.ndarray:
     return np.stack([longitude / (2 * np.pi) + 0.5, 0.5 - latitude / np.pi], axis=-1)
 
 
-def in_view(share: np.ndarray, pose: Pose) -> np.ndarray:
+def is_in_view(share: np.ndarray, pose: Pose) -> np.ndarray:
     """Whether shares (..., 2) of the full panorama are in the part that the picture holds: (...,) bool."""
     left, top, width, height = pose.view
     return ((share[..., 0] - left) % 1.0 < width) & (share[..., 1] >= top) & (share[..., 1] < top + height)
 
 
-def turned(pose: Pose, turn: np.ndarray) -> Pose:
+def rotate_pose(pose: Pose, turn: np.ndarray) -> Pose:
     """The pose of a camera for which the world directions d of `pose` are turn (3, 3) @ d."""
     from scipy.spatial.transform import Rotation
 

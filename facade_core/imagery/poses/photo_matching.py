@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.geometry.scene import Scene
-from facade_core.parsing.segmenter import seen_outside
+from facade_core.parsing.segmenter import outside_mask
 
 # Metres over the ground at which people hold cameras, and at which they look for the wall: over cars, under balconies.
 EYE_M, LOOK_M = 1.65, 2.5
@@ -30,7 +30,7 @@ COLUMNS, SKY = 0.06, 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class PhotoOrientation:
     """What a rectified photo tells.
 
     Args:
@@ -39,11 +39,11 @@ class Taken:
     """
 
     ahead: np.ndarray
-    roof: float | None
+    roof_slope: float | None
 
 
 @dataclass(frozen=True, slots=True)
-class Likely:
+class WallLikelihoods:
     """Of walls, how likely it is that a photo's middle shows each, and what speaks for it.
 
     Args:
@@ -53,25 +53,25 @@ class Likely:
         roof: (n,) metres over the ground at which the photo has its roof; NaN where that is not seen, or it is not met.
     """
 
-    likely: np.ndarray
-    met: np.ndarray
-    turned: np.ndarray
-    roof: np.ndarray
+    probability: np.ndarray
+    hit_share: np.ndarray
+    heading_offset_deg: np.ndarray
+    roof_height_m: np.ndarray
 
 
-def taken_by(image: np.ndarray, seen: np.ndarray, homography: np.ndarray, focal: float, size: tuple[int, int]) -> Taken:
+def estimate_orientation(image: np.ndarray, seen: np.ndarray, homography: np.ndarray, focal: float, size: tuple[int, int]) -> PhotoOrientation:
     """What a photo of size (h, w) tells that a homography (3, 3) rectifies to image (H, W, 3), seen (H, W) bool; focal in photo
     pixels; the principal point is the photo's centre."""
-    turned, camera = camera_before(homography, focal, size)
+    turned, camera = camera_from_homography(homography, focal, size)
     across, _, into = turned[
         2
     ]  # the third row of a rotation into the camera's frame is the camera's axis in the plane's
     ahead = np.array([across, into]) / max(float(np.hypot(across, into)), 1e-9)
     middle = camera[0] + camera[2] * across / into if into > 0.1 else np.nan
-    return Taken(ahead, _roof(image, seen, middle, camera))
+    return PhotoOrientation(ahead, _roof(image, seen, middle, camera))
 
 
-def camera_before(homography: np.ndarray, focal: float, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def camera_from_homography(homography: np.ndarray, focal: float, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """How the camera of a photo of size (h, w) stood before the plane that a homography (3, 3) takes the photo's pixels to.
 
     The rotation (3, 3) from the plane's axes (x right, y down, z into it) to the camera's, and its place (3,) in the plane's
@@ -95,7 +95,7 @@ def _roof(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.ndarray
         return None
     half = max(2, round(COLUMNS / 2 * seen.shape[1]))
     part = np.s_[:, max(int(middle) - half, 0) : int(middle) + half]
-    wall = seen[part] & ~seen_outside(image, ~seen)[part]
+    wall = seen[part] & ~outside_mask(image, ~seen)[part]
     top = np.argmax(wall, axis=0)
     sky = wall.any(axis=0) & (np.take_along_axis(seen[part], np.maximum(top - 3, 0)[None], 0)[0]) & (top > 3)
     if sky.mean() < SKY:
@@ -103,23 +103,23 @@ def _roof(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.ndarray
     return float((camera[1] - np.median(top[sky])) / camera[2])
 
 
-def likely_walls(
-    scene: Scene, walls: np.ndarray, taken: Taken, place: np.ndarray, heading: float | None, *, seed: int
-) -> Likely:
+def match_walls(
+    scene: Scene, walls: np.ndarray, orientation: PhotoOrientation, place: np.ndarray, heading: float | None, *, seed: int
+) -> WallLikelihoods:
     """How likely it is of each wall (n,), by its chart, that a photo's middle shows it.
 
     place (3,): where the photo says that it was taken, on the ground, metres; heading: degrees clockwise from the frame's
     north, None where it states none. seed: of the places around it that are tried."""
     charts = scene.charts
-    normal, right = charts.normal()[walls], charts.axis_u[walls]
-    foot = charts.at_shares(walls, np.array([[0.5, 1.0]]))[:, 0]
-    way = taken.ahead[0] * right - taken.ahead[1] * normal
+    normal, right = charts.normals()[walls], charts.axis_u[walls]
+    foot = charts.points_at_shares(walls, np.array([[0.5, 1.0]]))[:, 0]
+    way = orientation.ahead[0] * right - orientation.ahead[1] * normal
     way[:, 2] = 0.0
     far = np.linalg.norm((foot - place)[:, :2], axis=1) - charts.size[walls, 0] / 2
     tried = np.flatnonzero(
         (far < REACH_M)
         & (np.einsum("ij,ij->i", place - foot, normal) > -3 * PLACE_M)
-        & (taken.ahead[1] > np.cos(np.radians(GRAZING_DEG)))
+        & (orientation.ahead[1] > np.cos(np.radians(GRAZING_DEG)))
     )
     around = np.random.default_rng(seed).normal(0, PLACE_M, (PLACES, 2))
     origin = np.column_stack([place[:2] + around, np.full(PLACES, place[2] + LOOK_M)])
@@ -130,14 +130,14 @@ def likely_walls(
         hit = (met == walls[i]) & (metres < REACH_M)
         shares[i] = hit.mean()
         weight = hit.astype(float)
-        if taken.roof is not None:
-            before = np.where(hit, metres, 1.0) * taken.ahead[1]
+        if orientation.roof_slope is not None:
+            before = np.where(hit, metres, 1.0) * orientation.ahead[1]
             over = charts.size[walls[i], 1] - EYE_M
-            weight *= np.exp(-((np.log(max(over, 0.5) / np.maximum(taken.roof * before, 0.5)) / ROOF) ** 2) / 2)
-            roof[i] = EYE_M + taken.roof * np.median(before[hit]) if hit.any() else np.nan
+            weight *= np.exp(-((np.log(max(over, 0.5) / np.maximum(orientation.roof_slope * before, 0.5)) / ROOF) ** 2) / 2)
+            roof[i] = EYE_M + orientation.roof_slope * np.median(before[hit]) if hit.any() else np.nan
         likely[i] = weight.mean()
         if heading is not None:
             off = (np.degrees(np.arctan2(way[i, 0], way[i, 1])) - heading + 180) % 360 - 180
             likely[i] *= (1 - LYING) * np.exp(-((off / HEADING_DEG) ** 2) / 2) + LYING
             turned[i] = off
-    return Likely(likely / (likely.sum() + ELSEWHERE), shares, turned, roof)
+    return WallLikelihoods(likely / (likely.sum() + ELSEWHERE), shares, turned, roof)

@@ -13,15 +13,15 @@ from facade_core.imagery.poses.outlines import (
     LEVEL_PULL,
     STATED_PULL,
     Gradients,
-    Outline,
-    Place,
+    OutlineSamples,
+    PlaceEstimate,
     find_place,
-    fit,
-    outline,
-    to_search,
+    outline_fit,
+    sample_outline,
+    search_gradients,
 )
-from facade_core.imagery.poses.panorama_camera import position, turned
-from facade_core.imagery.poses.wall_lines import Lines, median_slope, misfit, solve_turn, wall_lines
+from facade_core.imagery.poses.panorama_camera import camera_position, rotate_pose
+from facade_core.imagery.poses.wall_lines import WallLines, detect_wall_lines, line_misfit, median_slope, solve_turn
 
 # Fewer lines, or a sum of their lengths below this, do not tell a turn; nor does a turn beyond the last figure.
 LEAST_LINES, LEAST_LENGTH, MOST_TURN_DEG = 24, 0.8, 6.0
@@ -43,7 +43,7 @@ OF_RAISED = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Refined:
+class RefinedPose:
     """A refined pose, or the given one with the reasons why not.
 
     given_degrees, residual_degrees: median angle between lines and axes on the rectified walls, before and after, NaN
@@ -57,18 +57,18 @@ class Refined:
     given_degrees: float
     residual_degrees: float
     given_fit: float
-    fit: float
+    outline_fit: float
     moved_m: float
     turned_deg: float
     lines: int
     outlines: int
     reasons: tuple[str, ...]
-    spread: np.ndarray | None
+    covariance: np.ndarray | None
 
 
-def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = False) -> Refined:
+def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, height_is_assumed: bool = False) -> RefinedPose:
     """The pose of a panorama, corrected by up to about a metre and a few degrees, where the picture says so clearly; by up to
-    three metres in height, but where that is `carried`, as of `find_place`.
+    three metres in height, but where that is `height_is_assumed`, as of `find_place`.
 
     First the turn: lines on walls must be level or upright there, whatever the place. Then the place, and the last tenth of a
     degree of the heading: corners, eaves and silhouettes of the mesh must lie on edges of the picture; it is drawn to the
@@ -77,15 +77,15 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = 
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or 0 in image.shape:
         raise ImageError(f"a panorama is uint8 RGB (h, w, 3), not {image.dtype} {image.shape}; convert it")
-    position(pose)
+    camera_position(pose)
     reasons = []
-    lines = wall_lines(scene, image, pose)
+    lines = detect_wall_lines(scene, image, pose)
     still = np.eye(3)
     turn, why = _turn(lines)
     if why:
         reasons.append(why)
-    upright = turned(pose, turn) if not why else pose
-    edges = outline(scene, upright)
+    upright = rotate_pose(pose, turn) if not why else pose
+    edges = sample_outline(scene, upright)
     groups = int((edges.weight > 0).sum())
     found, before, after, spread = upright, float("nan"), float("nan"), None
     if not _enough(edges):
@@ -93,32 +93,32 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = 
             f"place as given: {groups} outlines of buildings are in sight, at least {LEAST_GROUPS} are needed"
         )
     else:
-        search = _Search(scene, to_search(image, upright), upright, HEADING_DEG if why else TOLD_DEG, carried)
-        places = [search.from_height(up) for up in ((0.0,) if carried else (0.0, *STARTS_M))]
-        best = search.settled(max((one for one in places if one is not None), key=search.worth))
-        before, after = fit(edges, search.pictures[1], upright, np.zeros(3)), best.fit
-        spread = best.spread if after >= LEAST_FIT and search.worth(best) > 0 else None
+        search = _Search(scene, search_gradients(image, upright), upright, HEADING_DEG if why else TOLD_DEG, height_is_assumed)
+        places = [search.search_from_height(up) for up in ((0.0,) if height_is_assumed else (0.0, *STARTS_M))]
+        best = search.search_again(max((one for one in places if one is not None), key=search.score))
+        before, after = outline_fit(edges, search.pictures[1], upright, np.zeros(3)), best.fit
+        spread = best.covariance if after >= LEAST_FIT and search.score(best) > 0 else None
         if spread is None or after - before < BETTER_FIT:
             reasons.append(f"place as given: the outlines fit {before:.2f} there and at best {after:.2f}")
             after = before
             if spread is not None:  # they tell it: it is off by so much at most
                 spread = spread + np.diag(np.append(best.offset, best.turn_deg) ** 2)
         else:
-            found, turn = search.at(best.offset, best.turn_deg), _about_z(-best.turn_deg) @ turn
-            spread = best.spread + np.diag([0.0, 0.0, (OF_RAISED * best.offset[2]) ** 2, 0.0])
+            found, turn = search.pose_at(best.offset, best.turn_deg), _about_z(-best.turn_deg) @ turn
+            spread = best.covariance + np.diag([0.0, 0.0, (OF_RAISED * best.offset[2]) ** 2, 0.0])
     some = len(lines) > 0
-    return Refined(
+    return RefinedPose(
         pose=found,
         given_degrees=median_slope(lines, still) if some else float("nan"),
         residual_degrees=median_slope(lines, turn) if some else float("nan"),
         given_fit=before,
         fit=after,
-        moved_m=float(np.linalg.norm(position(found) - position(pose))),
+        moved_m=float(np.linalg.norm(camera_position(found) - camera_position(pose))),
         turned_deg=_angle(turn),
         lines=len(lines),
         outlines=groups,
         reasons=tuple(reasons),
-        spread=spread,
+        covariance=spread,
     )
 
 
@@ -130,51 +130,51 @@ class _Search:
     pictures: tuple[Gradients, Gradients]
     pose: Pose
     heading_deg: float
-    carried: bool
+    height_is_assumed: bool
 
-    def from_height(self, up: float) -> Place | None:
+    def search_from_height(self, up: float) -> PlaceEstimate | None:
         """The place that is found from so far above, metres, None where too little is in sight from there."""
-        return self._from(np.array([0.0, 0.0, up]), 0.0)
+        return self._search_from(np.array([0.0, 0.0, up]), 0.0)
 
-    def settled(self, place: Place) -> Place:
+    def search_again(self, place: PlaceEstimate) -> PlaceEstimate:
         """A place, or the one that is found from there, where it fits as well."""
-        start = 0.0 if self.carried else min((0.0, *STARTS_M), key=lambda up: abs(place.offset[2] - up))
+        start = 0.0 if self.height_is_assumed else min((0.0, *STARTS_M), key=lambda up: abs(place.offset[2] - up))
         for _ in range(AGAIN):
             if abs(place.offset[2] - start) <= RAISED_M:
                 break
-            start, again = float(place.offset[2]), self._from(place.offset, place.turn_deg)
-            if again is None or self.worth(again) < max(LEAST_FIT, self.worth(place)) - BETTER_FIT:
+            start, again = float(place.offset[2]), self._search_from(place.offset, place.turn_deg)
+            if again is None or self.score(again) < max(LEAST_FIT, self.score(place)) - BETTER_FIT:
                 break
             place = again
         return place
 
-    def worth(self, place: Place) -> float:
+    def score(self, place: PlaceEstimate) -> float:
         """The fit, less for what is farther from the pose; least of all what is too far."""
         level, up = float(np.hypot(*place.offset[:2])), abs(float(place.offset[2]))
         if level > FARTHEST_M[0] or up > FARTHEST_M[1]:
             return -1.0
         return place.fit - LEVEL_PULL * level**2 - STATED_PULL * up**2
 
-    def at(self, offset: np.ndarray, turn_deg: float) -> Pose:
+    def pose_at(self, offset: np.ndarray, turn_deg: float) -> Pose:
         """The pose moved by metres (3,) and turned clockwise from above."""
-        x, y, z = position(self.pose) + offset
-        return replace(turned(self.pose, _about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
+        x, y, z = camera_position(self.pose) + offset
+        return replace(rotate_pose(self.pose, _about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
 
-    def _from(self, offset: np.ndarray, turn_deg: float) -> Place | None:
-        pose = self.at(offset, turn_deg)
-        edges = outline(self.scene, pose)
+    def _search_from(self, offset: np.ndarray, turn_deg: float) -> PlaceEstimate | None:
+        pose = self.pose_at(offset, turn_deg)
+        edges = sample_outline(self.scene, pose)
         if not _enough(edges):
             return None
-        found = find_place(edges, self.pictures, pose, heading_deg=self.heading_deg, carried=self.carried)
+        found = find_place(edges, self.pictures, pose, heading_deg=self.heading_deg, height_is_assumed=self.height_is_assumed)
         return replace(found, offset=offset + found.offset, turn_deg=turn_deg + found.turn_deg)
 
 
-def _enough(edges: Outline) -> bool:
+def _enough(edges: OutlineSamples) -> bool:
     """Whether outlines may tell a place."""
     return int((edges.weight > 0).sum()) >= LEAST_GROUPS and float(edges.weight.sum()) >= LEAST_OUTLINE
 
 
-def _turn(lines: Lines) -> tuple[np.ndarray, str]:
+def _turn(lines: WallLines) -> tuple[np.ndarray, str]:
     """The turn (3, 3) of the world that lines tell, and why it is none."""
     still = np.eye(3)
     if len(lines) < LEAST_LINES or lines.weight.sum() < LEAST_LENGTH:
@@ -185,7 +185,7 @@ def _turn(lines: Lines) -> tuple[np.ndarray, str]:
     turn, _ = solve_turn(lines)
     if _angle(turn) > MOST_TURN_DEG:
         return still, f"turn as given: the lines on walls ask for {_angle(turn):.1f} degrees; check the heading"
-    if misfit(lines, turn) > (1 - BETTER_LINES) * misfit(lines, still):
+    if line_misfit(lines, turn) > (1 - BETTER_LINES) * line_misfit(lines, still):
         return (
             still,
             f"turn as given: lines on walls are {median_slope(lines, still):.2f} degrees off and would stay so",

@@ -11,10 +11,10 @@ import numpy as np
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.bundles import LEAST_SEEN
-from facade_core.imagery.poses.panorama_camera import camera_from_world, position
-from facade_core.imagery.rectify.fusion import View
-from facade_core.imagery.rectify.panorama import rectify_view, sightings
+from facade_core.imagery.poses.bundles import MIN_WALL_SHARE
+from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
+from facade_core.imagery.rectify.fusion import ChartView
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
 
 # Texels of a metre that walls are compared at; a patch's side, and how far it may lie off the wall it is on, metres.
 DENSITY, PATCH_M, LOCAL_M = 10.0, 4.0, 0.6
@@ -31,7 +31,7 @@ HERE = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Matches:
+class PatchMatches:
     """Patches (k,) that two panoramas show: chart (k,); panorama (k, 2); ray (k, 2, 3), directions to the patch in the axes of
     each camera."""
 
@@ -42,19 +42,19 @@ class Matches:
     def __len__(self) -> int:
         return len(self.chart)
 
-    def of(self, rows: np.ndarray) -> Matches:
+    def select(self, rows: np.ndarray) -> PatchMatches:
         """Some of them, by index or bool."""
-        return Matches(self.chart[rows], self.panorama[rows], self.ray[rows])
+        return PatchMatches(self.chart[rows], self.panorama[rows], self.ray[rows])
 
 
-class Steep(NamedTuple):
+class GradientImage(NamedTuple):
     """How steep the grey of a surface is as a panorama shows it, slope (h, w) float32, 0 near what is not seen (h, w) bool."""
 
     slope: np.ndarray
     seen: np.ndarray
 
 
-class Alike(NamedTuple):
+class WallAgreement(NamedTuple):
     """Two panoramas and a surface, and how well what they show there agrees as it lies, -1 to 1."""
 
     panorama: tuple[int, int]
@@ -62,15 +62,15 @@ class Alike(NamedTuple):
     score: float
 
 
-def shared(
+def match_shared_walls(
     scene: Scene,
     surfaces: Sequence[int],
     images: Sequence[np.ndarray],
     poses: Sequence[Pose],
-    reach: float,
+    max_offset: float,
     *,
-    agreed: bool = False,
-) -> tuple[Matches, list[Alike]]:
+    poses_agree: bool = False,
+) -> tuple[PatchMatches, list[WallAgreement]]:
     """What panoramas show of the same surfaces, within `reach` metres of where their poses have it.
 
     surfaces: charts of walls and ground; images (H, W, 3) uint8 as of `rectify_view`. Normalised correlation of gradient
@@ -84,7 +84,7 @@ def shared(
         if extent.min() <= PATCH_M:
             continue
         shape = (round(float(extent[1]) * DENSITY), round(float(extent[0]) * DENSITY))
-        shown = [s.panorama for s in sightings(scene, number, poses, sizes) if s.seen >= LEAST_SEEN][:VIEWS]
+        shown = [s.panorama for s in find_sightings(scene, number, poses, sizes) if s.seen >= MIN_WALL_SHARE][:VIEWS]
         if len(shown) < 2:
             continue
         side = np.array([placement.width[number], placement.height[number]]) / placement.texels_per_metre[number]
@@ -92,21 +92,21 @@ def shared(
         steep = {p: _steep(rectify_view(scene, number, images[p], poses[p], shape)) for p in shown}
         for pair in combinations(sorted(shown), 2):
             one, other = (steep[p] for p in pair)
-            alike.append(Alike(pair, number, _agreement(one, other)))
-            shift = _shift(one, other, reach)
-            if shift is None and not agreed:
+            alike.append(WallAgreement(pair, number, _gradient_correlation(one, other)))
+            shift = _find_shift(one, other, max_offset)
+            if shift is None and not poses_agree:
                 continue
-            for texels in _patches(one, other, shift or (0, 0)):
+            for texels in _match_patches(one, other, shift or (0, 0)):
                 points = [charts.points(number, *(step * at)[:, None])[0] for at in texels]
                 ways = zip(points, (poses[p] for p in pair), strict=True)
                 chart.append(number)
                 panorama.append(pair)
-                ray.append([camera_from_world(pose) @ (point - position(pose)) for point, pose in ways])
-    found = Matches(np.array(chart, int), np.array(panorama, int).reshape(-1, 2), np.array(ray).reshape(-1, 2, 3))
+                ray.append([camera_from_world(pose) @ (point - camera_position(pose)) for point, pose in ways])
+    found = PatchMatches(np.array(chart, int), np.array(panorama, int).reshape(-1, 2), np.array(ray).reshape(-1, 2, 3))
     return found, alike
 
 
-def _agreement(one: Steep, other: Steep) -> float:
+def _gradient_correlation(one: GradientImage, other: GradientImage) -> float:
     """How well two pictures of a surface agree as they lie, but for HERE: correlation over what both show, -1 to 1."""
     best, inner = -1.0, slice(HERE, -HERE)
     a, seen = one.slope[inner, inner], one.seen[inner, inner]
@@ -121,7 +121,7 @@ def _agreement(one: Steep, other: Steep) -> float:
     return best
 
 
-def _shift(one: Steep, other: Steep, reach: float) -> tuple[int, int] | None:
+def _find_shift(one: GradientImage, other: GradientImage, reach: float) -> tuple[int, int] | None:
     """By how many texels (x, y) a surface lies off in the other picture of it; None where it is not found, or might be
     elsewhere."""
     import cv2
@@ -143,7 +143,7 @@ def _shift(one: Steep, other: Steep, reach: float) -> tuple[int, int] | None:
     return column - right, row - down
 
 
-def _patches(one: Steep, other: Steep, shift: tuple[int, int]) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+def _match_patches(one: GradientImage, other: GradientImage, shift: tuple[int, int]) -> list[tuple[tuple[float, float], tuple[float, float]]]:
     """Places (x, y), texels, in one picture and in the other that show the same."""
     import cv2
 
@@ -177,9 +177,9 @@ def _peak(three: np.ndarray) -> float:
     return 0.5 * (low - high) / bend if bend < -1e-9 else 0.0
 
 
-def _steep(view: View) -> Steep:
+def _steep(view: ChartView) -> GradientImage:
     import cv2
 
     grey = cv2.GaussianBlur(cv2.cvtColor(view.rgb, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 1.0)
     seen = cv2.erode(view.seen.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
-    return Steep(np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)) * seen, seen)
+    return GradientImage(np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)) * seen, seen)

@@ -8,9 +8,9 @@ import numpy as np
 
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.equirectangular import directions
+from facade_core.geometry.equirectangular import panorama_rays
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import in_view, position, shares
+from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.panorama import rectify_view
 
 # Width of the look around that finds the walls, how many are used, and the least share of the sphere of one.
@@ -30,7 +30,7 @@ PRIOR_DEG, LINE_DEG = 3.0, 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lines:
+class WallLines:
     """Lines (k,) on walls as a panorama shows them in the world of its given pose: plane (k, 3), unit normals of the planes
     through camera and line; axis (k, 3), the world direction each should have; wall (k, 3), outward normals of their
     walls; weight (k,), angular length in radians, at most 0.3; chart (k,)."""
@@ -60,20 +60,20 @@ class Lines:
         )
 
 
-def wall_lines(scene: Scene, image: np.ndarray, pose: Pose) -> Lines:
+def detect_wall_lines(scene: Scene, image: np.ndarray, pose: Pose) -> WallLines:
     """The lines on the walls that a panorama shows largest; image (H, W, 3) uint8 as of `rectify_view`."""
     found = [_lines_on(scene, chart, image, pose, distance) for chart, distance in _walls(scene, pose)]
     columns = list(zip(*found, strict=True)) if found else [[np.zeros((0, 3))]] * 3 + [[np.zeros(0)]] * 2
-    return Lines(*(np.concatenate(column) for column in columns))
+    return WallLines(*(np.concatenate(column) for column in columns))
 
 
 def _walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
     """Charts of walls by the share of the sphere they take, largest first, and their median distance in metres."""
-    rays = directions(np.array([0.0, 1.0]), LOOK)
-    distance, chart = scene.caster.cast(position(pose), rays)
-    facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normal()[chart])
+    rays = panorama_rays(np.array([0.0, 1.0]), LOOK)
+    distance, chart = scene.caster.cast(camera_position(pose), rays)
+    facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normals()[chart])
     usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(FACING_DEG)))
-    usable &= in_view(shares(rays, pose), pose)
+    usable &= is_in_view(project_to_panorama(rays, pose), pose)
     area = np.cos((0.5 - (np.arange(LOOK // 2) + 0.5) / (LOOK // 2)) * np.pi)[:, None] * np.ones((1, LOOK))
     share = np.bincount(chart[usable], area[usable], minlength=len(scene.charts)) / area.sum()
     largest = np.argsort(-share, kind="stable")[:MOST_WALLS]
@@ -106,17 +106,17 @@ def _lines_on(
         good &= within[at[:, 1].clip(0, size[0] - 1), at[:, 0].clip(0, size[1] - 1)] > 0
     ends, level = ends[good], across[good] > down[good]
     metres = ends * (extent[::-1] / np.array(size[::-1]))
-    rays = charts.origin[chart] + metres @ np.stack([charts.axis_u[chart], charts.axis_v[chart]]) - position(pose)
+    rays = charts.origin[chart] + metres @ np.stack([charts.axis_u[chart], charts.axis_v[chart]]) - camera_position(pose)
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     plane = np.cross(rays[:, 0], rays[:, 1])
     size_of = np.linalg.norm(plane, axis=1)
     axis = np.where(level[:, None], charts.axis_u[chart], charts.axis_v[chart])
     n = len(plane)
-    wall = np.broadcast_to(charts.normal()[chart], (n, 3))
+    wall = np.broadcast_to(charts.normals()[chart], (n, 3))
     return plane / np.maximum(size_of, 1e-12)[:, None], axis, wall, np.minimum(size_of, 0.3), np.full(n, chart)
 
 
-def solve_turn(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+def solve_turn(lines: WallLines) -> tuple[np.ndarray, np.ndarray]:
     """The turn of the world (3, 3) that brings lines to their axes, and its information (3, 3) in 1 / degrees squared.
 
     Least squares of the angles between axes and planes, reweighted for a Cauchy error that narrows.
@@ -137,13 +137,13 @@ def solve_turn(lines: Lines) -> tuple[np.ndarray, np.ndarray]:
     return turn, information
 
 
-def misfit(lines: Lines, turn: np.ndarray) -> float:
+def line_misfit(lines: WallLines, turn: np.ndarray) -> float:
     """Weighted mean of the robust error of the lines after a turn, from 0 to 1: what a better turn makes smaller."""
     off = lines.slopes(turn)
     return float(np.average(off**2 / (off**2 + 1.0), weights=lines.weight))
 
 
-def median_slope(lines: Lines, turn: np.ndarray) -> float:
+def median_slope(lines: WallLines, turn: np.ndarray) -> float:
     """Weighted median of the angles in degrees between lines and axes on the rectified walls."""
     off = np.abs(lines.slopes(turn))
     order = np.argsort(off)

@@ -20,7 +20,7 @@ class Pyramid:
     levels: np.ndarray
 
 
-def pyramid(image: np.ndarray) -> Pyramid:
+def build_pyramid(image: np.ndarray) -> Pyramid:
     """The pyramid of an RGB image (h, w, 3) uint8, each level half the one before, down to one pixel."""
     import cv2
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.errors import ImageError
-from facade_core.imagery.rectify.fusion import View
+from facade_core.imagery.rectify.fusion import ChartView
 
 # Pixels a metre at which pictures are compared, at most: what is smaller than two of them is not told.
 FINEST = 10.0
@@ -32,13 +32,13 @@ WEIGHTS = (-7.658, 8.125, 9.972, 4.027, 24.696, 0.789, -6.487, -20.81)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Compared:
+class ChangeMap:
     """share, of what both pictures show that is changed, None where that is too little to tell; compared, the share of the
     facade that both show; changed (h, w) bool, where; both (h, w) bool, where both show it."""
 
-    share: float | None
-    compared: float
-    changed: np.ndarray
+    changed_share: float | None
+    compared_share: float
+    is_changed: np.ndarray
     both: np.ndarray
 
     def by_cell(self, texels_per_metre: float) -> tuple[str, ...]:
@@ -46,12 +46,12 @@ class Compared:
         a cell, from the left: tenths of what both show there that is changed, 0 to 9; "-" where both show less than half."""
         import cv2
 
-        height, width = self.changed.shape
+        height, width = self.is_changed.shape
         cell = max(CELL_M * texels_per_metre, max(height, width) / MOST_CELLS)
         size = (max(1, round(width / cell)), max(1, round(height / cell)))
         both, changed = (
             cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-            for mask in (self.both, self.changed)
+            for mask in (self.both, self.is_changed)
         )
         tenths = np.clip(10 * changed / np.maximum(both, 1e-6), 0, 9).astype(int)
         return tuple(
@@ -60,13 +60,13 @@ class Compared:
         )
 
 
-def compare(newer: View, older: View, texels_per_metre: float) -> Compared:
+def detect_changes(newer: ChartView, older: ChartView, texels_per_metre: float) -> ChangeMap:
     """Two views (h, w) of one facade compared. Raises ImageError for views of different sizes."""
-    cues, both = cues_of(newer, older, texels_per_metre)
+    cues, both = change_cues(newer, older, texels_per_metre)
     compared = float(both.mean())
     size = newer.seen.shape
     if compared < LEAST_COMPARED:
-        return Compared(None, compared, np.zeros(size, bool), np.zeros(size, bool))
+        return ChangeMap(None, compared, np.zeros(size, bool), np.zeros(size, bool))
     changed = _changed(cues @ np.array(WEIGHTS[1:], np.float32) + WEIGHTS[0], both, size, texels_per_metre)
     import cv2
 
@@ -74,7 +74,7 @@ def compare(newer: View, older: View, texels_per_metre: float) -> Compared:
         cv2.resize(cells.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         for cells in (changed, both)
     )
-    return Compared(float(changed.sum() / both.sum()), compared, whole, shown)
+    return ChangeMap(float(changed.sum() / both.sum()), compared, whole, shown)
 
 
 def _changed(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], texels_per_metre: float) -> np.ndarray:
@@ -92,7 +92,7 @@ def _changed(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], texels_
     return large[parts]
 
 
-def cues_of(newer: View, older: View, texels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
+def change_cues(newer: ChartView, older: ChartView, texels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
     """What tells of a change, by cell (r, c, k) float32, and the cells (r, c) bool that both views show.
 
     The cues: structure that differs (1 - correlation of logarithms, by how much contrast there is), edges that do, contrast
@@ -128,7 +128,7 @@ def cues_of(newer: View, older: View, texels_per_metre: float) -> tuple[np.ndarr
     return np.stack(cues, axis=2).astype(np.float32), both
 
 
-def _alike(newer: View, older: View, texels_per_metre: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _alike(newer: ChartView, older: ChartView, texels_per_metre: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Both as logarithms of colours (r, c, 3) float32 in cells that the coarser one still resolves, and what each shows."""
     import cv2
 

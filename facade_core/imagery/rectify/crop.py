@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.core.types import Box
-from facade_core.parsing.segmenter import seen_outside
+from facade_core.parsing.segmenter import outside_mask
 
 # A facade that is less than this share of its picture is not believed: the picture stays whole.
 LEAST = 0.25
@@ -22,7 +22,7 @@ _NEITHER = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cut:
+class FacadeCrop:
     """The part of a picture that is the facade: image (h, w, 3) uint8; hidden (h, w) bool, what does not show it; outside
     (h, w) bool, what shows sky, street or neighbours at its borders; box (x0, y0, x1, y1) of it in the picture, half-open;
     found, whether there is a facade in the picture: where there is none that is believed, it stays whole."""
@@ -34,22 +34,22 @@ class Cut:
     found: bool = True
 
 
-def cut_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> Cut:
+def crop_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> FacadeCrop:
     """A picture (H, W, 3) uint8, of which hidden (H, W) bool does not show the facade, cut to it, by the parser's model or the
     shipped one; whole where it shows none."""
     height, width = hidden.shape
     box = None
     if not hidden.all():
-        outside = seen_outside(image, hidden, model=model)
-        box = facade_box(outside, hidden)
+        outside = outside_mask(image, hidden, model=model)
+        box = find_facade_box(outside, hidden)
     if box is None:
-        return Cut(image, hidden, np.zeros_like(hidden), (0, 0, width, height), found=False)
+        return FacadeCrop(image, hidden, np.zeros_like(hidden), (0, 0, width, height), found=False)
     x0, y0, x1, y1 = box
     part = np.s_[y0:y1, x0:x1]
-    return Cut(image[part], hidden[part], _from_border(outside[part]), box)
+    return FacadeCrop(image[part], hidden[part], _from_border(outside[part]), box)
 
 
-def below_foot(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> np.ndarray:
+def street_mask(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> np.ndarray:
     """Where a posed panorama shows, on a wall of the model, the street below the real wall's foot, (h, w) bool: heights of
     models, of cameras and of the ground between are seldom right to the metre.
 
@@ -59,7 +59,7 @@ def below_foot(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = No
     """
     if hidden.all():
         return np.zeros_like(hidden)
-    street = (seen_outside(image, hidden, model=model) & ~hidden)[::-1]
+    street = (outside_mask(image, hidden, model=model) & ~hidden)[::-1]
     run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
     length = run.sum(axis=0)
     length[(length > MOST_FOOT * len(street)) | ~(run & street).any(axis=0)] = 0
@@ -68,7 +68,7 @@ def below_foot(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = No
     return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)
 
 
-def facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box | None:
+def find_facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box | None:
     """The box (x0, y0, x1, y1), of all, in which pixels of the facade outnumber those outside (H, W) bool by most; hidden ones
     count for neither. None where that is less than LEAST of the picture.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.imagery.rectify.vanishing import View, undistort
+from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
 
 # Cells along the photo's diagonal, and over how many of them the facade goes on between two of its lines.
 CELLS = 96
@@ -30,12 +30,12 @@ STILL = 0.07
 COVERED = 0.6
 
 
-def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float, float, float, float] | None:
+def facade_extent(segments: np.ndarray, view: FacadeCamera, corners: np.ndarray) -> tuple[float, float, float, float] | None:
     """The facade's box (x0, y0, x1, y1) on its plane at distance 1, None where too few lines along both axes lie together.
 
     segments (n, 2, 2) as the view was found in; corners (4, 2) of the photo, clockwise from the upper left.
     """
-    shown = on_plane(_grid(corners), view)
+    shown = project_to_plane(_grid(corners), view)
     shown = shown[np.isfinite(shown).all(axis=1)]
     if len(shown) < 4:
         return None
@@ -45,7 +45,7 @@ def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float
     if lengths[together & (view.family == 0)].sum() < LEAST_LEVEL * lengths[view.family != 1].sum():
         return None
     supporting = segments[together]
-    ends = on_plane(supporting, view)
+    ends = project_to_plane(supporting, view)
     fine = np.isfinite(ends).all(axis=(1, 2))
     if fine.sum() < 4:
         return None
@@ -64,7 +64,7 @@ def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float
     return x0, y0, x1, y1
 
 
-def on_plane(points: np.ndarray, view: View) -> np.ndarray:
+def project_to_plane(points: np.ndarray, view: FacadeCamera) -> np.ndarray:
     """Points (..., 2) of the photo on the facade's plane at distance 1; NaN where it is not seen, or at a grazing angle."""
     straight = undistort(points, view.distortion)
     rays = np.concatenate([straight / view.focal, np.ones((*points.shape[:-1], 1))], axis=-1)
@@ -74,9 +74,9 @@ def on_plane(points: np.ndarray, view: View) -> np.ndarray:
     return np.where(seen, facing[..., :2] / np.where(seen, depth, 1.0), np.nan)
 
 
-def _whole(view: View, corners: np.ndarray) -> tuple[float, float, float, float] | None:
+def _whole(view: FacadeCamera, corners: np.ndarray) -> tuple[float, float, float, float] | None:
     """The box of all of a photo that is rectified already."""
-    there = on_plane(corners, view)
+    there = project_to_plane(corners, view)
     if not np.isfinite(there).all():
         return None
     # The scale and shift that bring the corners closest to where they were.
@@ -89,7 +89,7 @@ def _whole(view: View, corners: np.ndarray) -> tuple[float, float, float, float]
     return float(left), float(top), float(right), float(bottom)
 
 
-def _together(segments: np.ndarray, view: View) -> np.ndarray:
+def _together(segments: np.ndarray, view: FacadeCamera) -> np.ndarray:
     """Which segments (n,) of the two families lie where both do, and where few others do."""
     import cv2
 

@@ -19,7 +19,7 @@ POLE = 6.0
 SMOOTH = 15
 
 
-def check_full(image: np.ndarray) -> None:
+def check_full_panorama(image: np.ndarray) -> None:
     """ImageError, with the remedy, where a picture (H, W, 3) uint8, twice as wide as high, is no full panorama."""
     import cv2
 

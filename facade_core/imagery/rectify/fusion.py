@@ -36,7 +36,7 @@ GHOST = 48.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class ChartView:
     """A chart as one picture shows it: rgb (h, w, 3) uint8; seen (h, w) bool; quality (h, w) float32, from 0 to 1, the share of
     the raster's resolution that the picture has, times the sine of the angle at which it looks at the surface; occluded
     (h, w) bool or None, where something that is not in the mesh stands before the wall."""
@@ -62,7 +62,7 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fused:
+class FusedView:
     """rgb (h, w, 3) uint8, black where not seen; seen (h, w) bool, by any view; source (h, w) int8, the view that a texel is
     from, -1 without; confidence (h, w) float32, the quality there, 0 where not seen or occluded; occluded (h, w) bool, seen
     but with something before it in every view."""
@@ -74,12 +74,12 @@ class Fused:
     occluded: np.ndarray
 
 
-def as_one(fused: Fused) -> View:
+def as_chart_view(fused: FusedView) -> ChartView:
     """What was made of several views, as one."""
-    return View(fused.rgb, fused.seen, fused.confidence, fused.occluded)
+    return ChartView(fused.rgb, fused.seen, fused.confidence, fused.occluded)
 
 
-def fuse_views(views: Sequence[View], *, matched: bool = False) -> Fused:
+def fuse_views(views: Sequence[ChartView], *, matched: bool = False) -> FusedView:
     """One raster from one to 127 views of one chart; the exposure is that of the view with the most quality in sum.
 
     matched: whether they are of one exposure already.
@@ -94,7 +94,7 @@ def fuse_views(views: Sequence[View], *, matched: bool = False) -> Fused:
     quality = np.stack([np.where(view.seen, view.quality, 0).astype(np.float32) for view in views])
     if len(views) == 1:
         rgb = np.where(seen[0, ..., None], views[0].rgb, 0).astype(np.uint8)
-        return Fused(rgb, seen[0], seen[0].astype(np.int8) - 1, quality[0] * clear[0], seen[0] & ~clear[0])
+        return FusedView(rgb, seen[0], seen[0].astype(np.int8) - 1, quality[0] * clear[0], seen[0] & ~clear[0])
     cell = max(1, -(-max(seen.shape[1:]) // CELLS))
     basis = np.stack([_basis(view, cell) for view in views])
     share_seen, share_clear, share = (np.stack([_mean(m, cell) for m in masks]) for masks in (seen, clear, basis))
@@ -117,7 +117,7 @@ def _mean(array: np.ndarray, cell: int) -> np.ndarray:
     return cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
 
 
-def _basis(view: View, cell: int) -> np.ndarray:
+def _basis(view: ChartView, cell: int) -> np.ndarray:
     """The texels (h, w) bool that make up a view's colour of their cell: the clear ones, or all seen in a cell without."""
     if view.occluded is None:
         return view.seen
@@ -243,8 +243,8 @@ def _energy(unary: np.ndarray, colour: np.ndarray, label: np.ndarray) -> float:
 
 
 def _compose(
-    views: Sequence[View], gain: np.ndarray, seen: np.ndarray, clear: np.ndarray, quality: np.ndarray, label: np.ndarray
-) -> Fused:
+    views: Sequence[ChartView], gain: np.ndarray, seen: np.ndarray, clear: np.ndarray, quality: np.ndarray, label: np.ndarray
+) -> FusedView:
     """The raster from a choice of views per texel (h, w), which gives way where the chosen one does not show the wall."""
     import cv2
 
@@ -270,4 +270,4 @@ def _compose(
         total, weight = total + faded * colour, weight + faded
     rgb[near] = np.where(weight > 0, np.round(total / np.maximum(weight, 1e-6)), rgb[near])
     confidence = np.take_along_axis(quality, np.maximum(source, 0)[None].astype(np.intp), axis=0)[0] * any_clear
-    return Fused(rgb, any_seen, source, confidence, any_seen & ~any_clear)
+    return FusedView(rgb, any_seen, source, confidence, any_seen & ~any_clear)

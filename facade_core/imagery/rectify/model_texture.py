@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.rectify.area_means import area_mean, pyramid
+from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
 
 # Texels beside a triangle's edge still belong to it by rounding.
 EDGE = 1e-6
@@ -18,7 +18,7 @@ ROUNDING = 0.01
 MARGIN = 4
 
 
-def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """A chart in its model's own texture: rgb (h, w, 3) uint8 at the size of its place in the atlas, and covered (h, w) bool.
 
     images: texture index -> RGB (H, W, 3) uint8; u is right, v up, and textures repeat beyond 0 to 1. Triangles without
@@ -28,7 +28,7 @@ def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> t
     mesh, charts = scene.mesh, scene.charts
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     rgb, covered = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.bool_)
-    triangles = mesh.triangles_of(chart)
+    triangles = mesh.chart_triangles(chart)
     corners = mesh.vertices[mesh.triangles[triangles]] - charts.origin[chart]
     flat = (
         corners
@@ -41,7 +41,7 @@ def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> t
             continue
         used = texture == index
         part, pixels, repeat = _part(images[index], mesh.uv[triangles[used]].astype(np.float64))
-        levels = pyramid(part)
+        levels = build_pyramid(part)
         _paint(levels.pixels, levels.levels, flat[used], pixels, repeat, rgb, covered)
     return _dilate(rgb, covered)
 

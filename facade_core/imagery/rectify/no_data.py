@@ -15,10 +15,10 @@ NOISE, FLAT = 2, 0.99
 # What stands upright at the picture's foot and fills its box so far is a gateway; a corner that a warp left there tapers off.
 MOST_FILLED = 0.8
 # Pixels into which the border was mixed when the picture was warped and compressed.
-RIM = 3
+NO_DATA_RIM = 3
 
 
-def no_data(image: np.ndarray) -> np.ndarray:
+def no_data_mask(image: np.ndarray) -> np.ndarray:
     """The black corners of an image (h, w, 3) uint8, (h, w) bool: flat black that hangs together with a corner of the picture.
 
     What is dark elsewhere at the border, or upright at its foot as a gateway is, is part of what the picture shows. A
@@ -42,7 +42,7 @@ def no_data(image: np.ndarray) -> np.ndarray:
         and _is_warped(image, (parts == part).astype(np.uint8))
     ]
     found = np.isin(parts, kept).astype(np.uint8)
-    return cv2.dilate(found, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
+    return cv2.dilate(found, np.ones((2 * NO_DATA_RIM + 1, 2 * NO_DATA_RIM + 1), np.uint8)).astype(bool)
 
 
 def _is_gateway(stats: np.ndarray, height: int) -> bool:
@@ -60,6 +60,6 @@ def _is_warped(image: np.ndarray, part: np.ndarray) -> bool:
     drawn = cv2.fillPoly(np.zeros_like(part), sides, 1)
     if sum(map(len, sides)) <= MOST_SIDES and (drawn & part).sum() >= ALIKE * (drawn | part).sum():
         return True
-    inner = cv2.erode(part, np.ones((4 * RIM + 1, 4 * RIM + 1), np.uint8), borderValue=1).astype(bool)
+    inner = cv2.erode(part, np.ones((4 * NO_DATA_RIM + 1, 4 * NO_DATA_RIM + 1), np.uint8), borderValue=1).astype(bool)
     values = image[inner].max(axis=1).astype(np.int64)
     return values.size > 0 and bool((np.abs(values - np.median(values)) <= NOISE).mean() >= FLAT)

@@ -13,20 +13,25 @@ from facade_core.core.errors import ImageError
 from facade_core.core.grouping import RowIndex
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.imagery.poses.panorama_camera import camera_from_world, in_view, position, shares
-from facade_core.imagery.rectify.fusion import View
-from facade_core.imagery.rectify.resampling import Lens, Raster, footprints_of, resample
+from facade_core.imagery.poses.panorama_camera import (
+    camera_from_world,
+    camera_position,
+    is_in_view,
+    project_to_panorama,
+)
+from facade_core.imagery.rectify.fusion import ChartView
+from facade_core.imagery.rectify.resampling import ChartRaster, PanoramaLens, compute_footprints, resample_panorama
 
 # Flatter than this, a wall's pixels are stretched and its balconies hide its windows.
 GRAZING_DEG = 12.0
 # What lies this close before a surface does not hide it: mouldings, and the noise of the model.
-SKIN_M = 0.05
+OCCLUSION_TOLERANCE_M = 0.05
 # A sighting shows at least this share of the chart.
 LEAST_SEEN = 0.02
 # Points of a chart that are looked at, per axis.
 SAMPLES = (12, 8)
 # Panoramas farther than this do not show a chart, metres.
-REACH_M = 150.0
+MAX_SIGHTING_DISTANCE_M = 150.0
 # Texels between the rays that look for what hides a chart, before its outline is followed texel by texel.
 SPARSE = 4
 # Rays cast at once, which bounds memory.
@@ -45,13 +50,13 @@ class Sighting:
     score: float
 
 
-def sightings(
+def find_sightings(
     scene: Scene,
     chart: int,
     poses: Sequence[Pose],
     image_sizes: Sequence[tuple[int, int]],
     *,
-    reach: float = REACH_M,
+    reach: float = MAX_SIGHTING_DISTANCE_M,
 ) -> list[Sighting]:
     """Panoramas that show a chart within `reach` metres, best first; image_sizes are (height, width) in pixels.
 
@@ -70,21 +75,21 @@ def sightings(
     return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 
-def panoramas_near(scene: Scene, charts: np.ndarray, poses: Sequence[Pose]) -> list[np.ndarray]:
+def nearby_panoramas(scene: Scene, charts: np.ndarray, poses: Sequence[Pose]) -> list[np.ndarray]:
     """Which panoramas may show each of some charts (n,), by where they are: indices (k,) in ascending order."""
-    middle = scene.charts.at_shares(charts, np.array([[0.5, 0.5]]))[:, 0, :2]
+    middle = scene.charts.points_at_shares(charts, np.array([[0.5, 0.5]]))[:, 0, :2]
     # the points that are looked for lie on the chart: as far from its middle as its diagonal is long, at most
-    reach = REACH_M + 2 * np.hypot(*scene.charts.size[charts].T)
+    reach = MAX_SIGHTING_DISTANCE_M + 2 * np.hypot(*scene.charts.size[charts].T)
     places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
     place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
     near = RowIndex(place)
     return [np.sort(panorama[near.rows_with(chart)]) for chart in range(len(charts))]
 
 
-def points_shown(
-    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], *, reach: float = REACH_M
+def point_visibility(
+    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], *, reach: float = MAX_SIGHTING_DISTANCE_M
 ) -> np.ndarray:
-    """How well panoramas show the points of a chart that `sightings` looks at, (panoramas, points): 0 where one does not
+    """How well panoramas show the points of a chart that `find_sightings` looks at, (panoramas, points): 0 where one does not
     see a point, else its resolution there over the atlas', at most 1, times the sine of the angle of sight."""
     points = _grid(scene, chart)
     shown = np.zeros((len(poses), len(points)))
@@ -111,8 +116,8 @@ def _views(
     points = _grid(scene, chart)
     if len(points) == 0 or len(poses) == 0:
         return
-    normal = scene.charts.normal()[chart]
-    places = np.array([position(pose) for pose in poses])
+    normal = scene.charts.normals()[chart]
+    places = np.array([camera_position(pose) for pose in poses])
     middle = points.mean(axis=0)
     radius = np.linalg.norm(points - middle, axis=1).max()
     offset = places - middle
@@ -122,7 +127,7 @@ def _views(
         rays = points - places[index]
         distance = np.linalg.norm(rays, axis=1)
         sine = -(rays @ normal) / np.maximum(distance, 1e-9)
-        usable = (distance <= reach) & (sine >= np.sin(np.radians(GRAZING_DEG))) & in_view(shares(rays, pose), pose)
+        usable = (distance <= reach) & (sine >= np.sin(np.radians(GRAZING_DEG))) & is_in_view(project_to_panorama(rays, pose), pose)
         usable[usable] = _visible(scene, chart, places[index], rays[usable])
         if usable.any():
             pixels_per_radian = width / pose.view[2] / (2 * np.pi)
@@ -132,7 +137,7 @@ def _views(
 
 def rectify_view(
     scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int], hidden: np.ndarray | None = None
-) -> View:
+) -> ChartView:
     """A chart as a panorama shows it: rgb (h, w, 3) uint8, black where not seen, seen and quality (h, w).
 
     image (H, W, 3) uint8 is the part pose.view of the full panorama; size (h, w) divides the chart's place in the atlas, whose
@@ -144,7 +149,7 @@ def rectify_view(
         raise ImageError(f"a panorama is uint8 RGB (h, w, 3), not {image.dtype} {image.shape}; convert it")
     charts, placement = scene.charts, scene.placement
     rows, columns = size
-    place = position(pose)
+    place = camera_position(pose)
     right = charts.axis_u[chart] * (placement.width[chart] / placement.texels_per_metre[chart] / columns)
     down = charts.axis_v[chart] * (placement.height[chart] / placement.texels_per_metre[chart] / rows)
     corner = charts.origin[chart] - place
@@ -153,18 +158,18 @@ def rectify_view(
     footprints = np.empty((rows, columns, 6), np.float32)
     seen = np.empty((rows, columns), np.bool_)
     quality = np.empty((rows, columns), np.float32)
-    footprints_of(
-        Raster(corner, right, down, charts.normal()[chart]),
-        Lens(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
+    compute_footprints(
+        ChartRaster(corner, right, down, charts.normals()[chart]),
+        PanoramaLens(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
         np.sin(np.radians(GRAZING_DEG)),
         footprints,
         seen,
         quality,
     )
     _hide(scene, chart, place, corner, right, down, seen)
-    rgb = resample(image, pose.view, footprints, seen)
+    rgb = resample_panorama(image, pose.view, footprints, seen)
     occluded = None if hidden is None else _taken(hidden, footprints, seen)
-    return View(rgb, seen, quality * seen, occluded)
+    return ChartView(rgb, seen, quality * seen, occluded)
 
 
 def _taken(hidden: np.ndarray, footprints: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -228,7 +233,7 @@ def _visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.ndarray) -> 
     reached, hit = scene.caster.cast(origin, rays)
     surface = scene.charts.surface
     own = (hit >= 0) & (surface[hit] == surface[chart])
-    return own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < SKIN_M)
+    return own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < OCCLUSION_TOLERANCE_M)
 
 
 def _grid(scene: Scene, chart: int) -> np.ndarray:
@@ -236,7 +241,7 @@ def _grid(scene: Scene, chart: int) -> np.ndarray:
     charts, mesh = scene.charts, scene.mesh
     at = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in SAMPLES)), axis=-1).reshape(-1, 2)
     at = at * charts.size[chart]
-    corners = mesh.vertices[mesh.triangles[mesh.triangles_of(chart)]] - charts.origin[chart]
+    corners = mesh.vertices[mesh.triangles[mesh.chart_triangles(chart)]] - charts.origin[chart]
     flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
     edge = np.roll(flat, -1, axis=1) - flat
     to = at[:, None, None] - flat

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.core.errors import ImageError
-from facade_core.imagery.rectify.extent import extent
-from facade_core.imagery.rectify.vanishing import View, distort, find_view
+from facade_core.imagery.rectify.extent import facade_extent
+from facade_core.imagery.rectify.vanishing import FacadeCamera, distort, find_facade_camera
 from facade_core.parsing.validation import check_image
 
 # Lines are sought at this size of the longer side, and are at least this share of the half diagonal long.
@@ -66,13 +66,13 @@ def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
     segments, pixel = _segments(photo, half, centre)
     if len(segments) < 2 * LEAST_SEGMENTS:
         raise ImageError(f"photo: only {len(segments)} straight lines, too few for a facade; {REMEDY}")
-    view = find_view(segments, pixel, None if focal is None else focal / half)
+    view = find_facade_camera(segments, pixel, None if focal is None else focal / half)
     if view is None:
         raise ImageError(f"photo: its lines agree on no facade that a camera before it would see; {REMEDY}")
     _check_view(view, segments)
     height, width = photo.shape[:2]
     corners = (np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5 - centre) / half
-    box = extent(segments, view, corners)
+    box = facade_extent(segments, view, corners)
     if box is None:
         raise ImageError(f"photo: too few lines along both axes of a facade lie together; {REMEDY}")
     homography, size = _homography(view, box, corners, half, centre)
@@ -106,7 +106,7 @@ def _segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tuple[np.nd
     return ends, 1.0 / (half * scale)
 
 
-def _check_view(view: View, segments: np.ndarray) -> None:
+def _check_view(view: FacadeCamera, segments: np.ndarray) -> None:
     """Raise ImageError for a view that too little speaks for, ."""
     across, upright = int((view.family == 0).sum()), int((view.family == 1).sum())
     if min(across, upright) < LEAST_SEGMENTS:
@@ -120,7 +120,7 @@ def _check_view(view: View, segments: np.ndarray) -> None:
 
 
 def _homography(
-    view: View, box: tuple[float, float, float, float], corners: np.ndarray, half: float, centre: np.ndarray
+    view: FacadeCamera, box: tuple[float, float, float, float], corners: np.ndarray, half: float, centre: np.ndarray
 ) -> tuple[np.ndarray, tuple[int, int]]:
     """The map from photo to result pixels, and the result's (height, width): as many pixels as the photo has of the facade."""
     import cv2

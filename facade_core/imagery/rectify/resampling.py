@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.core.numba_cache import njit
-from facade_core.imagery.rectify.area_means import area_mean, pyramid
+from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
 
 # Colour distance to the bottom row within which pixels above it belong to the same flat mask.
 FLAT = 12
@@ -17,7 +17,7 @@ MASK_RIM = 4
 MASK_HIGHEST = 2 / 3
 
 
-class Raster(NamedTuple):
+class ChartRaster(NamedTuple):
     """A chart's texels from the camera: corner (3,) the upper left one's, right and down (3,) from one to the next, normal."""
 
     corner: np.ndarray
@@ -26,7 +26,7 @@ class Raster(NamedTuple):
     normal: np.ndarray
 
 
-class Lens(NamedTuple):
+class PanoramaLens(NamedTuple):
     """How a picture shows the world.
 
     camera (3, 3): rotation;
@@ -44,7 +44,7 @@ class Lens(NamedTuple):
     width: int
 
 
-def resample(
+def resample_panorama(
     image: np.ndarray, view: tuple[float, float, float, float], footprints: np.ndarray, seen: np.ndarray
 ) -> np.ndarray:
     """Colours (h, w, 3) uint8 of the seen texels, black elsewhere; clears in `seen` (h, w) those that a mask hides.
@@ -62,7 +62,7 @@ def resample(
     lower = min(len(image), int(used[:, 1].max() + margin) + 1)
     mask = _mask_top(image, columns, round((MASK_HIGHEST - view[1]) / view[3] * len(image)), lower)
     runs = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1)  # slices are copied much faster than columns
-    part = pyramid(np.concatenate([image[upper:lower, run[0] : run[-1] + 1] for run in runs], axis=1))
+    part = build_pyramid(np.concatenate([image[upper:lower, run[0] : run[-1] + 1] for run in runs], axis=1))
     _resample(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
     return rgb
 
@@ -101,8 +101,8 @@ def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) 
 
 
 @njit(cache=True, nogil=True)
-def footprints_of(
-    raster: Raster, lens: Lens, grazing: float, footprints: np.ndarray, seen: np.ndarray, quality: np.ndarray
+def compute_footprints(
+    raster: ChartRaster, lens: PanoramaLens, grazing: float, footprints: np.ndarray, seen: np.ndarray, quality: np.ndarray
 ) -> None:
     """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen, and
     the picture's pixels per texel along a side, at most 1, times the sine of the angle of sight."""

@@ -19,7 +19,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _DARKEST = 4.0
 
 
-def shaded_share(image: np.ndarray, labels: np.ndarray) -> float:
+def shadow_share(image: np.ndarray, labels: np.ndarray) -> float:
     """The share of the wall of a picture (h, w, 3) uint8, labels (h, w) uint8, that the largest shadow on it covers, 0 to 1.
 
     A cell is as bright as the median of its wall: mouldings and sills throw small shadows everywhere. Walls that are lit alike,

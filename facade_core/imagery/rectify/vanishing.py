@@ -37,7 +37,7 @@ CANDIDATES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class FacadeCamera:
     """How a camera sees a facade.
 
     rotation (3, 3): its columns are the facade's right, its down and away from the viewer, in camera coordinates; focal in half
@@ -51,7 +51,7 @@ class View:
     family: np.ndarray
 
 
-def find_view(segments: np.ndarray, pixel: float, focal: float | None) -> View | None:
+def find_facade_camera(segments: np.ndarray, pixel: float, focal: float | None) -> FacadeCamera | None:
     """The view that most of the segments' length agrees with; None where no two vanishing points are found.
 
     segments (n, 2, 2) float64 and focal in half diagonals, pixel is the size of one; focal None: unknown.
@@ -61,23 +61,23 @@ def find_view(segments: np.ndarray, pixel: float, focal: float | None) -> View |
     best, best_score = None, 0.0
     for start in _search(segments, lengths, focal):
         view = _settle(segments, lengths, pixel, start, expected, ROUNDS[0])
-        if view is None or not upright(view.rotation):
+        if view is None or not is_upright(view.rotation):
             continue
         straight = undistort(segments, view.distortion)
-        yaw = np.radians(turns(view.rotation)[0])
+        yaw = np.radians(camera_angles(view.rotation)[0])
         score = _scores(straight, lengths, view.rotation[:, 1], view.focal, np.array([yaw]), np.radians(ROUNDS[0]))[0]
         if score > best_score:
             best, best_score = view, score
     for tolerance in ROUNDS[1:]:
         best = best and _settle(segments, lengths, pixel, best, expected, tolerance)
-    if best is None or not upright(best.rotation):
+    if best is None or not is_upright(best.rotation):
         return None
     return replace(best, family=_families(segments, best, ROUNDS[-1]))
 
 
-def upright(rotation: np.ndarray) -> bool:
+def is_upright(rotation: np.ndarray) -> bool:
     """Whether a rotation is one that a camera before a facade may have."""
-    return all(abs(turn) <= most for turn, most in zip(turns(rotation), (MOST_YAW, MOST_PITCH, MOST_ROLL), strict=True))
+    return all(abs(turn) <= most for turn, most in zip(camera_angles(rotation), (MOST_YAW, MOST_PITCH, MOST_ROLL), strict=True))
 
 
 def undistort(points: np.ndarray, distortion: float) -> np.ndarray:
@@ -91,7 +91,7 @@ def distort(points: np.ndarray, distortion: float) -> np.ndarray:
     return points * 2 / (1 + np.sqrt(np.maximum(1 - 4 * distortion * square, 0.0)))
 
 
-def turns(rotation: np.ndarray) -> tuple[float, float, float]:
+def camera_angles(rotation: np.ndarray) -> tuple[float, float, float]:
     """Yaw, pitch (of the camera, up) and roll in degrees of a View's rotation: what the camera is turned by."""
     down = rotation[:, 1]
     pitch = np.arcsin(np.clip(-down[2], -1, 1))
@@ -100,7 +100,7 @@ def turns(rotation: np.ndarray) -> tuple[float, float, float]:
     return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(roll))
 
 
-def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[View]:
+def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[FacadeCamera]:
     """Views to start from, no segments assigned: the best for each vertical that comes into question."""
     step = segments[:, 1] - segments[:, 0]
     steep = np.abs(step[:, 0]) < np.tan(np.radians(STEEPEST)) * np.abs(step[:, 1])
@@ -118,8 +118,8 @@ def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> l
             if score[k] > best_score:
                 right = _rights(down, yaws[k : k + 1])[0]
                 rotation = np.column_stack([right, down, np.cross(right, down)])
-                best, best_score = View(rotation, length, 0.0, np.empty(0, np.int8)), score[k]
-        if best is not None and upright(best.rotation):
+                best, best_score = FacadeCamera(rotation, length, 0.0, np.empty(0, np.int8)), score[k]
+        if best is not None and is_upright(best.rotation):
             found.append(best)
     return found
 
@@ -194,7 +194,7 @@ def _vanishing(rotation: np.ndarray, focal: float) -> np.ndarray:
     return rotation[:, :2].T * np.array([focal, focal, 1.0])
 
 
-def _families(segments: np.ndarray, view: View, tolerance: float) -> np.ndarray:
+def _families(segments: np.ndarray, view: FacadeCamera, tolerance: float) -> np.ndarray:
     """The family (n,) int8 of each segment, among those that miss its vanishing point by less than tolerance degrees."""
     straight = undistort(segments, view.distortion)
     angles = np.abs(_angles(straight, _vanishing(view.rotation, view.focal)))
@@ -205,10 +205,10 @@ def _settle(
     segments: np.ndarray,
     lengths: np.ndarray,
     pixel: float,
-    view: View,
+    view: FacadeCamera,
     expected: tuple[float, float],
     tolerance: float,
-) -> View | None:
+) -> FacadeCamera | None:
     """The view of least squared misses of the segments within tolerance degrees; None if they are hardly any.
 
     expected: the logarithm of the focal length and its standard deviation.
@@ -235,4 +235,4 @@ def _settle(
     start = np.array([0.0, 0.0, 0.0, np.log(view.focal), view.distortion])
     found = least_squares(misses, start, x_scale=[0.01, 0.01, 0.01, 0.05, 0.005], ftol=1e-5, max_nfev=15).x
     rotation = Rotation.from_rotvec(found[:3]).as_matrix() @ view.rotation
-    return View(rotation, float(np.exp(found[3])), float(found[4]), family)
+    return FacadeCamera(rotation, float(np.exp(found[3])), float(found[4]), family)

@@ -1,1 +1,1 @@
-"""Sun, sky, ambient and contact light on charts."""
+"""Light and shadow in textures: sun, sky, contact shadows and facade relief."""

@@ -1,4 +1,4 @@
-"""What lights a wall beside the sun itself: the sky that its places see, and what is thrown back once by what stands around."""
+"""Ambient light of walls: visible sky and one bounce from surrounding surfaces."""
 
 from __future__ import annotations
 
@@ -6,40 +6,45 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import ASIDE_M, INSIDE, LIFT_M, hemisphere, spread
+from facade_core.geometry.daylight import RAY_SHIFT_M, MAX_BACK_FACE_SHARE, RAY_LIFT_M, hemisphere_directions, fill_hidden_places
 from facade_core.geometry.scene import Scene
-from facade_core.street.lighting.sun import RAY_LIFT_M as OFF_M
 from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M, SKY_LIGHT, SUN_LIGHT, sun_direction
+from facade_core.street.lighting.sun import RAY_LIFT_M as OFF_M
 
-# Metres between the places of a wall that are looked from, its border's among them; light is linear between them.
+# Spacing of the ray origins, which include the border; light is linear between them.
 AMBIENT_CELL_M = 3.0
-# What stands farther than this is haze as bright as the sky above the horizon, and as the ground below it.
+# Beyond this distance rays see haze: as bright as the sky above the horizon, as the ground below it.
 OCCLUDER_RANGE_M = 40.0
-# Of the light that falls on them ground and all else throw this much back.
-GROUND_ALBEDO, SURFACE_ALBEDO = 0.25, 0.4
-# What stands around sees this much of the sky that its tilt would show it in the open.
+# Share of light that the ground reflects, and other surfaces.
+GROUND_ALBEDO = 0.25
+SURFACE_ALBEDO = 0.4
+# Share of its unoccluded sky that an occluder sees.
 OCCLUDER_SKY_SHARE = 0.6
-# What lights most walls of a street is held for a light of 1; more and less differ from it as in a picture that has both, which
-# no light brings beyond MOST.
-TYPICAL_SKY_SHARE, MAX_AMBIENT_LIGHT = 0.4, 1.6
+# Skylight of most walls of a street; it counts as a light of 1.
+TYPICAL_SKY_SHARE = 0.4
+# Limit of the tone curve, as a picture of light and dark walls has one.
+MAX_AMBIENT_LIGHT = 1.6
 
 
 def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]:
-    """How much of the sky's light, and of the sun's thrown back, reaches places of a chart from border to border, both
-    (rows, columns) float32 and of what most walls of a street have of the sky's.
+    """Compute the sky's light and the reflected sunlight on a grid over a chart.
 
-    A ray that meets nothing within OCCLUDER_RANGE_M brings the sky's light. One that meets a surface brings what that throws back of
-    the sky's, and of the sun's where it lies in it. Nothing farther than REACH_M decides.
+    A ray that hits nothing within OCCLUDER_RANGE_M brings the sky's light. A ray that hits a surface brings its reflected skylight,
+    and its reflected sunlight if the sun reaches it. Nothing farther than MAX_SHADOW_REACH_M has an influence.
+
+    Returns
+    -------
+    Both (rows, columns) float32, from border to border, relative to the skylight of most walls of a street.
     """
-    charts, normals = scene.charts, scene.charts.normal()
+    charts, normals = scene.charts, scene.charts.normals()
     columns, rows = (np.maximum(np.ceil(charts.size[chart] / AMBIENT_CELL_M - 1e-6), 1).astype(int) + 1).tolist()
     width, height = charts.size[chart].tolist()
-    inset = np.minimum(LIFT_M, 0.5 * charts.size[chart])
-    across = np.clip(np.linspace(0, width, columns) + ASIDE_M, inset[0], width - inset[0])
-    down = np.clip(np.linspace(0, height, rows) + ASIDE_M, inset[1], height - inset[1])
-    points = charts.points(chart, across[None, :], down[:, None]).reshape(-1, 3) + LIFT_M * normals[chart]
+    inset = np.minimum(RAY_LIFT_M, 0.5 * charts.size[chart])
+    across = np.clip(np.linspace(0, width, columns) + RAY_SHIFT_M, inset[0], width - inset[0])
+    down = np.clip(np.linspace(0, height, rows) + RAY_SHIFT_M, inset[1], height - inset[1])
+    points = charts.points(chart, across[None, :], down[:, None]).reshape(-1, 3) + RAY_LIFT_M * normals[chart]
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], normals[chart]])
-    rays = hemisphere() @ frame
+    rays = hemisphere_directions() @ frame
     shape = (len(points), *rays.shape)
     origins, rays = np.broadcast_to(points[:, None], shape), np.broadcast_to(rays, shape)
     depth, met = scene.caster.cast(origins, rays)
@@ -54,10 +59,10 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.nd
     cosine[asked] *= _is_sunlit(scene, origins[asked] + depth[asked][:, None] * rays[asked], normal[asked], sun)
     thrown = np.where(behind, 0.0, back * cosine)
     light = [np.where(behind, 0.0, sky).mean(axis=1), thrown.mean(axis=1)]
-    hidden = behind.mean(axis=1) > INSIDE
+    hidden = behind.mean(axis=1) > MAX_BACK_FACE_SHARE
     one = (np.zeros(1, np.int64), np.array([rows]), np.array([columns]))
     for share in light:
-        spread(share, hidden, *one)
+        fill_hidden_places(share, hidden, *one)
     above, beside = (share.reshape(rows, columns) / TYPICAL_SKY_SHARE for share in light)
     whole = above + beside * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
     shown = MAX_AMBIENT_LIGHT / (whole + MAX_AMBIENT_LIGHT - 1)
@@ -65,7 +70,7 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.nd
 
 
 def _is_sunlit(scene: Scene, places: np.ndarray, normal: np.ndarray, sun: Sun) -> np.ndarray:
-    """Whether nothing stands between places (n, 3) of surfaces with normals (n, 3) and the sun, (n,) bool."""
+    """Return (n,) bool, True where the sun reaches places (n, 3) of surfaces with normals (n, 3)."""
     towards = np.broadcast_to(sun_direction(sun), places.shape)
     depth, _ = scene.caster.cast(places + OFF_M * normal, towards)
     return depth > MAX_SHADOW_REACH_M - OCCLUDER_RANGE_M

@@ -1,4 +1,4 @@
-"""Where walls stand on the ground: what lies close beside the line sees little light, on both sides of it."""
+"""Contact shadow along the line where a wall meets the ground, on both sides."""
 
 from __future__ import annotations
 
@@ -7,18 +7,21 @@ import numpy as np
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 
-# How much of the light is lost at the line, on the ground and on the wall, and metres within which two thirds of that is gone.
-GROUND_LOSS, WALL_LOSS, LOSS_DECAY_M = 0.38, 0.24, 0.3
-# What is farther from the line loses nothing.
+# Share of light lost at the line, on the ground and on the wall.
+GROUND_LOSS = 0.38
+WALL_LOSS = 0.24
+# Distance from the line over which the loss decays to a third.
+LOSS_DECAY_M = 0.3
+# Distance from the line beyond which nothing is lost.
 CONTACT_REACH_M = 1.2
-# A wall's foot may stand this far off the ground, metres.
+# Largest gap between a wall's foot and the ground.
 MAX_FOOT_GAP_M = 0.35
-# Fixed-point bits of the places of lines.
+# Fraction bits of line coordinates.
 LINE_FRACTION_BITS = 4
 
 
 def contact_light(scene: Scene, chart: int) -> np.ndarray | None:
-    """The share of light (h, w) float32 that is left on the texels of a piece of ground or of a wall; None where all is."""
+    """Compute the share of light (h, w) float32 left on ground or a wall; None where nothing is lost."""
     kind = scene.charts.kind[chart]
     if kind == ChartKind.GROUND:
         return _ground_light(scene, chart)
@@ -29,11 +32,11 @@ def _ground_light(scene: Scene, chart: int) -> np.ndarray | None:
     import cv2
 
     charts, density = scene.charts, scene.placement.texels_per_metre[chart]
-    near = charts.near(chart, CONTACT_REACH_M)
+    near = charts.charts_within(chart, CONTACT_REACH_M)
     walls = near[charts.kind[near] == ChartKind.WALL]
-    ends = charts.at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
-    over = (ends - charts.origin[chart]) @ charts.normal()[chart]
-    # also walls that go on below the ground, and end above it
+    ends = charts.points_at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
+    over = (ends - charts.origin[chart]) @ charts.normals()[chart]
+    # includes walls that begin below the ground and end above it
     stands = ((over < MAX_FOOT_GAP_M) & (over > MAX_FOOT_GAP_M - charts.size[walls, 1:])).all(axis=1)
     if not stands.any():
         return None
@@ -60,15 +63,15 @@ def _wall_light(scene: Scene, chart: int) -> np.ndarray | None:
 
 
 def _is_on_ground(scene: Scene, chart: int) -> bool:
-    """Whether a wall's foot is on the ground, and on no roof or other wall."""
+    """Return True if a wall's foot is on the ground, not on a roof or another wall."""
     charts = scene.charts
-    foot = charts.at_shares(np.array([chart]), np.array([[0.5, 1.0]]))[0, 0]
-    above = foot + 0.1 * charts.normal()[chart] + [0.0, 0.0, MAX_FOOT_GAP_M]
+    foot = charts.points_at_shares(np.array([chart]), np.array([[0.5, 1.0]]))[0, 0]
+    above = foot + 0.1 * charts.normals()[chart] + [0.0, 0.0, MAX_FOOT_GAP_M]
     depth, hit = scene.caster.cast(above, np.array([[0.0, 0.0, -1.0]]))
     return bool(hit[0] >= 0 and charts.kind[hit[0]] == ChartKind.GROUND and depth[0] < 2 * MAX_FOOT_GAP_M)
 
 
 def _remaining_light(distance: np.ndarray, loss: float) -> np.ndarray:
-    """The light that is left at distances (...,) metres from the line, where `lost` of it is lost at the line."""
+    """Compute the light left at distances (...,) metres from the line, with `loss` of it lost at the line."""
     fading = loss * (np.exp(-distance / LOSS_DECAY_M) - np.exp(-CONTACT_REACH_M / LOSS_DECAY_M))
     return (1 - np.where(distance < CONTACT_REACH_M, fading, 0.0)).astype(np.float32)

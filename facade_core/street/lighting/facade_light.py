@@ -1,4 +1,4 @@
-"""A facade that was made of an exemplar in the light of its place: of the sky, of the sun, and of what stands around."""
+"""Light on a facade from an exemplar: sky, sun and surroundings."""
 
 from __future__ import annotations
 
@@ -24,10 +24,24 @@ def relight_facade(
     light: np.ndarray,
     seed: int,
 ) -> np.ndarray:
-    """A facade's colour (h, w, 3) uint8, with labels (h, w), in so much of the sun's light (h, w) and in the sky's.
+    """Apply sun and sky to a facade's colour.
 
-    Where it was `made` (h, w) it has the shadows of its relief, what its surroundings leave of the sky and throw back, and on
-    its walls stains; elsewhere it is a picture, which has all of that.
+    Synthesised parts get relief shadows, ambient light and, on walls, stains. Pictures already show all of these.
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    chart : row of the facade's chart.
+    sun : position of the sun.
+    colour : (h, w, 3) uint8.
+    is_synthesised : (h, w) bool.
+    labels : (h, w) class id.
+    light : (h, w) share of sunlight.
+    seed : seed of the stains.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
     """
     density = float(scene.placement.texels_per_metre[chart])
     towards, dark = sun_in_chart_frame(scene.charts, chart, sun)
@@ -58,10 +72,17 @@ def apply_facade_light(
     tones: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Colours (h, w, 3) uint8 in the sky's light and so much of the sun's (h, w) float32, into `out`.
+    """Multiply colours by light, into `out`.
 
-    Where they were made (h, w): in that part of the sky's and with so much of the sun's beside, of grids from border to border
-    (rows, columns), and of the wall (h, w) in tones of places (r, c) that are evenly spread, half a step within the border.
+    Parameters
+    ----------
+    colour : (h, w, 3) uint8.
+    is_synthesised : (h, w) bool; other texels get full skylight and no bounce or stain.
+    wall : (h, w) bool, texels that `tones` apply to.
+    light : (h, w) float32 share of sunlight.
+    sky_light, bounce_light : (rows, columns) grids from border to border.
+    tones : (r, c) grid, evenly spaced, half a step inside the border.
+    out : (h, w, 3) uint8.
     """
     height, width = is_synthesised.shape
     rows, columns, tall, wide = sky_light.shape[0], sky_light.shape[1], tones.shape[0], tones.shape[1]

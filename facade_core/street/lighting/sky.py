@@ -1,32 +1,41 @@
-"""The sky of pictures: a gradient from the horizon up, and the haze that lies before what is far."""
+"""Sky of pictures: a gradient from the horizon up, and haze in front of distant surfaces."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Colours at the horizon, straight up, and of land far below it; beyond HAZE_M metres two thirds of a colour are the horizon's.
-HORIZON_COLOUR, ZENITH_COLOUR = np.array([222.0, 231.0, 238.0]), np.array([104.0, 151.0, 205.0])
+HORIZON_COLOUR = np.array([222.0, 231.0, 238.0])
+ZENITH_COLOUR = np.array([104.0, 151.0, 205.0])
+# Land far below the horizon.
 LAND_COLOUR = np.array([178.0, 184.0, 182.0])
+# At this distance two thirds of a colour are the horizon's.
 HAZE_M = 1500.0
-# Rows of roofs around the horizon, the farther first: how many houses, the least rise of their roofs and how much more the
-# highest have (tangents), and the share of haze. Colours of their walls and roofs without it. An edge is so soft; walls
-# stand so far below the horizon, where the ground of the block ends.
+# Rows of roofs around the horizon, the farther first: number of houses, tangent of the lowest roof, range of the tangents,
+# share of haze.
 ROOFLINES = ((151, 0.050, 0.035, 0.66), (89, 0.026, 0.040, 0.42))
-HOUSE_COLOUR, ROOF_COLOUR = np.array([148.0, 143.0, 134.0]), np.array([122.0, 98.0, 88.0])
-ROOFLINE_BLUR, MAX_WALL_DROP = 0.0025, 0.014
+HOUSE_COLOUR = np.array([148.0, 143.0, 134.0])
+ROOF_COLOUR = np.array([122.0, 98.0, 88.0])
+# Softness of edges (tangent).
+ROOFLINE_BLUR = 0.0025
+# Distance of the walls below the horizon (tangent), where the block's ground ends.
+MAX_WALL_DROP = 0.014
 
 
 def sky_colour(up: np.ndarray) -> np.ndarray:
-    """The sky's colour (..., 3) float, 0..255, in directions that rise by `up` (...,), the sine of their height; below the
-    horizon that of land in the haze, on which the block stands."""
+    """Compute the sky's colour (..., 3) in 0..255 from the sine of the elevation (...,).
+
+    Below the horizon it is land in haze.
+    """
     share = np.clip(up, 0.0, 1.0)[..., None] ** 0.55
     below = np.clip(-80 * up, 0.0, 1.0)[..., None]
     return HORIZON_COLOUR + (ZENITH_COLOUR - HORIZON_COLOUR) * share + (LAND_COLOUR - HORIZON_COLOUR) * below
 
 
 def backdrop_colour(rays: np.ndarray) -> np.ndarray:
-    """What pictures show behind the block, (..., 3) float, 0..255, in unit directions (..., 3): the sky, and in the haze before
-    its horizon two rows of roofs, so that no street ends in nothing. They are of no map: chance by the direction alone."""
+    """Compute the colour behind the block, (..., 3) in 0..255, for unit directions (..., 3).
+
+    Two rows of roofs in the haze close the horizon. They are not from a map but hashed from the direction.
+    """
     shown = sky_colour(rays[..., 2])
     steep = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-6)
     low = (steep < max(lowest + higher for _, lowest, higher, _ in ROOFLINES)) & (steep > -MAX_WALL_DROP - ROOFLINE_BLUR)
@@ -35,7 +44,7 @@ def backdrop_colour(rays: np.ndarray) -> np.ndarray:
 
 
 def _add_rooflines(colour: np.ndarray, rays: np.ndarray, steep: np.ndarray) -> np.ndarray:
-    """Colours (k, 3) in directions (k, 3) of such a rise (k,), with the rows of roofs before them."""
+    """Add rows of roofs to colours (k, 3) in directions (k, 3) with slopes (k,)."""
     around = (np.arctan2(rays[:, 0], rays[:, 1]) / (2 * np.pi)) % 1.0
     for row, (houses, lowest, higher, haze) in enumerate(ROOFLINES):
         at = around * houses
@@ -51,7 +60,7 @@ def _add_rooflines(colour: np.ndarray, rays: np.ndarray, steep: np.ndarray) -> n
 
 
 def _hash_numbers(number: np.ndarray, turn: int) -> np.ndarray:
-    """Chance (...,) float in 0..1 of numbers (...,) uint32; the page's shader draws the same."""
+    """Hash numbers (...,) uint32 to 0..1; the shader of the web page computes the same values."""
     bits = (number + np.uint32(97 * turn + 1)) * np.uint32(2654435769)
     bits = (bits ^ (bits >> np.uint32(15))) * np.uint32(2246822519)
     bits = bits ^ (bits >> np.uint32(13))
@@ -59,7 +68,7 @@ def _hash_numbers(number: np.ndarray, turn: int) -> np.ndarray:
 
 
 def add_sky(rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """An equirectangular panorama (h, w, 3) uint8 with the sky where its depth (h, w) is infinite."""
+    """Replace pixels of infinite depth (h, w) of an equirectangular panorama (h, w, 3) uint8 by the sky."""
     height = len(rgb)
     up = np.sin(np.pi * (0.5 - (np.arange(height) + 0.5) / height))
     shown = np.broadcast_to(sky_colour(up).astype(np.uint8)[:, None], rgb.shape)

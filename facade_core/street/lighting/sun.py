@@ -1,4 +1,4 @@
-"""A soft sun in the textures: what stands in the block casts shadows, by rays to the sun's disk, widened."""
+"""Soft sun shadows in textures, by rays to a widened sun disk."""
 
 from __future__ import annotations
 
@@ -8,26 +8,31 @@ from facade_core.core.types import Sun
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.scene import Scene
 
-# Radius of the disk, degrees: six times the sun's own, as through thin haze. Rays to it.
-DISK_RADIUS_DEG, DISK_RAYS = 1.6, 9
-# Metres between places that are looked from; light is linear between them. Rays start so far off the surface.
-SUN_CELL_M, RAY_LIFT_M = 0.25, 0.04
-# What stands farther casts no shadow.
+# Six times the sun's own radius, as through thin haze.
+DISK_RADIUS_DEG = 1.6
+DISK_RAYS = 9
+# Spacing of the ray origins; light is linear between them.
+SUN_CELL_M = 0.25
+# Distance of ray origins from the surface.
+RAY_LIFT_M = 0.04
+# Occluders beyond this distance cast no shadow.
 MAX_SHADOW_REACH_M = 150.0
-# Light of the sky alone and of the sun straight on, red, green and blue: what is in the shade is cooler.
-SKY_LIGHT, SUN_LIGHT = np.array([0.75, 0.77, 0.81]), np.array([0.79, 0.73, 0.63])
-# Rays that are cast together.
+# Light of the sky alone, red, green and blue; shadows are cooler.
+SKY_LIGHT = np.array([0.75, 0.77, 0.81])
+# Light of the sun at normal incidence.
+SUN_LIGHT = np.array([0.79, 0.73, 0.63])
+# Rays per cast.
 RAY_BATCH = 1 << 19
 
 
 def sun_direction(sun: Sun) -> np.ndarray:
-    """Towards the sun, unit (3,)."""
+    """Return the unit vector (3,) towards the sun."""
     turn, rise = np.radians(sun.azimuth), np.radians(sun.elevation)
     return np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
 
 
 def sun_disk_rays(sun: Sun) -> np.ndarray:
-    """Unit directions (RAYS, 3) that cover its disk evenly: a spiral of equal areas."""
+    """Return unit directions (DISK_RAYS, 3) that cover the sun's disk evenly: a spiral of equal areas."""
     towards = sun_direction(sun)
     right = np.cross(towards, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
@@ -38,13 +43,21 @@ def sun_disk_rays(sun: Sun) -> np.ndarray:
 
 
 def sunlight_share(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
-    """How much of the sun's light falls on the texels of a chart, (h, w) float32: the cosine of its angle where nothing stands
-    between, 0 in full shade."""
+    """Compute the share of sunlight (h, w) float32 on a chart.
+
+    The share is the cosine of incidence where the sun is unoccluded, 0 in full shadow.
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    chart : row of the chart.
+    sun : position of the sun.
+    """
     import cv2
 
     charts, density = scene.charts, scene.placement.texels_per_metre[chart]
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
-    normal = charts.normal()[chart]
+    normal = charts.normals()[chart]
     cosine = float(normal @ sun_direction(sun))
     if cosine <= 0:
         return np.zeros((height, width), np.float32)
@@ -66,14 +79,17 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
 
 
 def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[np.ndarray, float]:
-    """Towards the sun (3,) along a chart's width, down it and out of it; and how bright its shade is, of its light."""
-    frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normal()[chart]])
+    """Return the direction to the sun (3,) in a chart's frame, and the shadow's brightness relative to full light.
+
+    The axes are the chart's width, down and outward.
+    """
+    frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
     towards = frame @ sun_direction(sun)
     return towards, float((SKY_LIGHT / (SKY_LIGHT + SUN_LIGHT * max(towards[2], 0.0))).mean())
 
 
 def apply_sunlight(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """A colour (h, w, 3) uint8 in the sky's light and so much of the sun's (h, w): (h, w, 3) uint8."""
+    """Apply the sky's light and a share of sunlight (h, w) to a colour (h, w, 3) uint8."""
     out = np.empty_like(colour)
     for band, (above, beside) in enumerate(zip(SKY_LIGHT.tolist(), SUN_LIGHT.tolist(), strict=True)):
         out[..., band] = np.minimum(colour[..., band] * (above + beside * light) + np.float32(0.5), 255)

@@ -1,45 +1,48 @@
-"""Ground that no camera shows, filled with what pictures show of the ground around it.
+"""Fill unseen ground and walls by example from the pictures around them.
 
-Like the completion by floors (floors paper, section 3.2), without floors: of the translations under which the pictured ground
-looks like itself each hidden cell takes one, chosen all at once by a graph cut whose seams run where they show least; parts
-are then copied texel by texel, and their colours blended into what is around them.
+Like the completion by floors (floors paper, section 3.2), without floors. Candidates are the translations under which the
+pictured surface matches itself. A graph cut assigns one to each hidden cell, with seams where they show least. The parts are
+copied texel by texel, and their colours blended into the surroundings.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.facade.texture.label_expansion import choose
-from facade_core.facade.texture.mosaic import paint
-from facade_core.facade.texture.source_costs import UNUSABLE, Offers
-from facade_core.facade.texture.translations import correlation
+from facade_core.facade.texture.label_expansion import choose_sources
+from facade_core.facade.texture.mosaic import paint_sources
+from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts
+from facade_core.facade.texture.translations import masked_correlation
 
-# So far from what pictures show ground is filled, metres.
+# Greatest distance of filled ground from known texels.
 MAX_FILL_M = 3.5
-# Side of the cells for which sources are chosen, metres: a joint between slabs is still seen.
+# Side of the cells that sources are chosen for; still resolves a joint between slabs.
 SOURCE_CELL_M = 0.2
-# A source lies at least so far away, metres; nearer ones copy a thing beside itself.
+# Shortest translation; shorter ones repeat an object next to itself.
 MIN_TRANSLATION_M = 0.8
-# What is larger than this is shade and not texture where sources are looked for, metres.
+# Larger structures count as shading, not texture.
 SHADING_SIGMA_M = 2.0
-# Metres around a hidden cell over which the pictured ground must look like itself under a translation.
+# Radius around a hidden cell over which surroundings are compared.
 CONTEXT_M = 1.0
-# Translations that are looked at, and the share of the pictured cells that must be seen twice under one.
-MAX_TRANSLATIONS, MIN_OVERLAP_SHARE = 40, 0.05
-# Power of that share which the likeness is multiplied by.
+MAX_TRANSLATIONS = 40
+# Share of the known cells that must overlap under a translation.
+MIN_OVERLAP_SHARE = 0.05
+# Power of the overlap share in the score.
 OVERLAP_EXPONENT = 0.25
-# Prices, in the mean squared difference of two pictured cells: of a source of another kind of ground, of one for which nothing
-# around speaks, and of each metre to it.
-OTHER_KIND_COST, NO_EVIDENCE_COST, COST_PER_METRE = 2.0, 1.0, 0.01
-# Which share of what is around a cell the last but one counts as.
+# Costs in units of the mean squared difference of two known cells: a source of another kind of ground, a source without
+# comparable surroundings, and each metre of distance.
+OTHER_KIND_COST = 2.0
+NO_EVIDENCE_COST = 1.0
+COST_PER_METRE = 0.01
+# Weight of NO_EVIDENCE_COST, as a share of the surroundings.
 EVIDENCE_PRIOR = 0.05
-# Price of a seam for each colour difference (0-1, three channels).
+# Cost of a seam per colour difference (0-1, three channels).
 SEAM_COST = 0.02
-# What lies beyond the reach of all translations is filled from what was filled, in so many rounds at most.
+# Rounds that fill from previously filled texels, beyond the reach of all translations.
 MAX_ROUNDS = 6
-# What is narrower and was not reached is closed, metres.
+# Narrower gaps are closed by inpainting.
 MAX_CRACK_M = 0.4
-# Less pictured ground than this is no example, square metres.
+# Smallest known area that serves as an example.
 MIN_EXAMPLE_M2 = 6.0
 
 
@@ -51,9 +54,20 @@ def fill_by_example(
     density: float,
     max_distance_m: float = MAX_FILL_M,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """image (h, w, 3) uint8 with what is not `known` (h, w) bool filled as far as `reach` metres from that, and what was.
+    """Fill unknown texels by example from known ones.
 
-    there (h, w) bool: where it may be filled; kind (h, w) uint8: of ground, as of a map; density in texels per metre.
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    known : (h, w) bool, texels that a picture shows.
+    fillable : (h, w) bool, texels that may be filled.
+    kinds : (h, w) uint8 kind of ground by the map.
+    density : texels per metre.
+    max_distance_m : greatest distance from known texels, metres.
+
+    Returns
+    -------
+    The image, and the filled texels (h, w) bool.
     """
     import cv2
 
@@ -72,7 +86,7 @@ def fill_by_example(
     filled = done & wanted
     if not filled.any():
         return image, nothing
-    # a few texels to which parts' sources do not reach, as they are fitted to a texel
+    # sources are fitted to a texel, so that a few texels between parts stay empty
     side = max(3, round(MAX_CRACK_M * density))
     opened = cv2.morphologyEx((wanted & ~done).astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0
     cracks = wanted & ~done & ~opened
@@ -86,17 +100,18 @@ def fill_by_example(
 def _copy_parts(
     image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The image with what could be copied, and what of it is known now (h, w) bool; step: metres of `factor` texels."""
+    """Copy what translations reach; return the image and the known texels (h, w) bool. step: side of a cell, metres.
+    """
     small, clear, hidden, kinds = _reduce_to_cells(image, known, wanted, kind, factor)
     rows, columns = np.nonzero(hidden)
     moves = _best_translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
     if not len(moves):
         return image, known
     offer = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
-    served = (offer.price < UNUSABLE).any(axis=0)
+    served = (offer.price < UNUSABLE_PRICE).any(axis=0)
     if not served.any():
         return image, known
-    offer = Offers(offer.price[:, served], offer.colour[:, served])
+    offer = SourceCosts(offer.price[:, served], offer.colour[:, served])
     at = np.column_stack([rows, columns])[served]
     number = np.full(hidden.shape, -1)
     number[at[:, 0], at[:, 1]] = np.arange(len(at))
@@ -107,16 +122,18 @@ def _copy_parts(
         ]
     )
     chosen = np.full(hidden.shape, -1)
-    chosen[at[:, 0], at[:, 1]] = choose(offer, edges, _seam_costs(small, clear, at, moves), SEAM_COST)
+    chosen[at[:, 0], at[:, 1]] = choose_sources(offer, edges, _seam_costs(small, clear, at, moves), SEAM_COST)
     maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
-    return paint(image, known, chosen, maps, factor, CONTEXT_M / step)
+    return paint_sources(image, known, chosen, maps, factor, CONTEXT_M / step)
 
 
 def _reduce_to_cells(
     image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Cells of factor texels a side: colours 0-1 float32, where all of a cell is known, where something of it is wanted and not
-    all known, and kinds."""
+    """Reduce texels to cells of `factor` texels.
+
+    Returns colours in 0..1 float32, cells that are all known, other cells with a wanted texel, and kinds.
+    """
     import cv2
 
     height, width = known.shape
@@ -131,8 +148,10 @@ def _reduce_to_cells(
 
 
 def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarray:
-    """Steps (k, 2) in cells, down and right, under which what is clear looks most like itself, with what is seen of most; the
-    normalised correlation of detail, for all steps at once."""
+    """Find translations (k, 2) in cells, down and right, under which the clear cells match best.
+
+    Score: normalised correlation of detail, for all translations at once.
+    """
     import cv2
 
     height, width = clear.shape
@@ -140,12 +159,12 @@ def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.
     sigma = SHADING_SIGMA_M / step
     local = cv2.GaussianBlur(small * weight[..., None], (0, 0), sigma)
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
-    # colour and its detail: kerbs and the edge of a carriageway are both
+    # colour and detail: kerbs and carriageway edges show in both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
-    score, seen = correlation(detail, clear, detail, clear)
+    score, seen = masked_correlation(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
     usable = (np.hypot(down, right) * step >= MIN_TRANSLATION_M) & (seen >= MIN_OVERLAP_SHARE * clear.sum())
-    # what is seen of a long translation is little, and more likely to fit by chance
+    # long translations overlap little and fit by chance more often
     score = np.where(usable, score * np.clip(seen / clear.sum(), 0, 1) ** OVERLAP_EXPONENT, -1.0).astype(np.float32)
     top = (score == cv2.dilate(score, np.ones((5, 5), np.uint8))) & usable
     best = np.argsort(-score[top], kind="stable")[:MAX_TRANSLATIONS]
@@ -154,13 +173,13 @@ def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.
 
 def _source_offers(
     small: np.ndarray, clear: np.ndarray, kinds: np.ndarray, at: np.ndarray, moves: np.ndarray, step: float
-) -> Offers:
-    """What cells (n, 2) could show under steps (k, 2), and how unlike what is around them their sources' surroundings are."""
+) -> SourceCosts:
+    """Compute the colour and cost of every translation (k, 2) at cells (n, 2), by how well the surroundings match."""
     import cv2
 
     usual = 2 * float(small[clear].var(axis=0).mean())
     side = 2 * round(CONTEXT_M / step) + 1
-    price = np.full((len(moves), len(at)), UNUSABLE, np.float32)
+    price = np.full((len(moves), len(at)), UNUSABLE_PRICE, np.float32)
     colour = np.zeros((len(moves), len(at), 3), np.float32)
     for k, move in enumerate(moves):
         from_, inside = _shift_cells(at, move, clear.shape)
@@ -173,17 +192,17 @@ def _source_offers(
         far = COST_PER_METRE * step * float(np.hypot(*move))
         price[k, inside] = near[here[:, 0], here[:, 1]] + usual * (OTHER_KIND_COST * wrong + far)
         colour[k, inside] = small[there[:, 0], there[:, 1]]
-    return Offers(price, colour)
+    return SourceCosts(price, colour)
 
 
 def _shift_cells(at: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Cells (n, 2) a step away, and which of them the raster has (n,) bool."""
+    """Return the shifted cells (n, 2) and a mask (n,) of those inside the raster."""
     there = at + move
     return there, ((there >= 0) & (there < shape)).all(axis=1)
 
 
 def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean squared colour difference (r, c) float32 of clear cells and those a step away, and where both are clear."""
+    """Compute the mean squared colour difference (r, c) of clear cells to shifted ones, and where both are clear."""
     error, told = np.zeros(clear.shape, np.float32), np.zeros(clear.shape, np.float32)
     here = tuple(slice(max(0, -m), n - max(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
     there = tuple(slice(max(0, m), n + min(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
@@ -194,7 +213,7 @@ def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) 
 
 
 def _seam_costs(small: np.ndarray, clear: np.ndarray, at: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    """What the seam to clear neighbours costs under every step: (k, n) float32."""
+    """Compute the cost (k, n) of the seam to clear neighbours under every translation."""
     cost = np.zeros((len(moves), len(at)), np.float32)
     for beside in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
         mine, rim = _shift_cells(at, beside, clear.shape)

@@ -1,4 +1,4 @@
-"""What charts are made of where no picture shows it, as a field: a function of chart and world point."""
+"""Material field: the material of every chart as a function of the world point."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from facade_core.core.types import Finish, Ground, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.carriageways import ways_of
-from facade_core.geometry.ground.kinds import kinds_of
-from facade_core.geometry.ground.shapes import Squares
+from facade_core.geometry.ground.carriageways import assumed_ways
+from facade_core.geometry.ground.kinds import rasterise_ground_layers
+from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials import field_kernels as kernels
 from facade_core.street.materials import grain
@@ -31,25 +31,40 @@ from facade_core.street.materials.field_kernels import (
     SOIL,
     TILE,
     UNDERSIDE,
+    ChartMaterials,
     FieldArrays,
     MaterialOverride,
-    ChartMaterials,
 )
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grains
-from facade_core.street.materials.procedural import BRICK_PALETTE, METAL_FIXTURE_PALETTE, PLASTER_PALETTE, SOFFIT_COLOUR, WOOD_PALETTE
-from facade_core.street.materials.roofs import ROOF_GRAVEL_PALETTE, FELT_PALETTE, SHEET_METAL_PALETTE, SLATE_PALETTE, ROOF_TILE_PALETTE
+from facade_core.street.materials.procedural import (
+    BRICK_PALETTE,
+    METAL_FIXTURE_PALETTE,
+    PLASTER_PALETTE,
+    SOFFIT_COLOUR,
+    WOOD_PALETTE,
+)
+from facade_core.street.materials.roofs import (
+    FELT_PALETTE,
+    ROOF_GRAVEL_PALETTE,
+    ROOF_TILE_PALETTE,
+    SHEET_METAL_PALETTE,
+    SLATE_PALETTE,
+)
 from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.propagation.render import daylight_grey
 from facade_core.street.propagation.sampling import DaylightGrid
 
-# A roof whose normal leans more than this from the vertical (cosine), by 15 degrees, carries tiles: on flatter ones they leak.
+# Vertical component of a roof's normal, 15 degrees, above which tiles would leak.
 MAX_TILED_COSINE = 0.966
-# One that leans less, by 3 degrees, is seldom of sheet metal: these shares of such roofs are of felt and under gravel.
-MAX_SHEET_METAL_COSINE, FLAT_FELT_SHARE, FLAT_GRAVEL_SHARE = 0.9986, 0.6, 0.3
-# One that leans so much is a wall, by 6 degrees, whatever its source calls it.
+# Vertical component, 3 degrees, above which few roofs are of sheet metal.
+MAX_SHEET_METAL_COSINE = 0.9986
+# Shares of these flat roofs.
+FLAT_FELT_SHARE = 0.6
+FLAT_GRAVEL_SHARE = 0.3
+# Vertical component, 6 degrees off the wall, below which a roof counts as a wall.
 MAX_WALL_COSINE = 0.1
-# What roofs are of by OpenStreetMap's roof:material; others are as where nothing is stated.
+# Values of OpenStreetMap's roof:material; others count as not stated.
 ROOF_MATERIAL_TAGS = {
     SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
     TILE: ("roof_tiles", "tile", "tiles", "clay", "eternit", "concrete_tiles"),
@@ -66,11 +81,12 @@ ROOF_MATERIAL_TAGS = {
     ),
     BALLAST: ("gravel", "grit", "pebbles"),
 }
-# A roof in which green or blue is so much over red is of no tiles.
+# Excess of green or blue over red that no tile has.
 MIN_COOL_EXCESS = 12
-# A roof whose normal has this much of north in it is under moss, at its worst place.
-MIN_NORTH_COSINE, MAX_MOSS_SHARE = 0.25, 0.55
-# The grain of a material; every third building is of rough plaster.
+# North component of a roof's normal above which it has moss.
+MIN_NORTH_COSINE = 0.25
+# Share of moss at the worst place of a roof.
+MAX_MOSS_SHARE = 0.55
 MATERIAL_GRAINS = {
     SHEET: grain.METAL,
     TILE: grain.ROOF_TILES,
@@ -83,20 +99,24 @@ MATERIAL_GRAINS = {
     UNDERSIDE: grain.PLASTER_FINE,
     FITTING: grain.METAL,
 }
+# Share of plaster buildings with rough plaster.
 ROUGH_PLASTER_SHARE = 1 / 3
-# Texels of a chart that are painted in one call.
+# Texels per call of the kernel.
 PAINT_BATCH_TEXELS = 1 << 16
-# What faces down counts as if it saw this much of the sky in the open.
+# Lower bound of the open sky, for surfaces that face down.
 MIN_OPEN_SKY = 0.25
 
 
 class MaterialField:
-    """What charts are made of: a function of the world point, the same wherever it is seen from.
+    """Material of all charts as a function of the world point, independent of the viewpoint.
 
-    Ground is what `ground` says, or carriageways along the streets; walls take their building's plaster, tilted roofs
-    tiles along the slope; with a material for roofs, all of these take that but upright ones. grains: of what has grain, that
-    which is shipped without. A footprint is the side of the square, in metres, over which a colour is meant; a texel's is one
-    texel.
+    Ground follows `ground`, or carriageways along the streets. Walls take their building's plaster, tilted roofs tiles along the
+    slope. A roof material replaces that of all roofs except upright ones. A footprint is the side in metres of the square over which
+    a colour is averaged; a texel's footprint is the texel.
+
+    Attributes
+    ----------
+    arrays : inputs of the kernels.
     """
 
     def __init__(
@@ -109,25 +129,48 @@ class MaterialField:
         ground: Ground | None = None,
         grains: GrainTables | None = None,
     ) -> None:
+        """Build the field of a scene.
+
+        Parameters
+        ----------
+        scene : the block's geometry.
+        streets : centrelines, for carriageways without `ground`.
+        seed : seed of all random draws.
+        roof_material : material of all roofs.
+        ground : ground surfaces from a map.
+        grains : grain examples; None loads the shipped ones.
+        """
         self._scene = scene
-        self._ground = Squares(ground or Ground(ways_of(streets)), scene.charts)
+        self._ground = GroundTiles(ground or Ground(assumed_ways(streets)), scene.charts)
         self._step = 1 / scene.placement.texels_per_metre
         grey = TiledMaterial(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
-        self.field = FieldArrays(
+        self.arrays = FieldArrays(
             _build_surfaces(scene, seed, has_roof_picture=roof_material is not None),
             NO_OVERRIDE,
-            self._ground.of([]),
-            (roof_material or grey).mips,
+            self._ground.build_arrays([]),
+            (roof_material or grey).mip_levels,
             grains or load_shipped_grains(),
             seed,
         )
 
-    def with_wall(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[MaterialField, np.ndarray]:
-        """The same with the plaster walls among a building's charts of what its facade shows on its chart, unless a source
-        states what they are of; and which charts these are."""
-        surfaces = self.field.charts
+    def with_facade_material(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[MaterialField, np.ndarray]:
+        """Return a copy in which the plaster walls of a building take a facade's wall material.
+
+        Walls whose material or colour a source states are left out.
+
+        Parameters
+        ----------
+        charts : charts of the building.
+        wall : material that the facade shows.
+        facade : chart of the facade.
+
+        Returns
+        -------
+        The field, and the charts (k,) that changed.
+        """
+        surfaces = self.arrays.charts
         own = np.array(charts)
-        own = own[surfaces.made[own] == PLASTER]
+        own = own[surfaces.material[own] == PLASTER]
         if self._scene.finishes:
             finish = [self._scene.finishes[row] for row in self._scene.charts.building[own].tolist()]
             own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
@@ -138,83 +181,104 @@ class MaterialField:
             made, example = BRICK, MATERIAL_GRAINS[BRICK]
         found = copy(self)
         colour = wall.colour / surfaces.grey[facade]
-        found.field = self.field._replace(own=MaterialOverride(np.sort(own).astype(np.int64), made, example, colour))
+        found.arrays = self.arrays._replace(own=MaterialOverride(np.sort(own).astype(np.int64), made, example, colour))
         return found, own
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
-        """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
+        """Compute the shaded material of world points.
+
+        Parameters
+        ----------
+        chart : (n,) chart rows.
+        points : (n, 3) world points, metres.
+        footprint : (n,) footprints, metres.
+
+        Returns
+        -------
+        (n, 3) uint8.
+        """
         out = np.empty((len(chart), 3), np.uint8)
         order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
-        kernels.colour_points(order, own, points, footprint, *self._near(np.unique(chart)), out)
+        kernels.colour_points(order, own, points, footprint, *self._kernel_arguments(np.unique(chart)), out)
         return out
 
-    def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Texels (k,) of a chart at their middles: (k, 3) uint8."""
+    def texel_colours(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Compute the material (k, 3) uint8 at the centres of texels (k,) of a chart."""
         out = np.empty((len(rows), 3), np.uint8)
         for start in range(0, len(rows), PAINT_BATCH_TEXELS):
             some = slice(start, start + PAINT_BATCH_TEXELS)
-            self._paint(chart, rows[some], columns[some], out[some])
+            self._paint_texels(chart, rows[some], columns[some], out[some])
         return out
 
-    def detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
-        """What texels (k,) of a chart show beyond their means over footprints (k,), metres: (k, 3) int16, around 0.
+    def fine_detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+        """Compute the difference of texels from their means over larger footprints.
 
-        Added to the tone of a picture whose pixels cover so much there, it gives back what they cannot show.
+        Added to a picture whose pixels have these footprints, it restores detail below the pixel size.
+
+        Parameters
+        ----------
+        chart : row of the chart.
+        rows, columns : (k,) texels.
+        footprint : (k,) metres.
+
+        Returns
+        -------
+        (k, 3) int16, around 0.
         """
         step = self._step[chart]
         points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
         mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, step))
-        return self.texels(chart, rows, columns).astype(np.int16) - mean
+        return self.texel_colours(chart, rows, columns).astype(np.int16) - mean
 
-    def raster(self, chart: int) -> np.ndarray:
-        """A whole chart: (h, w, 3) uint8."""
+    def chart_raster(self, chart: int) -> np.ndarray:
+        """Compute the material of a whole chart, (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
         flat = out.reshape(-1, 3)
         for start in range(0, len(flat), PAINT_BATCH_TEXELS):
             part = flat[start : start + PAINT_BATCH_TEXELS]
             rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
-            self._paint(chart, rows, columns, part)
+            self._paint_texels(chart, rows, columns, part)
         return out
 
-    def kinds(self, chart: int, margin: int) -> np.ndarray:
-        """Kinds of ground, as of `kinds_of`, on a chart and `margin` texels around it: (h + 2 m, w + 2 m) uint8."""
+    def ground_kinds(self, chart: int, margin: int) -> np.ndarray:
+        """Return the kinds of ground on a chart and `margin` m texels around it, (h + 2 m, w + 2 m) uint8."""
         placement = self._scene.placement
         size = (int(placement.height[chart]), int(placement.width[chart]))
         density = float(placement.texels_per_metre[chart])
-        return kinds_of(self._scene.charts, chart, self._ground.around(chart), density, size, margin)
+        return rasterise_ground_layers(self._scene.charts, chart, self._ground.tile_around(chart), density, size, margin)
 
-    def _paint(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+    def _paint_texels(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
         """Texels (k,) of a chart, by the kernel that places are coloured by: one more that calls it would be compiled with all
         that it calls."""
         step, count = float(self._step[chart]), len(rows)
         points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
         every = np.arange(count), np.full(count, chart), points, np.full(count, step)
-        kernels.colour_points(*every, *self._near([chart]), out)
+        kernels.colour_points(*every, *self._kernel_arguments([chart]), out)
 
-    def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[FieldArrays, DaylightGrid]:
+    def _kernel_arguments(self, charts: Sequence[int] | np.ndarray) -> tuple[FieldArrays, DaylightGrid]:
         """The field and the light on some charts."""
         daylight = self._scene.daylight
-        daylight.reach(charts)
-        lights = DaylightGrid(daylight.place, daylight.columns, daylight.rows, daylight.light)
-        return self.field._replace(ground=self._ground.of(charts)), lights
+        daylight.compute(charts)
+        lights = DaylightGrid(daylight.start, daylight.columns, daylight.rows, daylight.light)
+        return self.arrays._replace(ground=self._ground.build_arrays(charts)), lights
 
 
 def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> ChartMaterials:
     charts, mesh = scene.charts, scene.mesh
     own = mesh.vertex_chart
     wall = charts.kind[own] == ChartKind.WALL
-    # where each building's walls begin
+    # lowest wall point of each building
     foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
     np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
-    normal = charts.normal()
+    normal = charts.normals()
     made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
     roof = charts.kind == ChartKind.ROOF
-    # models that were measured from above have steps of roofs as steep roofs; no tile lies on one
+    # aerial models have steps between roofs as steep roofs, which carry no tiles
     steep = roof & (np.abs(normal[:, 2]) < MAX_WALL_COSINE)
     made[steep] = PLASTER
     roof &= ~steep
-    number = scene.building_numbers[charts.building]
+    number = scene.building_hashes[charts.building]
     made[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SHEET
     level, lot = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.draw_uniform(number, seed + 83)
     made[level & (lot < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = BALLAST
@@ -254,7 +318,7 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     start = np.column_stack([np.einsum("ij,ij->i", charts.origin, axis) for axis in (charts.axis_u, charts.axis_v)])
     start[np.isin(charts.kind, (ChartKind.WINDOW, ChartKind.DOOR))] = 0.0
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
-    # a surface sees the sky above the horizon
+    # sky above the horizon
     sky = np.maximum(0.5 + 0.5 * normal[:, 2], MIN_OPEN_SKY)
     examples = np.zeros(len(charts), np.int64)
     for material, example in MATERIAL_GRAINS.items():
@@ -266,7 +330,7 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
 
 
 def _stated_roof_material(finish: Finish) -> int:
-    """What a roof is of by what is stated of it, -1 where that says nothing; in a colour that no tile has it is sheet metal."""
+    """Return the stated material of a roof, -1 if none is stated. A colour that no tile has means sheet metal."""
     for made, names in ROOF_MATERIAL_TAGS.items():
         if finish.roof_material in names:
             return made

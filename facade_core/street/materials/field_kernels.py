@@ -1,6 +1,6 @@
-"""The kernels of the field: tones of materials by chart, lit, as bytes.
+"""Kernels of the material field: tones by chart, lit, as bytes.
 
-Places are worked out in pieces of one chart, a pass for each ingredient; whichever function asks, the passes are the same.
+Points are processed in batches of one chart, one pass per ingredient. Every caller uses the same passes.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ import numpy as np
 
 from facade_core.core.hash_uniform import hash_uniform
 from facade_core.core.numba_cache import njit
-from facade_core.geometry.daylight import LEAST
-from facade_core.geometry.ground.shapes import Drawn
+from facade_core.geometry.daylight import MIN_DAYLIGHT
+from facade_core.geometry.ground.shapes import GroundTileArrays
 from facade_core.street.materials.grain import GrainTables, add_grain
-from facade_core.street.materials.ground_kernels import to_byte, ground_colour
+from facade_core.street.materials.ground_kernels import ground_colour, to_byte
 from facade_core.street.materials.procedural import (
     FLASHING_COLOUR,
     FRAME_COLOUR,
@@ -23,80 +23,104 @@ from facade_core.street.materials.procedural import (
     REFLECTED_SKY_COLOUR,
     add_weather,
     brick_tone,
-    metal_fixture_colour,
     frame_share,
     glass_reflection,
+    metal_fixture_colour,
     plaster_tone,
     soffit_tone,
     wood_tone,
 )
-from facade_core.street.materials.roofs import MOSS_COLOUR, roof_gravel_tone, felt_tone, moss_share, sheet_metal_tone, slate_tone, roof_tile_tone
+from facade_core.street.materials.roofs import (
+    MOSS_COLOUR,
+    felt_tone,
+    moss_share,
+    roof_gravel_tone,
+    roof_tile_tone,
+    sheet_metal_tone,
+    slate_tone,
+)
 from facade_core.street.materials.tiled_material import MipLevels, sample_mip_levels
 from facade_core.street.propagation.sampling import DaylightGrid, interpolate_light
 
 # What a chart is made of.
 SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT, BALLAST, FITTING = range(13)
-# Of a colour, this much goes where no sky is seen.
+# Share of a colour lost where no sky is visible.
 OCCLUSION_LOSS = 0.65
-# Seams of sheets run down a roof that falls by more than this a metre, and northwards on others.
+# Roofs that fall less per metre count as flat; seams of sheets run north on them, else down the slope.
 MIN_ROOF_FALL = 0.05
-# The lower edge of a pane in a roof lies less than this below its upper one, for a metre along it.
+# Vertical component of axis_v above which a pane belongs to a roof.
 ROOF_PANE_AXIS_Z = -0.95
-# Places that are worked out together.
+# Points per batch.
 BATCH_POINTS = 256
 
 
 class ChartMaterials(NamedTuple):
-    """All charts, n of them, as the kernel reads them.
+    """Materials and frames of all n charts as the kernels read them.
 
-    origin, axis_u, axis_v (n, 3), size (n, 2): their frames, as in `Charts`;
-    start (n, 2): what of a place's coordinates in its frame is added to have it in its material's, that of its plane;
-    made (n,) uint8: of what;
-    tint (n, 3): in the colour of its building, shaded;
-    grey (n,): how bright in the soft daylight, of white;
-    foot (n,): where its building's walls begin, metres above zero;
-    open (n,): the light where nothing else stands, 0..1;
-    grain (n,): whose grain it has; mossy (n,): the share of moss at the worst place.
+    Attributes
+    ----------
+    origin, axis_u, axis_v : (n, 3) frames, as in `Charts`.
+    size : (n, 2) metres.
+    plane_offset : (n, 2) offset from a chart's coordinates to those of its plane, metres.
+    material : (n,) uint8 `SurfaceMaterial`.
+    tint : (n, 3) shaded colour of the building.
+    grey : (n,) brightness of white under soft daylight.
+    wall_foot_z : (n,) height at which the building's walls begin, metres.
+    open_sky : (n,) light without occluders, 0..1.
+    grain : (n,) `GrainKind`.
+    moss_share : (n,) share of moss at the worst place.
     """
 
     origin: np.ndarray
     axis_u: np.ndarray
     axis_v: np.ndarray
     size: np.ndarray
-    start: np.ndarray
-    made: np.ndarray
+    plane_offset: np.ndarray
+    material: np.ndarray
     tint: np.ndarray
     grey: np.ndarray
-    foot: np.ndarray
-    open: np.ndarray
+    wall_foot_z: np.ndarray
+    open_sky: np.ndarray
     grain: np.ndarray
-    mossy: np.ndarray
+    moss_share: np.ndarray
 
 
 class MaterialOverride(NamedTuple):
-    """A material that some charts have in place of theirs: charts (k,) int64, ascending; made and grain as of
-    `Surfaces`; colour (3,) in a light of 1."""
+    """Material that replaces the own one of some charts.
+
+    Attributes
+    ----------
+    charts : (k,) int64 chart rows, ascending.
+    material : `SurfaceMaterial`.
+    grain : `GrainKind`.
+    colour : (3,) in a light of 1.
+    """
 
     charts: np.ndarray
-    made: int
+    material: int
     grain: int
     colour: np.ndarray
 
 
-# No chart has another.
 NO_OVERRIDE = MaterialOverride(np.zeros(0, np.int64), 0, 0, np.zeros(3))
 
 
 class FieldArrays(NamedTuple):
-    """All that a colour is made of but the light: charts, a material that some have in place of theirs, the ground, a material
-    for roofs, examples of grain, chance.
+    """Inputs of a colour except the light.
 
-    ground: of the charts that are asked for, at least.
+    Attributes
+    ----------
+    charts : materials of all charts.
+    override : material that replaces the own one of some charts.
+    ground : ground of at least the asked charts.
+    roof : picture of the roof material.
+    grains : grain examples.
+    seed : seed of all random draws.
     """
 
     charts: ChartMaterials
-    own: MaterialOverride
-    ground: Drawn
+    override: MaterialOverride
+    ground: GroundTileArrays
     roof: MipLevels
     grains: GrainTables
     seed: int
@@ -112,7 +136,18 @@ def colour_points(
     lights: DaylightGrid,
     out: np.ndarray,
 ) -> None:
-    """Colours (n, 3) of places (n, 3) on charts (n,); order (n,) has those of one chart behind each other."""
+    """Compute the colours of points, into `out`.
+
+    Parameters
+    ----------
+    order : (n,) permutation that groups points by chart.
+    chart : (n,) chart rows.
+    places : (n, 3) world points, metres.
+    footprint : (n,) metres.
+    field : inputs of the field.
+    lights : soft daylight.
+    out : (n, 3) uint8.
+    """
     points, side, piece = np.empty((3, BATCH_POINTS)), np.empty(BATCH_POINTS), np.empty((BATCH_POINTS, 3), np.uint8)
     start = 0
     while start < len(order):
@@ -132,7 +167,7 @@ def colour_points(
 
 @njit(cache=True)
 def _lower_bound(numbers: np.ndarray, number: int) -> int:
-    """The place of the first of ascending numbers that is not less than one; numba's own search takes longer to compile."""
+    """Return the index of the first of ascending numbers not below `number`; compiles faster than numba's search."""
     low, high = 0, len(numbers)
     while low < high:
         middle = (low + high) // 2
@@ -145,30 +180,30 @@ def _lower_bound(numbers: np.ndarray, number: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArrays, lights: DaylightGrid, out: np.ndarray) -> None:
-    """Colours (n, 3) of places (3, n) of one chart: all that asks for any comes here, so that a place has one colour."""
+    """Compute colours (n, 3) of points (3, n) of one chart. All callers come here, so that a point has one colour."""
     charts, seed = field.charts, field.seed
     n = len(side)
     work = np.empty((7, n))
     x, y, tone, light, other, east, north = work[0], work[1], work[2], work[3], work[4], work[5], work[6]
     origin, axis_u, axis_v, size = charts.origin[c], charts.axis_u[c], charts.axis_v[c], charts.size[c]
-    start = charts.start[c]
+    start = charts.plane_offset[c]
     place, columns, rows, grid, roof = lights.place[c], lights.columns[c], lights.rows[c], lights.light, field.roof
     for k in range(n):
         right, down, off = points[0, k] - origin[0], points[1, k] - origin[1], points[2, k] - origin[2]
         x[k] = right * axis_u[0] + down * axis_u[1] + off * axis_u[2]
         y[k] = right * axis_v[0] + down * axis_v[1] + off * axis_v[2]
     for k in range(n):
-        clear = (interpolate_light(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - LEAST) / (1 - LEAST)
-        light[k] = 1 - OCCLUSION_LOSS * max(1 - clear / charts.open[c], 0.0)
+        clear = (interpolate_light(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - MIN_DAYLIGHT) / (1 - MIN_DAYLIGHT)
+        light[k] = 1 - OCCLUSION_LOSS * max(1 - clear / charts.open_sky[c], 0.0)
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
-    made, grey, example = int(charts.made[c]), charts.grey[c], charts.grain[c]
-    tint, own = charts.tint[c], _lower_bound(field.own.charts, c)
-    if own < len(field.own.charts) and field.own.charts[own] == c:
-        made, example, tint = field.own.made, field.own.grain, field.own.colour * grey
+    made, grey, example = int(charts.material[c]), charts.grey[c], charts.grain[c]
+    tint, own = charts.tint[c], _lower_bound(field.override.charts, c)
+    if own < len(field.override.charts) and field.override.charts[own] == c:
+        made, example, tint = field.override.material, field.override.grain, field.override.colour * grey
     if made == SOIL:
-        ground_colour(field.ground.square[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
+        ground_colour(field.ground.chart_tile[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
     if made == LAID:
         for k in range(n):
@@ -200,12 +235,12 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
             roof_tile_tone(x, y, side, seed, tone)
         else:
             slate_tone(x, y, side, seed, tone)
-        if charts.mossy[c] > 0:
-            mixed, share = MOSS_COLOUR, charts.mossy[c]
+        if charts.moss_share[c] > 0:
+            mixed, share = MOSS_COLOUR, charts.moss_share[c]
             moss_share(x, y, side, share, seed, other)
     elif made in (PLASTER, BRICK):
         for k in range(n):
-            north[k] = points[2, k] - charts.foot[c]
+            north[k] = points[2, k] - charts.wall_foot_z[c]
         if made == PLASTER:
             plaster_tone(x, y, north, side, seed, tone)
         else:
@@ -216,7 +251,7 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
         add_weather(x, y, north, east, side, seed, tone)
     elif made == BOARDS:
         wood_tone(x, y, side, seed, tone)
-        x, y = y, x  # the example's boards lie
+        x, y = y, x  # the example has horizontal boards
     elif made == FITTING:
         for k in range(n):
             east[k], north[k] = x[k] - start[0], y[k] - start[1]
@@ -237,7 +272,7 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
 
 @njit(cache=True)
 def pick_palette_colours(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
-    """One colour of a palette (k, 3) for each number (n,), by chance: (n, 3)."""
+    """Pick a random colour of a palette (k, 3) for each number (n,): (n, 3)."""
     out = np.empty((len(number), 3))
     for i in range(len(number)):
         row = int(hash_uniform(number[i], seed) * len(palette))
@@ -248,7 +283,7 @@ def pick_palette_colours(palette: np.ndarray, number: np.ndarray, seed: int) -> 
 
 @njit(cache=True)
 def draw_uniform(number: np.ndarray, seed: int) -> np.ndarray:
-    """0..1 by chance for each number (n,)."""
+    """Draw a uniform number in 0..1 for each number (n,)."""
     out = np.empty(len(number))
     for i in range(len(number)):
         out[i] = hash_uniform(number[i], seed)

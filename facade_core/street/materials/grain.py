@@ -1,9 +1,13 @@
-"""Grain by example: the texture of a photograph without an end, with its histogram and without its period.
+"""Grain by example: endless, non-periodic texture with the histogram of a photograph.
 
-Patches of an example whose values are made Gaussian, cut at random from a tile that goes on into itself, are blended over a
-grid of triangles so that their variance stays, and brought back to the example's values (Heitz and Neyret 2018; Deliot and
-Heitz 2019). Every level is the tile meant over a larger box, with a table of its own for the way back, so that means over
-footprints stay true. All arrays are (n,); lengths are metres.
+Random patches of a Gaussianised tileable example are blended over a triangle grid with preserved variance, then mapped back
+to the example's values. Each level is the tile averaged over a larger box with its own inverse table, so that averages over
+footprints stay correct. All arrays are (n,); lengths are metres.
+
+References
+----------
+Heitz and Neyret 2018, High-performance by-example noise using a histogram-preserving blending operator.
+Deliot and Heitz 2019, Procedural stochastic textures by tiling and blending.
 """
 
 from __future__ import annotations
@@ -18,10 +22,10 @@ from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_bits,
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import MATERIALS
 
-# The examples that are shipped, in the order of the file.
+# Shipped examples, in the order of the file.
 EXAMPLE_NAMES = ("asphalt", "gravel", "grass", "earth", "concrete", "plaster-fine", "plaster-rough", "metal", "boards")
-# Of what has grain the shipped example that it takes where a block has no picture of its own, and how much of that. Pictures of
-# what is laid show joints askew to those that are laid by rule, so tiles and stones take concrete's, coarser.
+# Shipped example and weight of each grain, unless a block has its own picture. Pictures of tiles and stones show joints that
+# conflict with the procedural ones, so these take a coarser concrete.
 DEFAULT_EXAMPLES = {
     "asphalt": ("asphalt", 1.0),
     "gravel": ("gravel", 1.0),
@@ -40,19 +44,30 @@ assert tuple(DEFAULT_EXAMPLES) == MATERIALS
 ASPHALT, GRAVEL, GRASS, SLABS, SETTS, PLASTER_FINE, PLASTER_ROUGH, BRICKS, METAL, ROOF_TILES, SLATE, BOARDS = range(
     len(DEFAULT_EXAMPLES)
 )
-# Pixels along a tile's sides; values of a byte to a standard deviation, about 128; levels, of which a box is wider than the one
-# before by the fourth root of 2.
-TILE_PIXELS, VALUES_PER_SD, GRAIN_LEVELS = 256, 42, 29
-# A level keeps this many pixels along its box, so that the nearest one is near enough.
+# Side of a tile.
+TILE_PIXELS = 256
+# Byte values per standard deviation, about 128.
+VALUES_PER_SD = 42
+# Levels; each box is wider than the previous one by the fourth root of 2.
+GRAIN_LEVELS = 29
+# Pixels along the box of a level, so that the nearest one is accurate enough.
 PIXELS_PER_BOX = 4
-# Triangles have edges of 1 / GRID tiles: a patch is no wider than the tile.
+# Triangle edges per tile, so that a patch is not wider than the tile.
 TRIANGLES_PER_TILE = 2 * np.sqrt(3)
 _SKEW = 1 / np.sqrt(3)
 
 
 class GrainExample(NamedTuple):
-    """tile (TILE_PIXELS, TILE_PIXELS) uint8: the Gaussian values; table (256,) float32: the tone of each, around 0, a share of the mean;
-    width: of the tile, metres; colour (3,): its mean, 0..255; slope (3,): how far its bands go with the tone, 1 of a grey."""
+    """Gaussianised example of a surface.
+
+    Attributes
+    ----------
+    tile : (TILE_PIXELS, TILE_PIXELS) uint8 Gaussian values.
+    table : (256,) float32 tone of each value, around 0, relative to the mean.
+    width : width of the tile, metres.
+    colour : (3,) mean, 0..255.
+    slope : (3,) change of each band with the tone, 1 for grey.
+    """
 
     tile: np.ndarray
     table: np.ndarray
@@ -62,11 +77,17 @@ class GrainExample(NamedTuple):
 
 
 class GrainTables(NamedTuple):
-    """Examples as kernels read them: k of them, each with its levels.
+    """Examples of all k grains as kernels read them.
 
-    values (p,) uint8, one level after the other; first, bits (k, GRAIN_LEVELS): where each begins, and the power of 2 of its side;
-    tables (k, GRAIN_LEVELS, 256) float32; width (k,): of a tile, metres; weight (k,): how much of its tone; colour (k, 3): that of a
-    block's own picture, 0..255, NaN where it has none.
+    Attributes
+    ----------
+    values : (p,) uint8, all levels concatenated.
+    first : (k, GRAIN_LEVELS) start of each level.
+    bits : (k, GRAIN_LEVELS) binary logarithm of each level's side.
+    tables : (k, GRAIN_LEVELS, 256) float32 inverse tables.
+    width : (k,) width of a tile, metres.
+    weight : (k,) factor of the tone.
+    colour : (k, 3) 0..255 colour of a block's own picture, NaN without one.
     """
 
     values: np.ndarray
@@ -79,18 +100,28 @@ class GrainTables(NamedTuple):
 
 
 class Grain(NamedTuple):
-    """What has grain: of an example so much, and whether its colour too."""
+    """Grain of a material.
+
+    Attributes
+    ----------
+    example : example that it takes.
+    weight : factor of its tone.
+    uses_colour : takes the example's colour too.
+    """
 
     example: GrainExample
     weight: float = 1.0
-    coloured: bool = False
+    uses_colour: bool = False
 
 
 def learn_grain(picture: np.ndarray, width: float, *, structure: float | None = None) -> GrainExample:
-    """An example from a picture (h, w, 3) uint8 that goes on into itself and is `width` metres wide, and as high as that or a
-    half, a third, ... of it.
+    """Learn an example from a tileable picture.
 
-    structure: what is larger than this, metres, is taken out, where joints are laid by a rule and only grain is wanted.
+    Parameters
+    ----------
+    picture : (h, w, 3) uint8, tileable; h is w divided by an integer.
+    width : metres.
+    structure : removes structures larger than this, metres, where joints are drawn procedurally.
     """
     import cv2
 
@@ -100,7 +131,7 @@ def learn_grain(picture: np.ndarray, width: float, *, structure: float | None = 
     tone = small.mean(axis=2) / colour.mean() - 1
     if structure is not None:
         tone -= ndimage.gaussian_filter(tone, structure / width * TILE_PIXELS, mode="wrap")
-        low, high = np.percentile(tone, (2, 98))  # edges of what was taken out
+        low, high = np.percentile(tone, (2, 98))  # edges of the removed structures
         tone = np.clip(tone, low, high)
         tone -= tone.mean()
     bands = small / colour - 1
@@ -116,7 +147,7 @@ def learn_grain(picture: np.ndarray, width: float, *, structure: float | None = 
 
 
 def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
-    """What has grain as kernels read it, with the levels of each example; one that several take is there once."""
+    """Build the kernel tables of grains. A shared example is stored once."""
     examples = {id(one.example): one.example for one in kinds}
     values, first, bits, tables, start = [], [], [], [], 0
     for example in examples.values():
@@ -124,7 +155,7 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
         transformed = np.fft.rfft2(gaussian - gaussian.mean())
         for level in range(GRAIN_LEVELS):
             box = 2 ** (level / 4)
-            # a pixel's value is a mean over the pixel already
+            # a pixel already averages over its own area
             down, across = (np.sinc(f * box) / np.sinc(f) for f in (np.fft.fftfreq(TILE_PIXELS), np.fft.rfftfreq(TILE_PIXELS)))
             window = np.outer(down, across)
             meant = np.fft.irfft2(transformed * window, gaussian.shape)
@@ -147,12 +178,13 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
         np.array(tables, np.float32).reshape(*shape, 256)[row],
         np.array([one.example.width for one in kinds]),
         np.array([one.weight for one in kinds]),
-        np.array([one.example.colour if one.coloured else unknown for one in kinds]),
+        np.array([one.example.colour if one.uses_colour else unknown for one in kinds]),
     )
 
 
 def _averaged_table(table: np.ndarray, sd: float) -> np.ndarray:
-    """The table of a level whose values have this deviation of the example's 1: the rest of it lies within the box."""
+    """Return the table of a level whose values have a deviation of `sd`; the rest of the variance is inside the box.
+    """
     within = np.sqrt(max(1 - sd * sd, 0.0))
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
     at = sd * (np.arange(256) - 128)[:, None] + within * VALUES_PER_SD * nodes
@@ -170,7 +202,18 @@ def add_grain(
     seed: int,
     out: np.ndarray,
 ) -> None:
-    """Add weight times the tone of what has this grain, around 0, a share of its mean."""
+    """Add the weighted tone of a grain to `out`.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    side : (n,) footprints, metres.
+    grains : tables of all grains.
+    which : `GrainKind`.
+    weight : factor of the tone.
+    seed : random seed.
+    out : (n,) tones, changed in place.
+    """
     weight *= grains.weight[which]
     across, own = 1 / grains.width[which], np.uint64(seed) * SEED_FACTOR
     level, box, known, left = 0, 0.0, -1.0, weight
@@ -183,7 +226,7 @@ def add_grain(
             left = weight * min(box / known, 1.0)  # a footprint larger than the largest box has the mean of several
             first, bits, table = grains.first[which, level], grains.bits[which, level], grains.tables[which, level]
         u, v = x[k] * across, y[k] * across
-        # the triangle, its corners and how near each is
+        # the triangle and the weights of its corners
         a, b = (u - _SKEW * v) * TRIANGLES_PER_TILE, 2 * _SKEW * v * TRIANGLES_PER_TILE
         column, row = np.floor(a), np.floor(b)
         a, b = a - column, b - row

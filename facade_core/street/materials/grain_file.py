@@ -1,4 +1,4 @@
-"""The file of examples that is shipped: arrays only, checked against the record beside it."""
+"""File of the shipped grain examples: arrays only, checked against the record next to it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.errors import ModelError
-from facade_core.street.materials.grain import EXAMPLE_NAMES, TILE_PIXELS, DEFAULT_EXAMPLES, GrainExample, Grain, GrainTables, build_grain_tables
+from facade_core.street.materials.grain import (
+    DEFAULT_EXAMPLES,
+    EXAMPLE_NAMES,
+    TILE_PIXELS,
+    Grain,
+    GrainExample,
+    GrainTables,
+    build_grain_tables,
+)
 
 SHIPPED_EXAMPLES = Path(__file__).parent / "models" / "materials.npz"
 EXAMPLE_FORMAT = 1
@@ -22,7 +30,7 @@ _REMEDY = "fetch both files again or run `streetloom train materials`"
 
 
 def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: Any) -> None:
-    """Write examples of all NAMES, and beside them a record with the checksum and what else is told."""
+    """Write the examples of all `EXAMPLE_NAMES` and a record with checksum and details."""
     own = [examples[name] for name in EXAMPLE_NAMES]
     arrays = {field: np.array([getattr(example, field) for example in own]) for field in GrainExample._fields}
     held = io.BytesIO()
@@ -34,7 +42,13 @@ def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: A
 
 
 def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
-    """The examples of a file, by name. Raises ModelError where it is none, or not that of its record."""
+    """Read the examples of a file by name.
+
+    Raises
+    ------
+    ModelError
+        A file is missing or invalid, or differs from its record.
+    """
     record = path.with_suffix(".json")
     try:
         content, told = path.read_bytes(), json.loads(record.read_text(encoding="utf-8"))
@@ -58,12 +72,12 @@ def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
 
 @lru_cache(maxsize=1)
 def load_shipped_grains() -> GrainTables:
-    """All that has grain by the examples that come with the package, for kernels."""
+    """Return the kernel tables of the shipped examples."""
     return load_grains({})
 
 
 def load_grains(block_examples: Mapping[str, GrainExample]) -> GrainTables:
-    """The same with a block's own examples, by name, in their places."""
+    """Return the kernel tables with a block's own examples, by name, in place of shipped ones."""
     examples = load_examples()
     taken = {name: Grain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
-    return build_grain_tables([Grain(block_examples[name], coloured=True) if name in block_examples else one for name, one in taken.items()])
+    return build_grain_tables([Grain(block_examples[name], uses_colour=True) if name in block_examples else one for name, one in taken.items()])

@@ -1,57 +1,74 @@
-"""The kernel of the ground: surfaces, kerbs and marks by their shares of the footprint."""
+"""Kernel of the ground: surfaces, kerbs and marks by their share of the footprint."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_to_uniform, hash_row
+from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
-from facade_core.geometry.ground.layers import PATHS, PAVEMENT, ROAD
-from facade_core.geometry.ground.shapes import CELL_M, CELLS, REACH_M, Drawn
+from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
+from facade_core.geometry.ground.shapes import LOOKUP_CELL_M, CELLS_PER_SIDE, EDGE_REACH_M, GroundTileArrays
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.procedural import (
-    SURFACE_COLOURS,
-    SURFACE_GRAINS,
     GRASS,
     GRAVEL,
     LEAVES,
     MEAN_TONES,
     SETTS,
     SLABS,
+    SURFACE_COLOURS,
+    SURFACE_GRAINS,
     TAR,
     TRACK,
     WATER,
     ground_tone,
 )
 
-# A kerb's width and grey, the gutter's width and what it takes of its tone.
-KERB_M, KERB_GREY, GUTTER_M, GUTTER_LOSS = 0.18, 164.0, 0.3, 0.12
-# The tones of marks, and how much of what is under them they hide.
+KERB_M = 0.18
+KERB_GREY = 164.0
+GUTTER_M = 0.3
+# Share of its tone that a gutter loses.
+GUTTER_LOSS = 0.12
+# Tones of marks, and their opacity.
 MARK_TONES = np.array([70.0, 62.0, 58.0, 168.0, 214.0])
 MARK_COVERAGE = np.array([0.45, 0.7, 0.9, 0.9, 0.85])
-# Leaves lie within this of a kerb, one in a cell at most, in such a share of cells where they have gathered, which chance says
-# in squares of so many cells; a leaf's longest side.
-LEAF_REACH_M, LEAF_CELL_M, MAX_LEAF_SHARE, LEAF_PATCH_CELLS, LEAF_LENGTH_M = 0.5, 0.1, 0.22, 24, 0.07
+# Distance of leaves from a kerb.
+LEAF_REACH_M = 0.5
+# A cell has at most one leaf.
+LEAF_CELL_M = 0.1
+# Share of cells with a leaf in the densest patch.
+MAX_LEAF_SHARE = 0.22
+# Side of a patch of equal density, cells.
+LEAF_PATCH_CELLS = 24
+# Longest side of a leaf.
+LEAF_LENGTH_M = 0.07
 # What takes a whole `Drawn` is inlined: counting the references of its arrays at every call takes a third of the time.
-# Where a wheel runs from its lane's middle.
+# Distance of a wheel track from the middle of its lane.
 WHEEL_OFFSET_M = 0.85
 
 
 @njit(cache=True)
 def to_byte(value: float) -> np.uint8:
-    """A tone as a byte."""
+    """Round a tone to a byte."""
     return np.uint8(np.int64(min(max(value, 0.0), 255.0) + 0.5))
 
 
 @njit(cache=True, error_model="numpy")
 def _overlap_share(low: float, high: float, middle: float, wide: float) -> float:
-    """Of a piece `wide` about a place the share between low and high."""
+    """Return the share of an interval of width `wide` about `middle` between low and high."""
     return max(min(middle + 0.5 * wide, high) - max(middle - 0.5 * wide, low), 0.0) / wide
 
 
 @njit(cache=True, error_model="numpy")
 def signed_distance(px: float, py: float, edges: np.ndarray, first: int, last: int) -> float:
-    """How far a place lies outside of what is on the left of the nearest of some edges, metres, negative inside."""
+    """Compute the distance from the area left of the nearest edge, metres, negative inside.
+
+    Parameters
+    ----------
+    px, py : point, metres.
+    edges : (m, 5) start, direction and length of each edge.
+    first, last : range of the edges.
+    """
     best, beside, sign = np.inf, -1.0, 1.0
     for k in range(first, last):
         qx, qy = px - edges[k, 0], py - edges[k, 1]
@@ -59,7 +76,7 @@ def signed_distance(px: float, py: float, edges: np.ndarray, first: int, last: i
         past -= min(max(past, 0.0), edges[k, 4])
         left = edges[k, 2] * qy - edges[k, 3] * qx
         away = past * past + left * left
-        # of two edges with one corner nearest that counts which the place lies more beside
+        # two edges share the nearest corner: take the one with the larger lateral distance
         if away < best - 1e-9 or (away < best + 1e-9 and abs(left) > beside):
             best, beside, sign = min(away, best), abs(left), -1.0 if left > 0 else 1.0
     return sign * np.sqrt(best)
@@ -71,24 +88,37 @@ def ground_colour(
     x: np.ndarray,
     y: np.ndarray,
     side: np.ndarray,
-    drawn: Drawn,
+    drawn: GroundTileArrays,
     grains: GrainTables,
     seed: int,
     light: np.ndarray,
     grey: float,
     out: np.ndarray,
 ) -> None:
-    """Colours (n, 3) of places on a square, each the mean of what its footprint covers."""
+    """Compute the colours of points on a ground square, each averaged over its footprint, into `out`.
+
+    Parameters
+    ----------
+    square : index of the square in `drawn`.
+    x, y : (n,) world coordinates, metres.
+    side : (n,) footprints, metres.
+    drawn : ground shapes by square and cell.
+    grains : tables of all grains.
+    seed : random seed.
+    light : (n,) soft daylight.
+    grey : brightness of white.
+    out : (n, 3) uint8.
+    """
     n = len(x)
     weight = np.zeros((n, len(SURFACE_COLOURS)))
     along, across, aside = np.empty(n), np.empty(n), np.empty(n)
     over, hidden, frame = np.zeros(n), np.zeros(n), np.zeros(5)
-    low_x, low_y = drawn.low[square, 0], drawn.low[square, 1]
+    low_x, low_y = drawn.tile_origin[square, 0], drawn.tile_origin[square, 1]
     before, plain, made = -1, False, GRAVEL
     for k in range(n):
-        column = min(max(int((x[k] - low_x) * (1 / CELL_M)), 0), CELLS - 1)
-        row = min(max(int((y[k] - low_y) * (1 / CELL_M)), 0), CELLS - 1)
-        cell = (square * CELLS + row) * CELLS + column
+        column = min(max(int((x[k] - low_x) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
+        row = min(max(int((y[k] - low_y) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
+        cell = (square * CELLS_PER_SIDE + row) * CELLS_PER_SIDE + column
         if cell != before:
             before = cell
             made = _uniform_surface(cell, drawn)
@@ -100,7 +130,7 @@ def ground_colour(
         if plain:
             weight[k, made] = 1.0
         else:
-            _add_layers(cell, x[k], y[k], min(side[k], 2 * REACH_M), nearest, drawn, seed, k, weight[k], over, hidden)
+            _add_layers(cell, x[k], y[k], min(side[k], 2 * EDGE_REACH_M), nearest, drawn, seed, k, weight[k], over, hidden)
     total = np.zeros((3, n))
     member, px, py, ps, pa, tone = (
         np.empty(n, np.int64),
@@ -135,8 +165,8 @@ def ground_colour(
 
 
 @njit(cache=True, nogil=True)
-def _uniform_surface(cell: int, drawn: Drawn) -> int:
-    """What a whole cell is made of; -1 where that is not one thing."""
+def _uniform_surface(cell: int, drawn: GroundTileArrays) -> int:
+    """Return the surface of a cell that has only one, else -1."""
     first, last = drawn.start_layer[cell], drawn.start_layer[cell + 1]
     if drawn.start_mark[cell + 1] > drawn.start_mark[cell]:
         return -1
@@ -145,17 +175,17 @@ def _uniform_surface(cell: int, drawn: Drawn) -> int:
     if last > first + 1 or drawn.first_edge[last] > drawn.first_edge[first]:
         return -1
     layer = drawn.layer[first]
-    if layer < PAVEMENT:
+    if layer < PAVEMENT_LAYER:
         return layer
-    if layer == PAVEMENT:
+    if layer == PAVEMENT_LAYER:
         return SLABS
-    if layer < ROAD:
-        return layer - PATHS
-    start, end = drawn.start_frame[cell], drawn.start_frame[cell + 1]
+    if layer < ROAD_LAYER:
+        return layer - FIRST_PATH_LAYER
+    start, end = drawn.start_road[cell], drawn.start_road[cell + 1]
     for f in range(start + 1, end):
-        if drawn.frames[f, 6] != drawn.frames[start, 6]:
+        if drawn.roads[f, 6] != drawn.roads[start, 6]:
             return -1
-    return int(drawn.frames[start, 6]) if end > start else TAR
+    return int(drawn.roads[start, 6]) if end > start else TAR
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -163,17 +193,20 @@ def _road_frame(
     cell: int,
     px: float,
     py: float,
-    drawn: Drawn,
+    drawn: GroundTileArrays,
     k: int,
     along: np.ndarray,
     across: np.ndarray,
     aside: np.ndarray,
     kept: np.ndarray,
 ) -> int:
-    """Where a place is in the frame of the nearest road, which is told, -1 for none: along it, across it, and how far from the
-    middle of a lane as `asphalt` has it. kept (5,): what is worked out once for a frame."""
-    frames = drawn.frames
-    first, last = drawn.start_frame[cell], drawn.start_frame[cell + 1]
+    """Compute a point's coordinates in the frame of the nearest road and return the road, -1 for none.
+
+    Writes the coordinate along and across the road and the distance from the middle of a lane for `asphalt_tone`.
+    kept (5,): cached values of one frame.
+    """
+    frames = drawn.roads
+    first, last = drawn.start_road[cell], drawn.start_road[cell + 1]
     nearest = first if last > first else -1
     if last > first + 1:
         best = np.inf
@@ -186,7 +219,7 @@ def _road_frame(
         return nearest
     if kept[0] != nearest + 1:
         dx, dy = frames[nearest, 2], frames[nearest, 3]
-        if dx < 0 or (dx == 0 and dy < 0):  # the same slabs whichever way it runs
+        if dx < 0 or (dx == 0 and dy < 0):  # slabs do not depend on the road's direction
             dx, dy = -dx, -dy
         kept[0], kept[1], kept[2] = nearest + 1, dx, dy
         kept[3] = frames[nearest, 1] * dx - frames[nearest, 0] * dy
@@ -205,28 +238,28 @@ def _add_layers(
     py: float,
     wide: float,
     nearest: int,
-    drawn: Drawn,
+    drawn: GroundTileArrays,
     seed: int,
     k: int,
     weight: np.ndarray,
     over: np.ndarray,
     hidden: np.ndarray,
 ) -> None:
-    """What lies at a place: surfaces by their share, and what is laid over."""
+    """Add the surfaces at a point by their share, and marks over them."""
     weight[GRAVEL] = 1.0
     for e in range(drawn.start_layer[cell], drawn.start_layer[cell + 1]):
         layer = drawn.layer[e]
         start, end = drawn.first_edge[e], drawn.first_edge[e + 1]
-        outside = -REACH_M if drawn.inside[e] else REACH_M
+        outside = -EDGE_REACH_M if drawn.inside[e] else EDGE_REACH_M
         if end > start:
             found = signed_distance(px, py, drawn.edges, start, end)
             if np.isfinite(found):
-                outside = min(max(found, -REACH_M), REACH_M)
+                outside = min(max(found, -EDGE_REACH_M), EDGE_REACH_M)
         share = min(max(0.5 - outside / wide, 0.0), 1.0)
         if share > 0:
             for made in range(len(weight)):
                 weight[made] *= 1 - share
-        if layer == ROAD:
+        if layer == ROAD_LAYER:
             _add_carriageway(cell, px, py, wide, share, outside, drawn, nearest, k, weight, over, hidden)
             fallen = _leaf_share(px, py, wide, outside, seed)
             if fallen > 0:
@@ -234,7 +267,7 @@ def _add_layers(
                     weight[made] *= 1 - fallen
                 weight[LEAVES] += fallen
         elif share > 0:
-            weight[layer if layer < PAVEMENT else SLABS if layer == PAVEMENT else layer - PATHS] += share
+            weight[layer if layer < PAVEMENT_LAYER else SLABS if layer == PAVEMENT_LAYER else layer - FIRST_PATH_LAYER] += share
     for m in range(drawn.start_mark[cell], drawn.start_mark[cell + 1]):
         share = _mark_share(px, py, wide, drawn.marks, m)
         if share > 0:
@@ -252,20 +285,20 @@ def _add_carriageway(
     wide: float,
     share: float,
     outside: float,
-    drawn: Drawn,
+    drawn: GroundTileArrays,
     nearest: int,
     k: int,
     weight: np.ndarray,
     over: np.ndarray,
     hidden: np.ndarray,
 ) -> None:
-    """A carriageway of what its road is made of, the higher over the lower, its gutter and its kerb."""
-    frames = drawn.frames
+    """Add the surfaces of a carriageway, higher roads over lower ones, with gutter and kerb."""
+    frames = drawn.roads
     if share > 0:
         left, rank = share, -1.0
         if nearest >= 0:
             rank = frames[nearest, 7]
-        for f in range(drawn.start_frame[cell + 1] - 1, drawn.start_frame[cell] - 1, -1):  # the highest first
+        for f in range(drawn.start_road[cell + 1] - 1, drawn.start_road[cell] - 1, -1):  # the highest first
             if frames[f, 7] <= rank:
                 break
             own = min(max(0.5 - (_line_distance(px, py, frames, f) - frames[f, 5]) / wide, 0.0), 1.0)
@@ -273,7 +306,7 @@ def _add_carriageway(
                 weight[int(frames[f, 6])] += left * own
                 left *= 1 - own
         weight[int(frames[nearest, 6]) if nearest >= 0 else TAR] += left
-    if abs(outside) >= REACH_M:
+    if abs(outside) >= EDGE_REACH_M:
         return
     gutter = _overlap_share(-GUTTER_M, 0.0, outside, wide) * GUTTER_LOSS
     lip = _overlap_share(-0.03, 0.0, outside, wide) * 0.5
@@ -288,9 +321,9 @@ def _add_carriageway(
 
 @njit(cache=True, error_model="numpy")
 def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) -> float:
-    """The share of a footprint under fallen leaves, most of them by the kerb; outside: how far it is from there, metres."""
+    """Return the share of a footprint under fallen leaves; outside: distance from the kerb, metres."""
     near = 1 - abs(outside) / LEAF_REACH_M
-    if near <= 0 or wide > 2 * LEAF_CELL_M:  # what covers many of them would show none
+    if near <= 0 or wide > 2 * LEAF_CELL_M:  # a larger footprint would show no single leaf
         return 0.0
     own, share = np.uint64(seed + 89) * SEED_FACTOR, 0.0
     left, right = int(np.floor((px - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((px + 0.5 * wide) / LEAF_CELL_M))
@@ -311,7 +344,7 @@ def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) ->
 
 @njit(cache=True, error_model="numpy")
 def _line_distance(px: float, py: float, frames: np.ndarray, f: int) -> float:
-    """How far a place is from the line of a frame, metres."""
+    """Return the distance of a point from the line of a frame, metres."""
     qx, qy = px - frames[f, 0], py - frames[f, 1]
     past = qx * frames[f, 2] + qy * frames[f, 3]
     past -= min(max(past, 0.0), frames[f, 4])
@@ -321,7 +354,7 @@ def _line_distance(px: float, py: float, frames: np.ndarray, f: int) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _mark_share(px: float, py: float, wide: float, marks: np.ndarray, m: int) -> float:
-    """The share of a footprint on a mark."""
+    """Return the share of a footprint on a mark."""
     qx, qy, length, half = px - marks[m, 0], py - marks[m, 1], marks[m, 4], marks[m, 5]
     run, off = qx * marks[m, 2] + qy * marks[m, 3], qy * marks[m, 2] - qx * marks[m, 3]
     if marks[m, 7] > 0:

@@ -1,35 +1,34 @@
-"""What materials are drawn with: joints, noise and tones of pieces, each meant over its footprint, so that nothing aliases.
+"""Joints, noise and piece tones of materials, each averaged over its footprint against aliasing.
 
-Joints, seams and edges count by the share of the footprint that they cover, the integral of their box over it. Lattice noise
-and the tones of slabs, tiles and boards are integrated over it too, and fade where it covers several of them. Arrays are (n,),
-in loops without a branch, so that several places are worked out at once; lengths are metres; a footprint is the side of a
-square, longer than 0.
+Joints, seams and edges count by the share of the footprint that they cover, the integral of their box. Lattice noise and the
+tones of slabs, tiles and boards are integrated too and fade over footprints of several cells. Arrays are (n,), in branch-free
+loops that vectorise; lengths are metres; a footprint is the side of a square, greater than 0.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.hash_uniform import COLUMN_FACTOR, ROW_FACTOR, SEED_FACTOR, hash_to_uniform, hash_row
+from facade_core.core.hash_uniform import COLUMN_FACTOR, ROW_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 
 
 @njit(cache=True, inline="always")
 def _smoothstep_integral(middle: float, length: float) -> float:
-    """The integral of 3 t^2 - 2 t^3 over a piece of 0..1, of which it is exact in middle and length."""
+    """Integrate 3 t^2 - 2 t^3 over an interval inside 0..1, exactly."""
     return length * (middle * middle * (3 - 2 * middle) + 0.25 * length * length * (1 - 2 * middle))
 
 
 @njit(cache=True, inline="always", error_model="numpy")
 def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> float:
-    """Lattice noise around 0, -0.5..0.5, smooth from corner to corner of its cells: its mean over a box about x, y.
+    """Average lattice noise in -0.5..0.5 over a box about x, y, in cells.
 
-    All in cells. A box of more than one cell is taken as one, and fades until two.
+    A box of more than one cell counts as one and fades until two.
     """
     fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
     wide, high = min(wide, 1.0), min(high, 1.0)
     x0, y0 = np.floor(x - 0.5 * wide), np.floor(y - 0.5 * high)
-    # of the box, what lies in the cell where it begins, and in the next
+    # parts of the box in its first cell and in the next
     right, below = max(x + 0.5 * wide - x0 - 1, 0.0), max(y + 0.5 * high - y0 - 1, 0.0)
     left, above = wide - right, high - below
     rise, fall = _smoothstep_integral(x - 0.5 * wide - x0 + 0.5 * left, left), _smoothstep_integral(0.5 * right, right)
@@ -47,7 +46,7 @@ def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64
 
 @njit(cache=True, inline="always", error_model="numpy")
 def stripe_share(at: float, wide: float, first: float, width: float) -> float:
-    """Of a piece `wide` about a place, the share on marks that begin at `first` and are `width` wide, one a unit."""
+    """Return the share of an interval on unit-spaced stripes that begin at `first` and are `width` wide."""
     low, high = at - 0.5 * wide - first, at + 0.5 * wide - first
     start, end = np.floor(low), np.floor(high)
     return ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
@@ -55,9 +54,14 @@ def stripe_share(at: float, wide: float, first: float, width: float) -> float:
 
 @njit(cache=True, inline="always", error_model="numpy")
 def running_bond_share(column: float, row: float, wide: float, high: float, joint: float, across: float, down: float) -> float:
-    """The share of a footprint that lies on no joint of a running bond, of which odd courses begin half a stone further.
+    """Return the share of a footprint off the joints of a running bond, whose odd courses shift by half a stone.
 
-    Place and footprint in stones; joint: its width, metres; across, down: stones to the metre.
+    Parameters
+    ----------
+    column, row : place, in stones.
+    wide, high : footprint, in stones.
+    joint : width of a joint, metres.
+    across, down : stones per metre.
     """
     beside, below = 0.5 * joint * across, 0.5 * joint * down
     even = stripe_share(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
@@ -70,7 +74,17 @@ def running_bond_share(column: float, row: float, wide: float, high: float, join
 def add_noise(
     x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
 ) -> None:
-    """Add weight times noise around 0, -1..1, with cells of a width and height."""
+    """Add weighted lattice noise in -1..1 to `out`.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    side : (n,) footprints, metres.
+    cell : width and height of a noise cell, metres.
+    weight : factor.
+    seed : random seed.
+    out : (n,) tones, changed in place.
+    """
     across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
         out[k] += 2 * weight * _lattice_noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
@@ -80,9 +94,18 @@ def add_noise(
 def add_tones(
     x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
 ) -> None:
-    """Add weight times the tones of slabs, tiles or boards of a width and height, -0.5..0.5, odd rows half of one further.
+    """Add weighted piece tones in -0.5..0.5 of slabs, tiles or boards; odd rows shift by half a piece.
 
-    A footprint of more than one of them is taken as one, and fades until two.
+    A footprint of more than one piece counts as one and fades until two.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    side : (n,) footprints, metres.
+    cell : width and height of a piece, metres.
+    weight : factor.
+    seed : random seed.
+    out : (n,) tones, changed in place.
     """
     across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):

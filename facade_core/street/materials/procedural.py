@@ -1,7 +1,7 @@
-"""Procedural materials of ground, walls and openings, a kernel each: tones of places, each meant over its footprint.
+"""Procedural materials of ground, walls and openings: one kernel each, averaged over footprints.
 
-All arrays are (n,), without a branch within their loops, so that several places are worked out at once; lengths are metres; a
-footprint is the side of a square, longer than 0. What they are drawn with is in `patterns`, roofs are in `roofs`.
+All arrays are (n,), in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square, greater
+than 0. `patterns` has the ingredients, `roofs` the roofs.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ PLASTER_PALETTE = np.array(
     ],
     np.float64,
 )
-# Zinc new and weathered, and what is painted over it.
+# New and weathered zinc, and paints.
 METAL_FIXTURE_PALETTE = np.array(
     [[142, 146, 150], [122, 126, 130], [104, 108, 110], [88, 84, 80], [150, 148, 142], [84, 74, 66]], np.float64
 )
 WOOD_PALETTE = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
-# The colours of a tone of 1.
+# Colours of a tone of 1.
 SOFFIT_COLOUR = np.array([172.0, 170.28, 166.84])
-ASPHALT_COLOUR, PAVING_COLOUR = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
+ASPHALT_COLOUR = np.array([1.0, 1.0, 1.02])
+PAVING_COLOUR = np.array([1.0, 0.985, 0.955])
 # What ground is made of: surfaces, and leaves over them. The mean tone of each, whose grain it has, -1 for none, and the colour
 # of a tone of 1 where no picture gives it.
 GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK, LEAVES = range(8)
@@ -52,32 +53,35 @@ SURFACE_COLOURS = np.array(
         [1.12, 0.84, 0.5],
     ]
 )
-# Fired clay and sand-lime of walls, and the mortar between.
+# Fired clay and sand-lime.
 BRICK_PALETTE = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]], np.float64)
 MORTAR_COLOUR = np.array([168.0, 162.0, 150.0])
-# A pane's colour where it shows no sky, and where it shows nothing else.
-GLASS_COLOUR, REFLECTED_SKY_COLOUR = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
-# What is around a pane, upright and in a roof, of a tone of 1: so wide, and from the second width on a post in the middle.
-FRAME_COLOUR, FLASHING_COLOUR, FRAME_M, MIN_WIDTH_WITH_POST_M, POST_M = (
-    np.array([206.0, 204.0, 198.0]),
-    np.array([70.0, 72.0, 76.0]),
-    0.065,
-    0.8,
-    0.06,
-)
-# Width and length of a slab; width of a board.
-SLAB_M, BOARD_M = (0.6, 0.4), (0.12, 1e9)
-# How far streaks run down from a wall's upper edge, and how far up its foot is splashed.
-STREAK_LENGTH_M, SPLASH_HEIGHT_M = 5.0, 1.2
-# The width of a sett across a street and its length.
+# A pane without reflection, and the sky that it reflects.
+GLASS_COLOUR = np.array([44.0, 52.0, 60.0])
+REFLECTED_SKY_COLOUR = np.array([176.0, 198.0, 220.0])
+# Frame of an upright pane, and of one in a roof.
+FRAME_COLOUR = np.array([206.0, 204.0, 198.0])
+FLASHING_COLOUR = np.array([70.0, 72.0, 76.0])
+FRAME_M = 0.065
+# Panes from this width on have a post in the middle.
+MIN_WIDTH_WITH_POST_M = 0.8
+POST_M = 0.06
+# Width and length of a slab, and of an endless board.
+SLAB_M = (0.6, 0.4)
+BOARD_M = (0.12, 1e9)
+# Streaks below a wall's upper edge, splashes above its foot.
+STREAK_LENGTH_M = 5.0
+SPLASH_HEIGHT_M = 1.2
+# Width across the street and length of a sett.
 SETT_M = (0.21, 0.15)
-# A brick with its joint, a course high, and the joint.
-BRICK_M, JOINT_M = (0.25, 0.078), 0.011
+# Length of a brick and height of a course, with joints.
+BRICK_M = (0.25, 0.078)
+JOINT_M = 0.011
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def asphalt_tone(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Carriageway: worn asphalt, lighter in the wheel tracks; aside: from the centreline."""
+    """Write tones of worn asphalt, lighter in the wheel tracks; aside: (n,) distance from the centreline."""
     for k in range(len(x)):
         track = (aside[k] - 1.7) / 0.5
         bump = max(1 - 0.125 * track * track, 0.0)  # to its eighth power: nearly exp(-track^2)
@@ -90,7 +94,7 @@ def asphalt_tone(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarr
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def paving_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Pavement of slabs, 0.6 x 0.4 m in running bond, with darker joints, 4 cm wide."""
+    """Write tones of pavement slabs, 0.6 x 0.4 m in running bond, with joints 4 cm wide."""
     out[:] = 148
     for number, cell in enumerate((0.2, 1.5, 6.0)):
         add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
@@ -106,9 +110,16 @@ def paving_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
 def add_weather(
     x: np.ndarray, y: np.ndarray, above: np.ndarray, below: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray
 ) -> None:
-    """Take from a wall's tones what rain leaves: streaks below its upper edge, and splashes at its foot.
+    """Darken a wall's tones by rain: streaks below its upper edge, splashes at its foot.
 
-    above: its building's foot; below: its upper edge, both metres.
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    above : (n,) height over the building's foot, metres.
+    below : (n,) distance from the upper edge, metres.
+    side : (n,) footprints, metres.
+    seed : random seed.
+    out : (n,) tones, changed in place.
     """
     near = np.zeros(len(x))
     top, foot = np.inf, np.inf
@@ -132,7 +143,7 @@ def add_weather(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def plaster_tone(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Bare rendered wall, dirtier near the ground; above: its building's foot."""
+    """Write tones of a rendered wall, dirtier near the ground; above: (n,) height over the building's foot."""
     for k in range(len(x)):
         dirt = max(1 - max(above[k], 0.0) / 11.2, 0.0)  # to its 16th power: nearly exp(-above / 0.7)
         for _ in range(4):
@@ -147,7 +158,17 @@ def plaster_tone(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarr
 def brick_tone(
     x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, mortar: np.ndarray, out: np.ndarray
 ) -> None:
-    """Wall of bricks in running bond, dirtier near the ground; mortar gets the share of the joints; above: as plaster's."""
+    """Write tones of a brick wall in running bond and the share of mortar.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    above : (n,) height over the building's foot, metres.
+    side : (n,) footprints, metres.
+    seed : random seed.
+    mortar : (n,) output share of the joints.
+    out : (n,) output tones.
+    """
     plaster_tone(x, y, above, side, seed, out)
     add_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
     across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
@@ -158,7 +179,16 @@ def brick_tone(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def glass_reflection(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Window pane: dark, with more sky in it towards its top; height: the pane's, y: down from its top. A share of SKY."""
+    """Write the share of sky in a window pane, more towards its top.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres; y down from the pane's top.
+    height : height of the pane, metres.
+    side : (n,) footprints, metres.
+    seed : random seed.
+    out : (n,) output share of REFLECTED_SKY_COLOUR.
+    """
     out[:] = 0.0
     add_noise(x, y, side, (0.7, 0.7), 0.5, seed + 31, out)
     add_noise(x, y, side, (2.5, 2.5), 0.5, seed + 32, out)
@@ -169,7 +199,15 @@ def glass_reflection(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarr
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def frame_share(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndarray, out: np.ndarray) -> None:
-    """The share of a pane's places that is frame; wide, high: the whole pane, x and y from its upper left."""
+    """Write the share of frame in a pane.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates from the pane's upper left, metres.
+    wide, high : size of the pane, metres.
+    side : (n,) footprints, metres.
+    out : (n,) output share.
+    """
     post = 0.5 * POST_M if wide > MIN_WIDTH_WITH_POST_M else -1e9
     for k in range(len(x)):
         across = (min(x[k], wide - x[k]) - FRAME_M) / side[k] + 0.5
@@ -181,7 +219,7 @@ def frame_share(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def wood_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Door of upright boards 0.12 m wide."""
+    """Write tones of a door of upright boards, 0.12 m wide."""
     for k in range(len(x)):
         out[k] = 1 - 0.35 * stripe_share(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
     add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
@@ -190,7 +228,7 @@ def wood_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def soffit_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Grey plaster of what is seen from below."""
+    """Write tones of grey plaster on surfaces seen from below."""
     out[:] = 1.0
     for number, cell in enumerate((0.3, 1.5, 5.0)):
         add_noise(x, y, side, (cell, cell), 0.05 / 3, seed + 47 + number, out)
@@ -208,8 +246,17 @@ def metal_fixture_colour(
     seed: int,
     out: np.ndarray,
 ) -> None:
-    """Gutters, pipes and vents of sheet metal, round: darker to both sides of their narrower way; right, down: on a piece so
-    wide and high."""
+    """Write tones of round gutters, pipes and vents: darker towards both sides of their narrow axis.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    right, down : (n,) coordinates on the piece, metres.
+    wide, high : size of the piece, metres.
+    side : (n,) footprints, metres.
+    seed : random seed.
+    out : (n,) output tones.
+    """
     across, narrow = (right, wide) if wide < high else (down, high)
     for k in range(len(x)):
         turned = 2 * min(max(across[k] / narrow, 0.0), 1.0) - 1
@@ -220,7 +267,7 @@ def metal_fixture_colour(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def setts_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Granite setts in courses across the street, of which x runs along; joints darker."""
+    """Write tones of granite setts in courses across the street; x runs along it."""
     out[:] = 140
     add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
     add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
@@ -242,7 +289,18 @@ def ground_tone(
     seed: int,
     out: np.ndarray,
 ) -> None:
-    """What a surface is like, 0..255."""
+    """Write tones, 0..255, of a ground surface.
+
+    Parameters
+    ----------
+    made : `GroundSurface`.
+    x, y : (n,) coordinates, metres.
+    aside : (n,) distance from the centreline, metres.
+    side : (n,) footprints, metres.
+    grains : tables of all grains.
+    seed : random seed.
+    out : (n,) output tones.
+    """
     if made in (TAR, TRACK):
         asphalt_tone(x, y, aside, side, seed, out)
     elif made == SLABS:

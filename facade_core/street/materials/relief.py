@@ -1,4 +1,4 @@
-"""What stands out of a facade and what lies back in it, by its labels, and the small shadows of that."""
+"""Relief of a facade by its labels, and the small shadows of it."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 from facade_core.core.numba_cache import njit
 
-# Metres that openings lie back, and that a balcony's slab and a sill stand out; how high these two are, metres.
-OPENING_DEPTH_M, BALCONY_DEPTH_M, SILL_DEPTH_M = 0.15, 0.45, 0.07
-BALCONY_SLAB_HEIGHT_M, SILL_HEIGHT_M = 0.25, 0.07
-# No shadow is longer than so many times what casts it.
+# Inward depth of openings; outward depth of balcony slabs and sills.
+OPENING_DEPTH_M = 0.15
+BALCONY_DEPTH_M = 0.45
+SILL_DEPTH_M = 0.07
+BALCONY_SLAB_HEIGHT_M = 0.25
+SILL_HEIGHT_M = 0.07
+# Length of a shadow per depth of its caster.
 MAX_SHADOW_RATIO = 2.5
-# Metres over which a shadow's edge fades beside what casts it, and so much more for each metre from there.
-EDGE_WIDTH_M, EDGE_SPREAD = 0.012, 0.12
-# Metres around a texel whose brightness tells whether it is in the shade already.
+# Softness of a shadow's edge at the caster, and its growth per metre from there.
+EDGE_WIDTH_M = 0.012
+EDGE_SPREAD = 0.12
+# Window that a texel's brightness is compared with, to detect a painted shadow.
 SHADE_WINDOW_M = 1.6
 
 
 def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
-    """Metres (h, w) float32 that the texels of a facade with labels (h, w) stand out."""
+    """Compute the depth (h, w) float32, metres outward, of a facade with labels (h, w)."""
     depth = np.where(
         np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR, FacadeClass.SHOP, FacadeClass.BALCONY)),
         np.float32(-OPENING_DEPTH_M),
@@ -28,9 +32,9 @@ def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
     wall = labels == FacadeClass.WALL
     for name, high, out in ((FacadeClass.BALCONY, BALCONY_SLAB_HEIGHT_M, BALCONY_DEPTH_M), (FacadeClass.WINDOW, SILL_HEIGHT_M, SILL_DEPTH_M)):
         here, rows = labels == name, max(1, round(high * density))
-        if name == FacadeClass.BALCONY:  # its lowest rows: below it is something else
+        if name == FacadeClass.BALCONY:  # its lowest rows
             depth[:-rows][here[:-rows] & ~here[rows:]] = out
-        else:  # the wall right below it
+        else:  # the wall below it
             depth[rows:][wall[rows:] & here[:-rows]] = out
     return depth
 
@@ -38,11 +42,17 @@ def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
 def cast_shadows(
     colour: np.ndarray, labels: np.ndarray, density: float, towards: np.ndarray, dark: float
 ) -> np.ndarray:
-    """How much of the sun's light the relief of a facade keeps off its texels, (h, w) float32 in 0..1.
+    """Compute the share of sunlight that a facade's relief blocks, (h, w) float32 in 0..1.
 
-    colour (h, w, 3) uint8 with labels (h, w); towards (3,): the sun along the chart's width, down it and out of it; dark: how
-    bright what is in the shade is, of what is not. A texel that is as dark beside its neighbours of one depth already holds
-    that shadow, and takes no other.
+    A texel already as dark against its neighbours of the same depth has that shadow painted in, and gets none.
+
+    Parameters
+    ----------
+    colour : (h, w, 3) uint8.
+    labels : (h, w) class id.
+    density : texels per metre.
+    towards : (3,) direction to the sun along the chart's width, down and outward.
+    dark : brightness of shadow relative to full light.
     """
     import cv2
 
@@ -64,7 +74,7 @@ def cast_shadows(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _trace_shadows(depth: np.ndarray, right: float, down: float, density: float) -> np.ndarray:
-    """Shadows (h, w) float32 of depths (h, w) float32, metres, where the sun is so far aside and down for each metre out."""
+    """Trace shadows (h, w) of depths (h, w) metres; right, down: offset of the sun per metre outward."""
     height, width = depth.shape
     highest = depth[0, 0]
     for row in range(height):

@@ -1,13 +1,13 @@
-"""Procedural roofs, a kernel each: sheet metal, tiles, slates, felt, gravel, what stood and was mended on them, and moss.
+"""Procedural roofs, one kernel each: sheet metal, tiles, slates, felt, gravel, patches, dried pools and moss.
 
-All arrays are (n,); lengths are metres; a footprint is the side of a square, longer than 0. x runs along the eaves and y down.
+All arrays are (n,); lengths are metres; a footprint is the side of a square, greater than 0. x runs along the eaves and y down.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_to_uniform, hash_row
+from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
 
@@ -17,23 +17,35 @@ ROOF_TILE_PALETTE = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112
 SLATE_PALETTE = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
 FELT_PALETTE = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 104]], np.float64)
 ROOF_GRAVEL_PALETTE = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)
-# Of a tone of 1.
+# Colour of a tone of 1.
 MOSS_COLOUR = np.array([82.0, 88.0, 54.0])
-# Width and visible length of a roof tile; width of a sheet of metal.
-TILE_M, SHEET_M = (0.24, 0.34), 0.6
-# Width and visible length of a slate, and the gap.
-SLATE_M, SLATE_GAP_M = (0.25, 0.2), 0.008
-# A sheet of roofing felt, wide and long, and its lap; cells of which a share has a mended place; cells and weights of what says
-# how deep water stands.
-FELT_M, FELT_LAP_M, PATCH_CELL_M, PATCH_SHARE = (1.0, 8.0), 0.05, 5.0, 0.3
-POOL_CELLS_M, POOL_WEIGHTS = (5.3, 2.2, 0.7), (0.7, 0.36, 0.12)
-# Of that this is the shore, over so much of it; the shares of a roof under dried pools and at their shores.
-SHORE_DEPTH, SHORE_WIDTH, MEAN_POOL_SHARE, MEAN_SHORE_SHARE = 0.3, 0.16, 0.146, 0.073
+# Width and visible length of a roof tile.
+TILE_M = (0.24, 0.34)
+# Width of a sheet of metal.
+SHEET_M = 0.6
+# Width and visible length of a slate.
+SLATE_M = (0.25, 0.2)
+SLATE_GAP_M = 0.008
+# Width and length of a sheet of roofing felt.
+FELT_M = (1.0, 8.0)
+FELT_LAP_M = 0.05
+# Cells, and the share of them with a patch.
+PATCH_CELL_M = 5.0
+PATCH_SHARE = 0.3
+# Noise cells and weights of the water depth.
+POOL_CELLS_M = (5.3, 2.2, 0.7)
+POOL_WEIGHTS = (0.7, 0.36, 0.12)
+# Depth at the shore of a pool, and its range.
+SHORE_DEPTH = 0.3
+SHORE_WIDTH = 0.16
+# Mean share of a roof under pools, and at their shores.
+MEAN_POOL_SHARE = 0.146
+MEAN_SHORE_SHARE = 0.073
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sheet_metal_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Sheet-metal roof with standing seams every 0.6 m."""
+    """Write tones of a sheet-metal roof with standing seams every 0.6 m."""
     for k in range(len(x)):
         out[k] = 1 - 0.12 * stripe_share(x[k] / SHEET_M, side[k] / SHEET_M, -0.04 / SHEET_M, 0.08 / SHEET_M)
     add_noise(x, y, side, (0.8, 0.8), 0.05, seed + 7, out)
@@ -42,15 +54,15 @@ def sheet_metal_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def roof_tile_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Tilted roof of clay tiles in rows that overlap down the slope."""
+    """Write tones of a clay tile roof with rows that overlap down the slope."""
     across, down = 1 / TILE_M[0], 1 / TILE_M[1]
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        # highest in a tile's middle, and half a tile further in odd rows: a wave of cubics, nearly a cosine
+        # a cubic wave, nearly a cosine: highest in a tile's middle, shifted by half a tile in odd rows
         even = stripe_share(0.5 * row, 0.5 * high, 0.0, 0.5)
         away = 2 * abs(column - np.floor(column + 0.5))
         wave = 1 - 2 * away * away * (3 - 2 * away)
-        # of which the mean over a part w of it is sin(pi w) / (pi w) as high, up to the whole
+        # averaged over a share w of a period it is lower by sin(pi w) / (pi w)
         square = min(wide * wide, 1.0)
         wave *= (1 - square) * (1 - 0.6449 * square + 0.19 * square * square)
         out[k] = 1 + 0.05 * (1 - 2 * even) * wave - 0.22 * stripe_share(row, high, 0.86, 0.14)
@@ -61,7 +73,7 @@ def roof_tile_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, ou
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def slate_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Tilted roof of slates, no two of one grey; the lower edge of each casts a thin shadow."""
+    """Write tones of a slate roof with slates of varied grey and thin edge shadows."""
     out[:] = 1.0
     add_noise(x, y, side, (1.6, 1.1), 0.06, seed + 91, out)
     add_noise(x, y, side, (6.0, 6.0), 0.06, seed + 92, out)
@@ -75,7 +87,7 @@ def slate_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: n
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def felt_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Roof of bitumen felt: sheets that lap, no two of one grey, mended places, and where water stood. Sheets run along y."""
+    """Write tones of bitumen felt: overlapping sheets along y, patches and dried pools."""
     out[:] = 1.0
     add_noise(x, y, side, (1.7, 1.7), 0.04, seed + 95, out)
     add_noise(x, y, side, (6.0, 6.0), 0.05, seed + 96, out)
@@ -90,7 +102,7 @@ def felt_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def roof_gravel_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Flat roof under gravel: thinner here and there, and where water stood."""
+    """Write tones of a flat gravel roof with thin places and dried pools."""
     out[:] = 1.0
     add_noise(x, y, side, (0.9, 0.9), 0.05, seed + 108, out)
     add_noise(x, y, side, (7.0, 7.0), 0.08, seed + 109, out)
@@ -99,9 +111,9 @@ def roof_gravel_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Add the tones of mended places, -0.12..0.12: rectangles, one a cell at most, which chance puts well within it.
+    """Add tones of repaired patches, -0.12..0.12: at most one rectangle per cell, well inside it.
 
-    A footprint that could reach a neighbouring cell's is too large to show any: they fade until half a cell.
+    Patches fade with the footprint until half a cell, so that no footprint reaches a neighbouring cell's patch.
     """
     own = np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
@@ -121,9 +133,9 @@ def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_pool_stains(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Add what pools leave when they dry, on a flat roof: darker where water stood, pale silt along its edge.
+    """Add dried pools of a flat roof: darker floors with pale silt along the edge.
 
-    A footprint as wide as a shore has the mean of all the roof.
+    A footprint as wide as a shore gets the mean of the roof.
     """
     depth = np.zeros(len(x))
     for number in range(3):
@@ -137,7 +149,7 @@ def add_pool_stains(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, o
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def moss_share(x: np.ndarray, y: np.ndarray, side: np.ndarray, max_share: float, seed: int, out: np.ndarray) -> None:
-    """The share of a roof under moss, in cushions along the courses; most: of the worst place."""
+    """Write the share of a roof under moss, in cushions along the courses."""
     out[:] = -0.25
     add_noise(x, y, side, (2.6, 1.7), 0.75, seed + 59, out)
     add_noise(x, y, side, (0.3, 0.22), 0.45, seed + 60, out)

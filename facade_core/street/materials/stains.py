@@ -1,4 +1,4 @@
-"""Stains of plaster: painted walls are more even than photographed ones, by what these show at two sizes."""
+"""Stains of plaster: adds the variation at two scales that painted walls lack against photographed ones."""
 
 from __future__ import annotations
 
@@ -7,23 +7,40 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 from facade_core.street.materials.patterns import add_noise
 
-# Wavelengths, metres; a band of one is what a Gaussian of the first share of it keeps and one of the second takes away.
-BANDS_M, KEPT_SIGMA, REMOVED_SIGMA = (0.7, 2.6), 0.16, 0.32
-# Deviation of plain wall in these bands, of its brightness, that a wall is brought to: between what a quarter and what half of
-# the rectified photographs that vary least have (`python -m benchmarks.painting`, stains of cmp); at their median the eye sees
-# clouds, as photographs also have stucco and shadows there.
+# Wavelengths of the bands. A band is the difference of two Gaussians, with sigmas as shares of its wavelength.
+BANDS_M = (0.7, 2.6)
+KEPT_SIGMA = 0.16
+REMOVED_SIGMA = 0.32
+# Target deviation of plain wall in each band, relative to its brightness: between the first quartile and the median of rectified
+# photographs (`python -m benchmarks.painting`, stains of cmp). At the median walls look cloudy, because photographs also
+# contain stucco and shadows.
 PHOTO_DEVIATIONS = (0.0186, 0.0189)
-# Cells of noise, metres, and the deviation that a weight of 1 of each gives in each band.
-NOISE_CELLS_M, NOISE_DEVIATIONS = (0.35, 1.3), ((0.146, 0.083), (0.035, 0.15))
-# Places to the metre, at which bands are told and stains are worked out.
+NOISE_CELLS_M = (0.35, 1.3)
+# Deviation in each band per weight of each noise.
+NOISE_DEVIATIONS = ((0.146, 0.083), (0.035, 0.15))
+# Samples per metre.
 STAIN_DENSITY = 8.0
-# Within so much of what is no wall its edges are seen; of a place that is wall this much is; places that tell a deviation.
-EDGE_MARGIN_M, MIN_WALL_SHARE, MIN_PLACES = 0.35, 0.99, 150
+# Margin around other classes, whose edges would count as variation.
+EDGE_MARGIN_M = 0.35
+# Share of wall in a sample that counts as wall.
+MIN_WALL_SHARE = 0.99
+# Samples that are needed for a deviation.
+MIN_PLACES = 150
 
 
 def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple[float, ...] | None:
-    """How much plain wall differs from place to place in each band, of its mean: half of what lies between its 16th and 84th
-    percent. grey (h, w) uint8, wall (h, w) bool, at texels a metre; None where too little is plain."""
+    """Compute the relative variation of plain wall in each band, half the span of the 16th to 84th percentile.
+
+    Parameters
+    ----------
+    grey : (h, w) uint8.
+    wall : (h, w) bool.
+    density : texels per metre.
+
+    Returns
+    -------
+    One deviation per band; None if too little wall is plain.
+    """
     import cv2
 
     size = [max(1, round(side * STAIN_DENSITY / density)) for side in wall.shape[::-1]]
@@ -47,15 +64,21 @@ def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple
 
 
 def stain_weights(deviations: tuple[float, ...] | None) -> np.ndarray:
-    """How much noise (2,) of NOISE_CELLS_M gives a wall what it lacks of a photographed one's deviations."""
+    """Compute the noise weights (2,) that raise a wall's deviations to those of photographs."""
     lacks = np.maximum(np.square(PHOTO_DEVIATIONS) - np.square(deviations or (0.0, 0.0)), 0.0)
     return np.sqrt(np.maximum(np.linalg.solve(np.square(NOISE_DEVIATIONS).T, lacks), 0.0))
 
 
 def stain_tones(colour: np.ndarray, labels: np.ndarray, density: float, start: tuple[float, float], seed: int) -> np.ndarray:
-    """Tones (rows, columns) float32 about 1 of places of a facade, STAIN_DENSITY a metre, from half a step within its border.
+    """Compute stain tones (rows, columns) float32 about 1, STAIN_DENSITY per metre, half a step inside the border.
 
-    colour (h, w, 3) uint8 with labels (h, w) at texels a metre; start: its upper left corner in its plane, metres.
+    Parameters
+    ----------
+    colour : (h, w, 3) uint8.
+    labels : (h, w) class id.
+    density : texels per metre.
+    start : upper left corner of the facade in its plane, metres.
+    seed : random seed.
     """
     import cv2
 

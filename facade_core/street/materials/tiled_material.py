@@ -1,4 +1,4 @@
-"""A material from a picture of it: cut so that it goes on without a seam, and laid over planes."""
+"""Tileable material from a picture, sampled over planes."""
 
 from __future__ import annotations
 
@@ -11,19 +11,22 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 from facade_core.core.numba_cache import njit
-from facade_core.facade.texture.seams import least_path
+from facade_core.facade.texture.seams import find_min_error_path
 
-# Share of a picture's side within which its opposite borders are joined, and pixels over which the join is soft.
-JOIN_SHARE, JOIN_SOFTNESS_PX = 0.25, 2
+# Share of a picture's side in which its opposite borders overlap.
+JOIN_SHARE = 0.25
+JOIN_SOFTNESS_PX = 2
 MIN_SIDE_PX = 8
 
 
 class MipLevels(NamedTuple):
-    """A tile at its own size and at halves of that, each the means of the one before, as kernels read them.
+    """Mip levels of a tile as kernels read them; each level averages the previous one.
 
-    pixels (p, 3) float32, one tile after the other;
-    first, rows, columns (levels,): where each begins, and its shape;
-    size (2,): width and height of all of them, metres.
+    Attributes
+    ----------
+    pixels : (p, 3) float32, all levels concatenated.
+    first, rows, columns : (levels,) start and shape of each level.
+    size : (2,) width and height of the tile, metres.
     """
 
     pixels: np.ndarray
@@ -35,14 +38,19 @@ class MipLevels(NamedTuple):
 
 @dataclass(frozen=True)
 class TiledMaterial:
-    """A tile (h, w, 3) float32, 0..255, that goes on to the right into its left and down into its top; size (2,) is its width
-    and height in metres."""
+    """Tileable picture of a material.
+
+    Attributes
+    ----------
+    tile : (h, w, 3) float32, 0..255; wraps left-right and top-bottom.
+    size : width and height, metres.
+    """
 
     tile: np.ndarray
     size: tuple[float, float]
 
     @classmethod
-    def of(cls, image: np.ndarray, metres_per_pixel: float, texels_per_metre: float) -> TiledMaterial:
+    def from_picture(cls, image: np.ndarray, metres_per_pixel: float, texels_per_metre: float) -> TiledMaterial:
         """A picture (h, w, 3) uint8 of a material, for texels of a density. Raises ImageError for one of a few pixels."""
         if min(image.shape[:2]) < MIN_SIDE_PX:
             raise ImageError(
@@ -58,12 +66,12 @@ class TiledMaterial:
             tile = cv2.resize(tile, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, 3)
         return cls(tile, size)
 
-    def laid(self, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    def sample(self, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Colour (n, 3) at places of a plane, metres to the right and down, with footprints, metres, (n,) each."""
-        return _sample_points(self.mips, across, down, footprint)
+        return _sample_points(self.mip_levels, across, down, footprint)
 
     @cached_property
-    def mips(self) -> MipLevels:
+    def mip_levels(self) -> MipLevels:
         levels = [self.tile]
         while max(levels[-1].shape[:2]) > 1:
             rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
@@ -85,8 +93,7 @@ def _sample_points(mips: MipLevels, across: np.ndarray, down: np.ndarray, footpr
 
 @njit(cache=True, inline="always", error_model="numpy")
 def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: float) -> tuple[float, float, float]:
-    """Colour at a place of a plane: bilinear in the tile whose pixels are about as large as the footprint, or the largest tile.
-    Called from numba kernels."""
+    """Sample a colour bilinearly in the level whose pixels match the footprint. Called from numba kernels."""
     level, side = 0, max(mips.size[0] / mips.columns[0], mips.size[1] / mips.rows[0])
     while level + 1 < len(mips.first) and footprint > 1.42 * side:
         level, side = level + 1, 2 * side
@@ -106,9 +113,9 @@ def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: fl
 
 
 def make_seamless(image: np.ndarray) -> np.ndarray:
-    """A picture (h, w, 3) as a tile that goes on into itself, (h', w', 3) float32: a quarter less of either side.
+    """Make a picture (h, w, 3) tileable: (h', w', 3) float32, a quarter smaller on both sides.
 
-    Light that changes over the whole picture is evened out; opposite borders are joined along the path where they differ least.
+    Removes large-scale shading and joins opposite borders along the path of least difference.
     """
     flat = image.astype(np.float32)
     broad = cv2.GaussianBlur(flat, (0, 0), min(image.shape[:2]) / 4, borderType=cv2.BORDER_REFLECT)
@@ -118,14 +125,14 @@ def make_seamless(image: np.ndarray) -> np.ndarray:
 
 
 def _join_borders(image: np.ndarray, *, around: bool) -> np.ndarray:
-    """The right border of (h, w, 3) laid over the left one, along the path of least difference from top to bottom; `around`
-    where the rows go on into themselves, so that the path must too."""
+    """Blend the right border of (h, w, 3) over the left one along a minimal path; `around` closes the path for wrapping rows.
+    """
     height, width = image.shape[:2]
     strip = max(1, int(width * JOIN_SHARE))
     left, right = image[:, :strip], image[:, width - strip :]
     error = ((left - right) ** 2).sum(axis=2).astype(np.float64)
-    path = least_path(np.tile(error, (3, 1)))[height : 2 * height] if around else least_path(error)
+    path = find_min_error_path(np.tile(error, (3, 1)))[height : 2 * height] if around else find_min_error_path(error)
     share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * JOIN_SOFTNESS_PX) + 0.5, 0, 1)[..., None].astype(np.float32)
-    # the join never shows at its ends: there the one border goes on as it was, and the other begins
+    # at the ends of the overlap each border continues unchanged
     share[:, 0], share[:, -1] = np.minimum(share[:, 0], 0.5 if strip == 1 else 0), 1
     return np.concatenate([right * (1 - share) + left * share, image[:, strip : width - strip]], axis=1)

@@ -1,1 +1,1 @@
-"""Rendering of partially textured panoramas and their propagation into the atlas (street paper, Eq. 1)."""
+"""Rendering of partially textured panoramas and texture propagation into the atlas (street paper, Eq. 1)."""

@@ -1,9 +1,9 @@
 """Eq. 1 of the street paper from a small state per texel, exact in any order of the views (ADR 0010).
 
-A view has an integer distance d in millimetres. Proper views (d within the gate) are averaged with weights 1 - d / sum d,
-clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. A share d / sum d above 0.3 is possible for at most
-three views, and every other view sits at the upper clamp: so N, sum d, sum colour and the three largest (d, colour) suffice,
-all integers. Without a proper view the one of smallest (d, id) stands in.
+A view has an integer distance d in millimetres. Proper views have a d within the gate. Their weights are 1 - d / sum d,
+clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. At most three views can have a share d / sum d
+above 0.3; every other view has the upper clamp. So N, sum d, sum colour and the three largest (d, colour) suffice, all
+integers. Without a proper view the view of smallest (d, id) is the fallback.
 """
 
 from __future__ import annotations
@@ -14,21 +14,26 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-MIN_WEIGHT, MAX_WEIGHT = 0.3, 0.7
-# Distances up to this many millimetres fit 16 bits.
+# Clamps of the blend weights.
+MIN_WEIGHT = 0.3
+MAX_WEIGHT = 0.7
+# Largest distance that fits 16 bits.
 MAX_UINT16_MM = 65_535
 
 
 class BlendState(NamedTuple):
     """State of `total` texels, updated in place by `add_views`: 33 bytes each.
 
-    views (t,) uint16: proper ones;
-    distance (t,) int32: their sum of d in mm;
-    colour (t, 3) int32: their sum;
-    top_distance (t, 3), top_colour (t, 3, 3) uint8: the three largest d, descending, as far as there are views.
+    A texel without a proper view stores its fallback view in the same arrays: distance is the view's id + 1, or 0 without any view;
+    top_distance and top_colour hold it first.
 
-    A texel without a proper view keeps its stand-in in the same place: distance is then its id + 1, 0 where there is none
-    either, and top_distance and top_colour hold it first.
+    Attributes
+    ----------
+    views : (t,) uint16 number of proper views.
+    distance : (t,) int32 sum of their d, millimetres.
+    colour : (t, 3) int32 sum of their colours.
+    top_distance : (t, 3) the three largest d, descending.
+    top_colour : (t, 3, 3) uint8 their colours.
     """
 
     views: np.ndarray
@@ -38,20 +43,20 @@ class BlendState(NamedTuple):
     top_colour: np.ndarray
 
     @classmethod
-    def empty(cls, total: int, *, farthest: int = MAX_UINT16_MM) -> BlendState:
-        """`farthest` is the largest d in mm that a view may have."""
+    def allocate(cls, total: int, *, max_distance_mm: int = MAX_UINT16_MM) -> BlendState:
+        """Allocate the state of `total` texels for views up to `max_distance_mm`."""
         return cls(
             views=np.zeros(total, np.uint16),
             distance=np.zeros(total, np.int32),
             colour=np.zeros((total, 3), np.int32),
-            top_distance=np.zeros((total, 3), np.uint16 if farthest <= MAX_UINT16_MM else np.int32),
+            top_distance=np.zeros((total, 3), np.uint16 if max_distance_mm <= MAX_UINT16_MM else np.int32),
             top_colour=np.zeros((total, 3, 3), np.uint8),
         )
 
 
 @njit(cache=True, inline="always")
 def is_fallback_view(state: BlendState, t: int, d: int, view: int) -> bool:
-    """Whether a view beyond the gate would be what texel t shows. Called from numba kernels."""
+    """Return True if a view beyond the gate would become the colour of texel t. Called from numba kernels."""
     if state.views[t] > 0:
         return False
     held, nearest = np.int64(state.distance[t]) - 1, np.int64(state.top_distance[t, 0])
@@ -60,8 +65,17 @@ def is_fallback_view(state: BlendState, t: int, d: int, view: int) -> bool:
 
 @njit(cache=True, inline="always")
 def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np.ndarray) -> None:
-    """Add one view of texel t: d in mm, `proper` within the gate, `view` its id, rgb (3,) its colour. Called from numba
-    kernels."""
+    """Add one view of texel t. Called from numba kernels.
+
+    Parameters
+    ----------
+    state : state of all texels, changed in place.
+    t : index of the texel.
+    d : distance, millimetres.
+    proper : d is within the gate.
+    view : id of the viewpoint.
+    rgb : (3,) colour.
+    """
     n = int(state.views[t])
     if not proper:
         if is_fallback_view(state, t, d, view):
@@ -70,7 +84,7 @@ def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np
             for c in range(3):
                 state.top_colour[t, 0, c] = rgb[c]
         return
-    if n == 0:  # a stand-in goes
+    if n == 0:  # drop the fallback view
         state.distance[t] = 0
     state.views[t] = n + 1
     state.distance[t] += d
@@ -94,13 +108,28 @@ def add_view(state: BlendState, t: int, d: int, proper: bool, view: int, rgb: np
 def add_views(
     state: BlendState, texel: np.ndarray, d: np.ndarray, proper: np.ndarray, view: np.ndarray, rgb: np.ndarray
 ) -> None:
-    """Add views one by one: texel, d (mm), proper, view (n,) and rgb (n, 3) uint8."""
+    """Add views one by one.
+
+    Parameters
+    ----------
+    state : state of all texels, changed in place.
+    texel : (n,) index of the texel.
+    d : (n,) distance, millimetres.
+    proper : (n,) d is within the gate.
+    view : (n,) id of the viewpoint.
+    rgb : (n, 3) uint8 colour.
+    """
     for i in range(len(texel)):
         add_view(state, texel[i], d[i], proper[i], view[i], rgb[i])
 
 
 def blend_views(state: BlendState, texels: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
-    """Eq. 1 of some texels: colour (t, 3) uint8, rounded to nearest, and how many views made it (t,) uint16."""
+    """Compute Eq. 1 for some texels.
+
+    Returns
+    -------
+    Colour (t, 3) uint8, rounded to nearest, and the number of blended views (t,) uint16.
+    """
     chosen = BlendState(*(array[texels] for array in state))
     out = np.zeros((len(chosen.views), 3), np.uint8)
     views = np.zeros(len(out), np.uint16)
@@ -116,7 +145,7 @@ def _blend(state: BlendState, out: np.ndarray, views: np.ndarray) -> None:
 
 @njit(cache=True, inline="always")
 def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
-    """Eq. 1 of texel t into out[t]; returns how many views made it. Called from numba kernels."""
+    """Write Eq. 1 of texel t to out[t] and return the number of blended views. Called from numba kernels."""
     n = int(state.views[t])
     if n == 0:
         if state.distance[t] == 0:
@@ -128,13 +157,13 @@ def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
         for c in range(3):
             out[t, c] = state.top_colour[t, 0, c]
         return n
-    # every view at the upper clamp (weight 1), then the few largest corrected
+    # all views at the upper clamp (weight 1), then a correction for the largest distances
     total = float(n)
     r, g, b = float(state.colour[t, 0]), float(state.colour[t, 1]), float(state.colour[t, 2])
     if state.distance[t] > 0:
         whole = 1.0 / state.distance[t]
         for k in range(min(n, 3)):
-            # the weight of share d / sum d, 1 at the upper clamp and 0 at the lower one
+            # weight of the share d / sum d: 1 at the upper clamp, 0 at the lower one
             beyond = min(max(np.int64(state.top_distance[t, k]) * whole, 1.0 - MAX_WEIGHT), 1.0 - MIN_WEIGHT) - (1.0 - MAX_WEIGHT)
             change = -1.0 / (MAX_WEIGHT - MIN_WEIGHT) * beyond
             total += change

@@ -1,4 +1,4 @@
-"""Texture propagation: a translated panorama into the texels that see it (street paper, 3 Texture propagation)."""
+"""Texture propagation: a translated panorama into the texels that it shows (street paper, 3 Texture propagation)."""
 
 from __future__ import annotations
 
@@ -10,27 +10,29 @@ import numpy as np
 from facade_core.core.errors import GeometryError
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
-from facade_core.geometry.equirectangular import basis
+from facade_core.geometry.equirectangular import upright_rotation
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.visible_tiles import TILE, Facing, mark_tiles
+from facade_core.geometry.visible_tiles import VISIBLE_TILE_TEXELS, FacingCharts, mark_visible_tiles
 from facade_core.street.propagation.blend import BlendState, add_view, blend_texel, is_fallback_view
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
-# Texels seen flatter than this hold no detail: a panorama pixel would cover metres of them.
+# Cosine of incidence below which a panorama pixel covers metres of a surface, without detail.
 MIN_FACING_COSINE = 0.02
 # A view is proper within this many viewpoint spacings along the street (ADR 0010).
 GATE_SPACINGS = 1.5
 
 
 class TranslatedPanorama(NamedTuple):
-    """A translated panorama.
+    """Translated panorama as the kernels read it.
 
-    id: of its viewpoint;
-    gate: mm along the street within which it is proper;
-    camera (3, 3): rotation;
-    rgb (h, w, 3) uint8;
-    surface (h, w): what each pixel shows, -1 nothing.
+    Attributes
+    ----------
+    id : id of the viewpoint.
+    gate : distance along the street within which the view is proper, millimetres.
+    camera : (3, 3) rotation.
+    rgb : (h, w, 3) uint8 colour.
+    surface : (h, w) surface per pixel, -1 for none.
     """
 
     id: int
@@ -49,16 +51,29 @@ def propagate(
     charts_seen: np.ndarray | None = None,
     threads: int = 1,
 ) -> None:
-    """Blend a translated panorama `rgb` (h, w, 3) uint8 into the window's writable charts, in place.
+    """Blend a translated panorama into the buffer's writable charts, in place.
 
-    A texel takes the view when it faces the camera within the visibility range, the pixel it falls on shows its own surface,
-    and that pixel or one beside it shows its chart: exact for planar surfaces up to one pixel, and never colour from an
-    occluder. Its colour is bilinear over the pixels of its surface. d = |forward . (p - c)| in mm. `seen` (h, w) int32 is the
-    panorama's chart image where it is at hand. The result is the same for any number of threads.
-    Raises GeometryError for a window made for a shorter visibility range.
+    A texel takes the view if it faces the camera within the visibility range, its pixel shows its surface, and that pixel or a
+    neighbour shows its chart. This is exact for planar surfaces up to one pixel and never takes colour from an occluder. Colour is
+    bilinear over the pixels of the texel's surface. The distance is d = |forward . (p - c)|. The result does not depend on the
+    number of threads.
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    buffer : texels that the street reads and writes.
+    viewpoint : position and direction of the panorama.
+    rgb : (h, w, 3) uint8 translated panorama.
+    charts_seen : (h, w) int32 chart index per pixel, -1 where the sky is seen; computed if None.
+    threads : number of threads.
+
+    Raises
+    ------
+    GeometryError
+        The buffer was allocated for a shorter visibility range.
     """
     if charts_seen is None:
-        charts_seen = scene.look(viewpoint, rgb.shape[1])[2]
+        charts_seen = scene.cast_panorama(viewpoint, rgb.shape[1])[2]
     held = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
     if len(held) == 0:
         return
@@ -81,11 +96,18 @@ def propagate(
 
 
 def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: np.ndarray) -> None:
-    """Count the viewpoint as a view of the bare texels that it is the first to see, of the window's writable charts, in place.
+    """Record the viewpoint as the first view of every untextured texel that it sees.
 
-    For translators that answer with a field: what such a texel shows depends on no view, and
-    `facade_core.street.surfaces.paint_visible_texels` gives it. Which texels a viewpoint sees is as `propagate` has it, at any distance along
-    the street; seen (h, w) int32 is the panorama's chart image.
+    Used by translators that return a material field: the colour of such a texel does not depend on the viewpoint, so only
+    visibility is stored here and `facade_core.street.surfaces.paint_visible_texels` sets the colour. Visibility follows the rules
+    of `propagate`, without the distance gate.
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    buffer : texels of the charts that this street writes; changed in place.
+    viewpoint : position and direction of the panorama.
+    charts_seen : (h, w) int32 chart index per panorama pixel, -1 where the sky is seen.
     """
     held = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
     if len(held):
@@ -95,16 +117,16 @@ def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, 
 
 def _facing_charts(
     scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, visible: np.ndarray, charts_seen: np.ndarray
-) -> tuple[Facing, np.ndarray, np.ndarray, np.ndarray]:
-    """The charts `held` (k,) before a viewpoint; the surface of each pixel (h, w), -1 nothing; the camera's rotation; and which
-    tiles of the charts its pixels can fall on."""
+) -> tuple[FacingCharts, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the visible charts in camera space, the surface per pixel, the camera's rotation, and the tiles that pixels may hit.
+    """
     charts, placement = scene.charts, scene.placement
     place = np.full(len(charts), -1, np.int64)
     place[visible] = np.arange(len(visible))
-    origin, normal = charts.origin[visible] - viewpoint.position, charts.normal()[visible]
-    # texels farther than this are out of range, or seen too flat or from behind
+    origin, normal = charts.origin[visible] - viewpoint.position, charts.normals()[visible]
+    # farther texels are out of range, seen at a grazing angle, or from behind
     farthest = np.clip(-np.einsum("ij,ij->i", normal, origin) / MIN_FACING_COSINE, 0, scene.visibility_range)
-    facing = Facing(
+    facing = FacingCharts(
         origin,
         charts.axis_u[visible],
         charts.axis_v[visible],
@@ -114,15 +136,15 @@ def _facing_charts(
         placement.width[visible].astype(np.int64),
         placement.height[visible].astype(np.int64),
         charts.surface[visible],
-        buffer.rasters.offset[visible],
+        buffer.layout.offset[visible],
     )
-    surface, camera = np.where(charts_seen >= 0, charts.surface[charts_seen], -1), basis(viewpoint.forward)
-    return facing, surface, camera, mark_tiles(charts_seen, surface, place, camera, facing)
+    surface, camera = np.where(charts_seen >= 0, charts.surface[charts_seen], -1), upright_rotation(viewpoint.forward)
+    return facing, surface, camera, mark_visible_tiles(charts_seen, surface, place, camera, facing)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
 def _fast_atan2(right: float, ahead: float) -> float:
-    """atan2(right, ahead) to 3e-10 rad, without a branch: rows of it are worked out side by side."""
+    """Compute atan2(right, ahead) to 3e-10 rad without a branch, so that loops vectorise."""
     a, b = abs(right), abs(ahead)
     small, large = min(a, b), max(a, b)
     # beyond tan(pi / 8) the remainder to pi / 4 is the smaller angle
@@ -153,8 +175,11 @@ def _project_row(
     depth: np.ndarray,
     level: np.ndarray,
 ) -> None:
-    """Where in the panorama (columns, rows) the texels of a piece of a row lie, (n,) each, in pixels; their depth along the
-    street, metres, and squared distance from the camera's axis. origin, step (3,): the first texel, and on to the next."""
+    """Project n texels of a row into the panorama.
+
+    Writes the pixel position, the depth along the street in metres, and the squared distance from the camera's vertical axis.
+    origin, step (3,): first texel and the offset to the next.
+    """
     for i in range(len(depth)):
         right, down, ahead = origin[0] + i * step[0], origin[1] + i * step[1], origin[2] + i * step[2]
         flat = right * right + ahead * ahead
@@ -168,40 +193,40 @@ def _blend_tiles(
     state: BlendState,
     resolved: np.ndarray,
     provenance: np.ndarray,
-    charts: Facing,
+    charts: FacingCharts,
     view: TranslatedPanorama,
     marked: np.ndarray,
     part: int,
     parts: int,
 ) -> None:
-    """Every parts-th marked tile, from the part-th on: no texel belongs to two of them."""
+    """Blend every parts-th marked tile from the part-th on; tiles share no texel."""
     rgb, surface, gate, camera = view.rgb, view.surface, view.gate, view.camera
     rows, columns = surface.shape
     origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
     width, height, own, offset = charts.width, charts.height, charts.surface, charts.offset
     colour = np.zeros(3, np.int64)
-    columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
+    columns_at, rows_at, depths, levels = np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS)
     first = np.empty(3)
     tile, turn = -1, -1
     for c in range(len(origin)):
-        # the chart's frame in the camera's: right, down, ahead
+        # the chart's frame in camera space: right, down, ahead
         o, u, v = camera @ origin[c], camera @ axis_u[c], camera @ axis_v[c]
         step = charts.step[c]
         along = step * u
-        for top in range(0, height[c], TILE):
-            for left in range(0, width[c], TILE):
+        for top in range(0, height[c], VISIBLE_TILE_TEXELS):
+            for left in range(0, width[c], VISIBLE_TILE_TEXELS):
                 tile += 1
                 if not marked[tile]:
                     continue
                 turn += 1
                 if turn % parts != part:
                     continue
-                for j in range(top, min(top + TILE, height[c])):
+                for j in range(top, min(top + VISIBLE_TILE_TEXELS, height[c])):
                     x, y = (left + 0.5) * step, (j + 0.5) * step
                     for axis in range(3):
                         first[axis] = o[axis] + x * u[axis] + y * v[axis]
                     _project_row(first, along, columns, rows, columns_at, rows_at, depths, levels)
-                    for k in range(min(TILE, width[c] - left)):
+                    for k in range(min(VISIBLE_TILE_TEXELS, width[c] - left)):
                         down = first[1] + k * along[1]
                         squared = levels[k] + down * down
                         if squared > farthest[c] * farthest[c]:
@@ -211,7 +236,7 @@ def _blend_tiles(
                         if d > gate and not is_fallback_view(state, t, d, view.id):
                             continue
                         column_at, row_at = columns_at[k], rows_at[k]
-                        # comparisons instead of remainders and floors: they are the slowest of all that is done here
+                        # comparisons, because remainders and floors would dominate the run time
                         row, column = min(int(row_at), rows - 1), int(column_at)
                         if column >= columns:
                             column = 0
@@ -222,7 +247,7 @@ def _blend_tiles(
                         left_at = u0 if u0 >= 0 else columns - 1
                         right_at = u0 + 1 if u0 + 1 < columns else 0
                         above_at, below_at = max(v0, 0), min(v0 + 1, rows - 1)
-                        # weights of the four pixels around; those of other surfaces do not count
+                        # bilinear weights; pixels of other surfaces have none
                         w00 = (1 - across) * (1 - below) if surface[above_at, left_at] == own[c] else 0.0
                         w01 = across * (1 - below) if surface[above_at, right_at] == own[c] else 0.0
                         w10 = (1 - across) * below if surface[below_at, left_at] == own[c] else 0.0
@@ -245,29 +270,29 @@ def _blend_tiles(
 def _mark_tiles(
     views: np.ndarray,
     provenance: np.ndarray,
-    charts: Facing,
+    charts: FacingCharts,
     camera: np.ndarray,
     surface: np.ndarray,
     marked: np.ndarray,
 ) -> None:
-    """One view of every bare texel in the marked tiles that has none and is in sight."""
+    """Count one view for every untextured, unviewed texel of the marked tiles that is visible."""
     rows, columns = surface.shape
     width, height = charts.width, charts.height
-    columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
+    columns_at, rows_at, depths, levels = np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS)
     first = np.empty(3)
     tile = -1
     for c in range(len(charts.origin)):
         o, u, v = camera @ charts.origin[c], camera @ charts.axis_u[c], camera @ charts.axis_v[c]
         step = charts.step[c]
         along = step * u
-        for top in range(0, height[c], TILE):
-            for left in range(0, width[c], TILE):
+        for top in range(0, height[c], VISIBLE_TILE_TEXELS):
+            for left in range(0, width[c], VISIBLE_TILE_TEXELS):
                 tile += 1
                 if not marked[tile]:
                     continue
-                for j in range(top, min(top + TILE, height[c])):
+                for j in range(top, min(top + VISIBLE_TILE_TEXELS, height[c])):
                     t = charts.offset[c] + j * width[c] + left
-                    wide = min(TILE, width[c] - left)
+                    wide = min(VISIBLE_TILE_TEXELS, width[c] - left)
                     bare = False
                     for k in range(wide):
                         bare |= provenance[t + k] == Provenance.UNSEEN and views[t + k] == 0

@@ -1,4 +1,4 @@
-"""The partially textured panorama of a viewpoint (street paper, 3 Rendering)."""
+"""Partially textured panorama of a viewpoint (street paper, 3 Rendering)."""
 
 from __future__ import annotations
 
@@ -11,25 +11,28 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import GATE_SPACINGS
-from facade_core.street.propagation.sampling import ViewGate, DaylightGrid, PanoramaPixels, ChartTexels, shade_pixels
+from facade_core.street.propagation.sampling import ChartTexels, DaylightGrid, PanoramaPixels, ViewGate, shade_pixels
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Soft daylight: a hemisphere of sky plus a low sun from the south-west.
 SUN_DIRECTION = np.array([-0.45, -0.6, 0.66])
 AMBIENT_LIGHT = 0.72
-# Grey of geometry beyond the visibility range: it is neither read nor written.
+# Grey of geometry beyond the visibility range, which is neither read nor written.
 OUT_OF_RANGE_GREY = 160
 
 
 @dataclass(frozen=True)
 class Panorama:
-    """What a viewpoint sees.
+    """Rendered panorama of a viewpoint.
 
-    rgb (h, w, 3) uint8: textured parts in colour, the rest in grey under soft daylight, sky black;
-    textured (h, w) bool;
-    depth (h, w) float32: metres, inf for sky;
-    chart (h, w) int32: -1 for sky and beyond the visibility range;
-    points (h, w, 3) float64: world points of the pixels.
+    Attributes
+    ----------
+    viewpoint : position and direction of the panorama.
+    rgb : (h, w, 3) uint8; textured parts in colour, others in grey under soft daylight, sky black.
+    textured : (h, w) bool.
+    depth : (h, w) float32 metres, inf for sky.
+    chart : (h, w) int32 chart index, -1 for sky and beyond the visibility range.
+    points : (h, w, 3) float64 world points.
     """
 
     viewpoint: Viewpoint
@@ -41,29 +44,40 @@ class Panorama:
 
 
 def daylight_grey(normals: np.ndarray) -> np.ndarray:
-    """Grey of a white surface under the soft daylight, (...,) in 0..1, for unit normals (..., 3)."""
+    """Compute the grey (...,) in 0..1 of a white surface under soft daylight from unit normals (..., 3)."""
     sky = 0.5 + 0.5 * normals[..., 2]
     sun = np.clip(normals @ (SUN_DIRECTION / np.linalg.norm(SUN_DIRECTION)), 0, 1)
     return np.clip(AMBIENT_LIGHT + 0.12 * sky + 0.16 * sun, 0, 1)
 
 
 def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
-    """Render a viewpoint with the texels that the window `atlas` holds; size = (height, width) pixels, width = 2 height.
+    """Render a viewpoint with the texels of a buffer.
 
-    A texel of provenance 0, and every chart that the window does not hold, counts as untextured; so does what only a stand-in
-    shows (ADR 0010), where this viewpoint's view is a proper one. Raises GeometryError for
-    another shape of panorama.
+    Texels of provenance 0 and charts outside the buffer count as untextured. Within the distance gate so do texels with only a
+    fallback view (ADR 0010).
+
+    Parameters
+    ----------
+    scene : the block's geometry.
+    buffer : texels that the street reads and writes.
+    viewpoint : position and direction of the panorama.
+    size : height and width in pixels; width = 2 height.
+
+    Raises
+    ------
+    GeometryError
+        The panorama is not twice as wide as high.
     """
     height, width = size
     if width != 2 * height:
         raise GeometryError(
             f"an equirectangular panorama is twice as wide as high, not {width} x {height}; change the size"
         )
-    rays, depth, chart = scene.look(viewpoint, width)
-    charts, placement, rasters = scene.charts, scene.placement, buffer.rasters
-    normal = charts.normal()
+    rays, depth, chart = scene.cast_panorama(viewpoint, width)
+    charts, placement, rasters = scene.charts, scene.placement, buffer.layout
+    normal = charts.normals()
     daylight = scene.daylight
-    daylight.reach(np.unique(chart[chart != MISS]))
+    daylight.compute(np.unique(chart[chart != MISS]))
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[np.isfinite(depth) & (chart == MISS)] = OUT_OF_RANGE_GREY
     textured = np.zeros((height, width), bool)
@@ -78,7 +92,7 @@ def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[
         placement.height,
         255 * daylight_grey(normal),
     )
-    lights = DaylightGrid(daylight.place, daylight.columns, daylight.rows, daylight.light)
+    lights = DaylightGrid(daylight.start, daylight.columns, daylight.rows, daylight.light)
     pixels = PanoramaPixels(rays, depth, chart)
     gate = ViewGate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
     texels = (buffer.colour, buffer.provenance, buffer.state.views)

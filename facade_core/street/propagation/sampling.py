@@ -1,4 +1,4 @@
-"""Atlas texels as a panorama's pixels see them: averaged over each pixel's footprint on its chart."""
+"""Sampling of atlas texels over each pixel's footprint on its chart."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.core.provenance import Provenance
 
-# Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
+# Samples along either side of a footprint; only pixels near the horizon have longer ones.
 MAX_SAMPLES = 16
 
 
 class PanoramaPixels(NamedTuple):
-    """What a panorama's pixels show.
+    """Pixels of a panorama.
 
-    rays (h, w, 3): unit directions;
-    depth (h, w): metres;
-    chart (h, w): negative where there is none.
+    Attributes
+    ----------
+    rays : (h, w, 3) unit directions.
+    depth : (h, w) metres.
+    chart : (h, w) chart index, negative for none.
     """
 
     rays: np.ndarray
@@ -27,13 +29,15 @@ class PanoramaPixels(NamedTuple):
 
 
 class ChartTexels(NamedTuple):
-    """All charts, n of them, and where the window has their texels.
+    """Frames of all n charts and the place of their texels in the buffer.
 
-    origin, axis_u, axis_v, normal (n, 3);
-    density (n,): texels per metre;
-    offset (n,): of a chart's first texel, negative where it is not held;
-    width, height (n,): texels;
-    grey (n,): 0..255, of what has no texture.
+    Attributes
+    ----------
+    origin, axis_u, axis_v, normal : (n, 3) frames.
+    density : (n,) texels per metre.
+    offset : (n,) index of a chart's first texel, negative if it is not in the buffer.
+    width, height : (n,) texels.
+    grey : (n,) 0..255, shading of an untextured surface.
     """
 
     origin: np.ndarray
@@ -48,14 +52,26 @@ class ChartTexels(NamedTuple):
 
 
 class ViewGate(NamedTuple):
-    """Which views of texels are proper for a viewpoint: forward (2,), its street's direction; metres along it."""
+    """Distance gate of proper views.
+
+    Attributes
+    ----------
+    forward : (2,) direction of the street.
+    metres : greatest distance along it.
+    """
 
     forward: np.ndarray
     metres: float
 
 
 class DaylightGrid(NamedTuple):
-    """`Daylight` that has every chart in view: place, columns, rows (n,) and light (k,)."""
+    """Soft daylight on charts, as in `Daylight`.
+
+    Attributes
+    ----------
+    place, columns, rows : (n,) first value and shape of each chart's grid.
+    light : (k,) values of all grids.
+    """
 
     place: np.ndarray
     columns: np.ndarray
@@ -65,7 +81,7 @@ class DaylightGrid(NamedTuple):
 
 @njit(cache=True, inline="always")
 def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
-    """Light at the shares x, y of a chart's sides, linear between the places where it is known. Called from numba kernels."""
+    """Interpolate the light at shares x, y of a chart's sides. Called from numba kernels."""
     u = min(max(x, 0.0), 1.0) * (columns - 1)
     v = min(max(y, 0.0), 1.0) * (rows - 1)
     u0, v0 = min(int(u), columns - 2), min(int(v), rows - 2)
@@ -77,7 +93,7 @@ def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, l
 
 @njit(cache=True, inline="always")
 def _is_known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
-    """Whether a texel shows what it is; where the view is near, not by a stand-in."""
+    """Return True if a texel has a colour; in a near view a fallback colour does not count."""
     if near and provenance[texel] == Provenance.TRANSLATED and texel < len(views) and views[texel] == 0:
         return False
     return provenance[texel] > Provenance.UNSEEN
@@ -96,12 +112,24 @@ def shade_pixels(
     rgb: np.ndarray,
     textured: np.ndarray,
 ) -> None:
-    """Colour the Pixels that show a chart, into rgb (h, w, 3) and textured (h, w); others are left alone.
+    """Colour the pixels that show a chart, in place.
 
-    camera (3,); charts: Sheets; atlas (t, 3) and provenance (t,): the texels that are held; views (w,): how many proper ones
-    the first of them have. A pixel is textured when at least half of the texels under it are known; its colour is the mean of
-    those, bilinear where it is smaller than a texel. Where the viewpoint's own view is proper, a texel that has none yet is not
-    known: what was made from far would be copied from view to view.
+    A pixel is textured if at least half of the texels under it are known. Its colour is their mean, or bilinear where the pixel is
+    smaller than a texel. Within the gate a fallback colour does not count as known: colour seen from far would be copied from view
+    to view.
+
+    Parameters
+    ----------
+    pixels : pixels of the panorama.
+    camera : (3,) position.
+    charts : frames and texels of all charts.
+    lights : soft daylight on the charts.
+    atlas : (t, 3) colours of the buffer's texels.
+    provenance : (t,) provenance of these texels.
+    views : (w,) number of proper views of the first w texels.
+    gate : distance gate of the viewpoint.
+    rgb : (h, w, 3) output colour.
+    textured : (h, w) output mask.
     """
     rays, depth, chart = pixels
     rows, columns = chart.shape
@@ -118,7 +146,7 @@ def shade_pixels(
                 ahead += normal[k, i] * rays[r, c, i]
             if ahead > -1e-6:
                 ahead = -1e-6
-            # the texel hit, and how far it moves with a step to the right and one down
+            # the texel under the pixel, and its offsets per pixel to the right and down
             beside, below = (c + 1) % columns, min(r + 1, rows - 1)
             above = below - 1
             leave_right, leave_down = 0.0, 0.0

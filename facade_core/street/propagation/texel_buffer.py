@@ -1,4 +1,4 @@
-"""The part of the atlas that one street sees, in memory, with the blend state of the texels it writes."""
+"""In-memory part of the atlas that one street sees, with the blend state of the texels that it writes."""
 
 from __future__ import annotations
 
@@ -15,41 +15,55 @@ from facade_core.street.propagation.blend import BlendState
 
 @dataclass(frozen=True)
 class TexelBuffer:
-    """Texels laid out by `rasters`, the writable charts first, so that they share their index with `state`.
+    """Texels of the charts that a street reads and writes.
 
-    writable (k,): chart ids;
-    colour (t, 3), provenance (t,) uint8: the facade stages' seed where it has evidence, elsewhere what the views make by
-    Eq. 1, black and UNSEEN before the first;
-    state: of the writable texels only.
+    Writable charts come first, so that their texels have the same index in `state`.
+
+    Attributes
+    ----------
+    layout : layout of the texels.
+    writable : (k,) chart ids.
+    colour : (t, 3) uint8; the base layer where it has evidence, else Eq. 1 of the views; black before the first view.
+    provenance : (t,) uint8; UNSEEN before the first view.
+    state : blend state of the writable texels.
     """
 
-    rasters: TexelLayout
+    layout: TexelLayout
     writable: np.ndarray
     colour: np.ndarray
     provenance: np.ndarray
     state: BlendState
 
     @staticmethod
-    def layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[TexelLayout, np.ndarray]:
-        """Layout of a window that writes some charts and only reads others; chart ids may repeat."""
+    def plan_layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[TexelLayout, np.ndarray]:
+        """Plan the layout of a buffer that writes some charts and only reads others; chart ids may repeat."""
         write = np.unique(np.fromiter(writable, np.int64))
         read = np.setdiff1d(np.fromiter(readable, np.int64), write)
-        return TexelLayout.of(placement, np.concatenate([write, read])), write
+        return TexelLayout.of_charts(placement, np.concatenate([write, read])), write
 
     @classmethod
-    def of(
+    def allocate(
         cls,
         placement: Placement,
         rasters: TexelLayout,
         writable: np.ndarray,
-        seed: np.ndarray,
-        evidence: np.ndarray,
+        base_colour: np.ndarray,
+        base_provenance: np.ndarray,
         *,
         visibility_range: float = 40.0,
     ) -> TexelBuffer:
-        """A window without views yet: colour is the seed (t, 3), provenance its evidence (t,). The range, in metres, is that of
-        the scene whose views it takes."""
+        """Allocate a buffer without views.
+
+        Parameters
+        ----------
+        placement : place of every chart on the pages.
+        layout : layout from `plan_layout`.
+        writable : (k,) chart ids.
+        base_colour : (t, 3) colour of the base layer.
+        base_provenance : (t,) provenance of the base layer.
+        visibility_range : of the scene whose views the buffer takes, metres.
+        """
         total = int((placement.width[writable].astype(np.int64) * placement.height[writable]).sum())
-        state = BlendState.empty(total, farthest=round(1000 * visibility_range))
-        colour = np.where((evidence > Provenance.UNSEEN)[:, None], seed, np.uint8(0))
-        return cls(rasters, writable, colour, evidence.copy(), state)
+        state = BlendState.allocate(total, max_distance_mm=round(1000 * visibility_range))
+        colour = np.where((base_provenance > Provenance.UNSEEN)[:, None], base_colour, np.uint8(0))
+        return cls(rasters, writable, colour, base_provenance.copy(), state)

@@ -1,4 +1,4 @@
-"""Where the taps of a convolution kernel fall in an equirectangular image (street paper, 3 Neural network)."""
+"""Taps of an equirectangular convolution kernel (street paper, 3 Neural network)."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-# Side of the kernel.
+# Side of the kernel, pixels.
 KERNEL_SIZE = 7
 TAP_COUNT = KERNEL_SIZE * KERNEL_SIZE
 
 
 @lru_cache(maxsize=8)
 def kernel_taps(height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and column offsets (height, TAPS) float32 of the kernel's taps, row by row of the kernel, in pixels.
+    """Return rows and column offsets (height, TAP_COUNT) float32 of the kernel's taps, in pixels.
 
-    The kernel is a patch of the sphere: the pixels around a place at the equator, moved along the meridian to the row's
-    latitude. Rows count from the middle of the first one, and lie in -0.5 .. height - 0.5; a column offset beyond a quarter of
-    the width means a tap on the far side of a pole.
+    The kernel is a patch of the sphere: pixels around a place at the equator, moved along the meridian to the row's latitude. Rows
+    count from the middle of the first one, in -0.5 .. height - 0.5. A column offset beyond a quarter of the width is a tap on the
+    far side of a pole.
     """
     step = np.pi / height
     latitude = (0.5 - (np.arange(height) + 0.5) / height)[:, None, None] * np.pi
@@ -35,10 +35,17 @@ def kernel_taps(height: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gather_taps(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> np.ndarray:
-    """What the taps of some rows and columns see of a whole panorama `image` (bands, h, 2 h) float32.
+    """Gather the taps of some rows and columns of a whole panorama, bilinearly.
 
-    rows: first and last + 1; columns likewise, all without: the first may be negative and the last beyond the width, since
-    columns wrap at +-180 degrees. Bilinear. Returns (bands * TAPS, rows, columns) float32.
+    Parameters
+    ----------
+    image : (bands, h, 2 h) float32.
+    rows : first and last + 1.
+    columns : first and last + 1, all if None; may exceed the width, since columns wrap at +-180 degrees.
+
+    Returns
+    -------
+    (bands * TAP_COUNT, rows, columns) float32.
     """
     left, right = columns or (0, image.shape[2])
     at, aside = kernel_taps(image.shape[1])

@@ -1,4 +1,4 @@
-"""How far two sets of pictures are apart: a kernel distance of features of an ImageNet network. Needs the `train` extra."""
+"""Kernel distance between sets of pictures by features of an ImageNet network. Needs the `train` extra."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-# Blocks of EfficientNet-Lite0 whose mean outputs are a picture's features: strides 4, 8, 16 and 32.
+# Blocks of EfficientNet-Lite0 with strides 4, 8, 16 and 32, whose mean outputs are the features.
 FEATURE_BLOCKS = (2, 4, 10, 15)
 
 
@@ -25,7 +25,8 @@ def _network() -> Any:
 
 
 def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Features (n, 496) float64 of pictures (h, w, 3) uint8: of each of FEATURE_BLOCKS, scaled to unit length together."""
+    """Compute features (n, 496) float64 of pictures (h, w, 3) uint8: each of FEATURE_BLOCKS at unit length, concatenated.
+    """
     import torch
     from torch.nn import functional
 
@@ -45,7 +46,13 @@ def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def kernel_distance(ours: np.ndarray, theirs: np.ndarray) -> float:
-    """Squared maximum mean discrepancy, unbiased, of features (n, k) and (m, k) under the kernel (x . y + 1)^3."""
+    """Compute the unbiased squared maximum mean discrepancy under the kernel (x . y + 1)^3.
+
+    Parameters
+    ----------
+    ours : (n, k) features.
+    theirs : (m, k) features.
+    """
 
     def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (a @ b.T + 1) ** 3

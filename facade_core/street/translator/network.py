@@ -1,8 +1,8 @@
-"""The translation network and what it is trained against (street paper, 3 Neural network and 4 Training). Needs torch.
+"""Translation network and its training networks (street paper, 3 Neural network and 4 Training). Needs torch.
 
-Two things differ from the paper. Activations are not normalised across the image, so that an output depends on its surroundings
-only: what two viewpoints see alike comes out alike, and a large panorama can be worked on in tiles that are equal to the whole.
-And padding goes round the panorama at +-180 degrees.
+Two things differ from the paper. Activations are not normalised across the image, so that an output depends only on its
+surroundings: two viewpoints get the same output for the same view, and tiles of a large panorama equal the whole. Padding wraps
+around the panorama at +-180 degrees.
 """
 
 from __future__ import annotations
@@ -17,16 +17,19 @@ from torch.nn import functional
 from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, kernel_taps
 
 RESIDUAL_BLOCKS = 9
-# Outputs of the encoder that patches are compared at: the input, both strides, the first and the fifth residual block.
+# Encoder outputs that patches are compared at: the input, both strides, the first and the fifth residual block.
 FEATURE_OUTPUTS = 5
 _FEATURE_BLOCKS = (0, 4)
 _EMBEDDING_SIZE = 256
-# Slope of the rectifier below zero; share of a residual block that is added; of the last layer's weights at the start.
-LEAKY_SLOPE, RESIDUAL_SHARE, LAST_LAYER_SCALE = 0.2, 0.2, 0.3
+LEAKY_SLOPE = 0.2
+# Share of a residual block that is added.
+RESIDUAL_SHARE = 0.2
+# Factor of the last layer's initial weights.
+LAST_LAYER_SCALE = 0.3
 
 
 def pad_edges(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
-    """Repeat the edges, or at the sides go round."""
+    """Repeat the edges, or wrap at the sides."""
     x = functional.pad(x, (margin, margin, 0, 0), mode="circular" if wraps else "replicate")
     return functional.pad(x, (0, 0, margin, margin), mode="replicate")
 
@@ -36,7 +39,7 @@ def _leaky_relu(x: Tensor) -> Tensor:
 
 
 class PaddedConvolution(nn.Module):
-    """A convolution that keeps the size, or divides it by its stride."""
+    """Convolution that keeps the size, or divides it by its stride."""
 
     def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
         super().__init__()
@@ -47,7 +50,7 @@ class PaddedConvolution(nn.Module):
 
 
 class ResidualBlock(nn.Module):
-    """A residual block of two convolutions, of which a fifth is added: nine of them unnormalised would grow out of hand."""
+    """Residual block of two convolutions that adds a fifth of its output: nine unnormalised blocks would diverge."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -58,7 +61,7 @@ class ResidualBlock(nn.Module):
 
 
 class UpsamplingConvolution(nn.Module):
-    """A fractionally strided convolution: twice the size. Blurred by 1 2 1, without which it leaves a chequered pattern."""
+    """Fractionally strided convolution to twice the size, blurred by 1 2 1 against checkerboard patterns."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
@@ -70,11 +73,10 @@ class UpsamplingConvolution(nn.Module):
 
 
 class Generator(nn.Module):
-    """Three convolutions, nine residual blocks, two fractionally strided convolutions, a last convolution to RGB.
+    """Generator of three convolutions, nine residual blocks, two fractionally strided ones and a convolution to RGB.
 
-    Inputs (n, bands, h, w) in -1..1; outputs (n, 3, h, w) in -1..1. `equirectangular`: the first convolution has its taps on
-    the sphere; `place` says then of each image which row of which panorama its first row is, as (row, panorama height).
-    `wraps`: the images are whole bands of a panorama.
+    Inputs (n, bands, h, w) and outputs (n, 3, h, w) are in -1..1. `equirectangular` places the taps of the first convolution on
+    the sphere. `place` then gives each image's first row and panorama height. `wraps`: the images are whole bands of a panorama.
     """
 
     def __init__(self, width: int, *, bands: int = 3, equirectangular: bool = True) -> None:
@@ -87,16 +89,17 @@ class Generator(nn.Module):
         self.last = nn.Conv2d(width, 3, 7)
 
     def forward(self, x: Tensor, place: Sequence[tuple[int, int]], wraps: bool = False) -> Tensor:
-        return self.decode(self.blocks_of(self.entry(x, place), wraps, []), wraps)
+        """Translate a batch of images."""
+        return self.decode(self.run_blocks(self.gather_inputs(x, place), wraps, []), wraps)
 
-    def entry(self, x: Tensor, place: Sequence[tuple[int, int]]) -> Tensor:
+    def gather_inputs(self, x: Tensor, place: Sequence[tuple[int, int]]) -> Tensor:
         """What the taps of the first convolution see, (n, bands * TAPS, h, w)."""
         if not self.equirectangular:
             padded = pad_edges(x, KERNEL_SIZE // 2, wraps=False)
             return functional.unfold(padded, KERNEL_SIZE).view(len(x), -1, *x.shape[2:])
         return torch.cat([_gather_image(image[None], *at) for image, at in zip(x, place, strict=True)])
 
-    def blocks_of(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = RESIDUAL_BLOCKS) -> Tensor:
+    def run_blocks(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = RESIDUAL_BLOCKS) -> Tensor:
         """The output of residual block `last`; what patches are compared at is appended to `features`."""
         x = _leaky_relu(self.first(entry))
         for layer in self.narrowing:
@@ -109,22 +112,23 @@ class Generator(nn.Module):
         return x
 
     def decode(self, x: Tensor, wraps: bool) -> Tensor:
+        """Decode the residual blocks' output to an image."""
         for layer in self.widening:
             x = _leaky_relu(layer(x, wraps))
         return torch.tanh(self.last(pad_edges(x, KERNEL_SIZE // 2, wraps=wraps)))
 
     def encode(self, x: Tensor, place: Sequence[tuple[int, int]]) -> list[Tensor]:
-        """Features at the FEATURE_OUTPUTS outputs."""
+        """Return features at the FEATURE_OUTPUTS outputs."""
         features = [x]
-        self.blocks_of(self.entry(x, place), False, features, _FEATURE_BLOCKS[-1] + 1)
+        self.run_blocks(self.gather_inputs(x, place), False, features, _FEATURE_BLOCKS[-1] + 1)
         return features
 
 
 def _gather_image(image: Tensor, top: int, panorama_height: int) -> Tensor:
-    """The taps of one image (1, bands, h, w), a part of a panorama of the given height from row `top` on."""
+    """Gather the taps of one image (1, bands, h, w), part of a panorama from row `top` on."""
     _, bands, height, width = image.shape
     rows, columns = (torch.from_numpy(part[top : top + height]).to(image.device) for part in kernel_taps(panorama_height))
-    # the grid in -1..1 over the image's outer edges: (h * TAPS, w)
+    # grid in -1..1 over the image's outer edges: (h * TAP_COUNT, w)
     y = ((rows - top + 0.5) / height * 2 - 1)[..., None].expand(height, TAP_COUNT, width)
     across = torch.arange(width, device=image.device)
     x = (columns[..., None] + across + 0.5) / width * 2 - 1
@@ -134,7 +138,7 @@ def _gather_image(image: Tensor, top: int, panorama_height: int) -> Tensor:
 
 
 class Discriminator(nn.Module):
-    """PatchGAN: scores (n, 1, h / 8, w / 8) of overlapping patches of 70 pixels."""
+    """PatchGAN discriminator: scores (n, 1, h / 8, w / 8) of overlapping patches of 70 pixels."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -149,7 +153,7 @@ class Discriminator(nn.Module):
 
 
 class PatchEmbedding(nn.Module):
-    """Features of places into unit vectors that can be compared: two layers for each of the FEATURE_OUTPUTS outputs."""
+    """Embedding of features as comparable unit vectors: two layers for each of the FEATURE_OUTPUTS outputs."""
 
     def __init__(self, width: int, bands: int = 3) -> None:
         super().__init__()
@@ -159,7 +163,7 @@ class PatchEmbedding(nn.Module):
         )
 
     def forward(self, features: Sequence[Tensor], where: Sequence[Tensor]) -> list[Tensor]:
-        """Unit vectors (n, patches, 256) of the places `where` (flat positions) of each output."""
+        """Return unit vectors (n, patches, 256) at flat positions `where` of each output."""
         found = []
         for layer, feature, chosen in zip(self.layers, features, where, strict=True):
             flat = feature.flatten(2).permute(0, 2, 1)[:, chosen]
@@ -168,7 +172,7 @@ class PatchEmbedding(nn.Module):
 
 
 def initialise_weights(network: nn.Module, generator: torch.Generator) -> None:
-    """Weights that keep the spread of activations, zero biases; a generator starts near grey."""
+    """Initialise weights that keep the spread of activations; a generator starts near grey."""
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
             nn.init.kaiming_normal_(layer.weight, a=LEAKY_SLOPE, generator=generator)
@@ -180,6 +184,6 @@ def initialise_weights(network: nn.Module, generator: torch.Generator) -> None:
 
 
 def image_to_tensor(image: np.ndarray) -> Tensor:
-    """(h, w, bands) or (n, h, w, bands) uint8 into (n, bands, h, w) in -1..1."""
+    """Convert (h, w, bands) or (n, h, w, bands) uint8 to (n, bands, h, w) in -1..1."""
     batch = image if image.ndim == 4 else image[None]
     return torch.from_numpy(np.ascontiguousarray(batch)).permute(0, 3, 1, 2).float() / 127.5 - 1

@@ -1,4 +1,4 @@
-"""From trained weights to the files that `neural` loads. Needs the `train` extra (torch, onnx)."""
+"""Export of trained weights to the files of `neural_translator`. Needs the `train` extra (torch, onnx)."""
 
 from __future__ import annotations
 
@@ -13,19 +13,22 @@ from facade_core.street.translator.equirectangular_taps import TAP_COUNT
 from facade_core.street.translator.neural_translator import TRANSLATOR_VERSION, load_translator, write_translator
 from facade_core.street.translator.training_steps import TrainingRecipe
 
-# Weights smaller than this stay in single precision: there is nothing to save.
+# Smaller weights stay in single precision, because halving them saves nothing.
 _MIN_HALVED_SIZE = 1024
 
 
 def save_generator(weights: Mapping[str, Any], recipe: TrainingRecipe, path: Path, record: Mapping[str, Any]) -> None:
-    """Write a trained generator as ONNX and, beside it, the .json that it is checked against; weights in half precision."""
+    """Write a trained generator as ONNX in half precision, with its .json record next to it."""
     write_translator(store_half_precision(export_onnx(weights, recipe)), path, {"version": TRANSLATOR_VERSION, "width": recipe.width, **record})
     load_translator(path)
 
 
 def export_onnx(weights: Mapping[str, Any], recipe: TrainingRecipe) -> bytes:
-    """The generator as an ONNX file: input seen (1, 3 TAPS, h, w) float32 in -1..1, what the taps of the first convolution see
-    of rows of a whole panorama; output rgb (1, 3, h, w) in -1..1. h and w are multiples of 4."""
+    """Export the generator as an ONNX file.
+
+    Input seen (1, 3 TAP_COUNT, h, w) float32 in -1..1: gathered taps of rows of a whole panorama. Output rgb (1, 3, h, w) in
+    -1..1. h and w are multiples of 4.
+    """
     import torch
     from torch import nn
 
@@ -37,7 +40,7 @@ def export_onnx(weights: Mapping[str, Any], recipe: TrainingRecipe) -> bytes:
             self.generator = Generator(recipe.width, bands=recipe.bands, equirectangular=recipe.equirectangular)
 
         def forward(self, seen: torch.Tensor) -> torch.Tensor:
-            return self.generator.decode(self.generator.blocks_of(seen, True, [], RESIDUAL_BLOCKS), True)
+            return self.generator.decode(self.generator.run_blocks(seen, True, [], RESIDUAL_BLOCKS), True)
 
     network = Bands()
     network.generator.load_state_dict(weights)
@@ -57,7 +60,7 @@ def export_onnx(weights: Mapping[str, Any], recipe: TrainingRecipe) -> bytes:
 
 
 def store_half_precision(content: bytes) -> bytes:
-    """The same network with its large weights stored in half precision; it computes in single precision as before."""
+    """Store large weights in half precision; the network still computes in single precision."""
     import onnx
     from onnx import numpy_helper
 

@@ -1,4 +1,4 @@
-"""The neural translator: the trained network in onnxruntime (street paper, 3 Neural network)."""
+"""Neural translator: the trained network in onnxruntime (street paper, 3 Neural network)."""
 
 from __future__ import annotations
 
@@ -14,35 +14,40 @@ from typing import Any
 import numpy as np
 
 from facade_core.core.errors import ModelError
-from facade_core.core.model_file import open_session
+from facade_core.core.model_file import open_inference_session
 from facade_core.geometry.raycast import MISS
 from facade_core.street.propagation.render import Panorama
 from facade_core.street.translator.equirectangular_taps import gather_taps
 
 SHIPPED_TRANSLATOR = Path(__file__).parent / "models" / "translator.onnx"
-# Raised whenever the meaning of the inputs or outputs changes.
+# Increase it when the meaning of inputs or outputs changes.
 TRANSLATOR_VERSION = 1
 # Constant, so that results do not depend on the machine's number of cores.
 _INTRA_OP_THREADS = 2
-# An output depends on no pixel that is farther away; a multiple of the network's stride of 4.
+# Receptive field of an output, pixels; a multiple of the network's stride of 4.
 RECEPTIVE_MARGIN = 96
-# Pixels that the network works on at once, reach included, at most: its memory is about 2 kB a pixel.
+# Pixels per call of the network, margin included; it needs about 2 kB of memory per pixel.
 MAX_NETWORK_PIXELS = 600_000
 
 
 @dataclass(frozen=True)
 class NeuralTranslator:
-    """A trained network; texture that the panorama has already is what it goes on from."""
+    """Trained network that continues from the texture of a partially textured panorama.
+
+    Attributes
+    ----------
+    session : onnxruntime session.
+    """
 
     session: Any
 
     def translate(self, panorama: Panorama) -> np.ndarray:
-        """The fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
-        rgb = self.textured(panorama.rgb)
+        """Return the fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
+        rgb = self.translate_image(panorama.rgb)
         rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
         return rgb
 
-    def textured(self, image: np.ndarray) -> np.ndarray:
+    def translate_image(self, image: np.ndarray) -> np.ndarray:
         """What the network makes of a whole panorama (h, 2 h, 3) uint8, in tiles that are equal to the whole.
 
         Raises ModelError for a width that is no multiple of 8.
@@ -63,7 +68,7 @@ class NeuralTranslator:
 
 
 def _tiles(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
-    """Rows and columns (top, bottom, left, right) of tiles that make up a panorama, one where it is small."""
+    """Yield tiles (top, bottom, left, right) of a panorama; one tile if it is small."""
     side = math.isqrt(MAX_NETWORK_PIXELS) - 2 * RECEPTIVE_MARGIN
     down, across = (height, width) if height * width <= MAX_NETWORK_PIXELS else (side // 4 * 4, side // 4 * 4)
     for top in range(0, height, down):
@@ -72,9 +77,12 @@ def _tiles(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
 
 
 def load_translator(path: Path = SHIPPED_TRANSLATOR) -> NeuralTranslator:
-    """The translator of an .onnx file with its .json beside it.
+    """Load the translator of an .onnx file with its .json record.
 
-    Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
+    Raises
+    ------
+    ModelError
+        A file is missing, the checksum differs, or the network has another version.
     """
     for file in (path, path.with_suffix(".json")):
         if not file.is_file():
@@ -93,11 +101,11 @@ def _load_cached(path: Path, _modified: int) -> NeuralTranslator:
         ) from error
     if version != TRANSLATOR_VERSION:
         raise ModelError(f"{path}: made for another version of the translator; train it anew with this version")
-    return NeuralTranslator(open_session(path, record, threads=_INTRA_OP_THREADS))
+    return NeuralTranslator(open_inference_session(path, record, threads=_INTRA_OP_THREADS))
 
 
 def write_translator(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
-    """Write an .onnx file and the .json beside it, checksum added to the record."""
+    """Write an .onnx file and its .json record with the checksum."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(content)
     whole = {"sha256": hashlib.sha256(content).hexdigest(), **record}

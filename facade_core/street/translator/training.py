@@ -1,7 +1,6 @@
 """Training of the translation network (street paper, 4 Training). Needs the `train` extra (torch).
 
-Step n depends on the seed, on n and on the state before it only, so that a run that was interrupted and resumed ends in
-the same weights as one that was not.
+Step n depends only on the seed, on n and on the previous state, so that a resumed run ends in the same weights.
 """
 
 from __future__ import annotations
@@ -18,37 +17,46 @@ import numpy as np
 
 from facade_core.core.errors import ImageError, ModelError
 from facade_core.street.translator.training_steps import (
-    TrainingRecipe,
     TrainingDomains,
-    tensor_to_image,
-    step_restoration,
-    generator_input,
-    step_unpaired,
-    step_paired,
+    TrainingRecipe,
     crops_to_tensors,
+    generator_input,
+    step_paired,
+    step_restoration,
+    step_unpaired,
+    tensor_to_image,
 )
 from facade_core.street.translator.training_views import crop_panorama, crop_rendering
 
 Progress = Callable[[str, int, int], None]
-# What a checkpoint looks like: step, distance, pictures (h, w, 3) uint8 of inputs above outputs.
+# Called with step, distance, and pictures (h, w, 3) uint8 of inputs above outputs.
 CheckpointCallback = Callable[[int, float, np.ndarray], None]
 
-LEARNING_RATE, ADAM_BETAS = 2e-4, (0.5, 0.999)
+LEARNING_RATE = 2e-4
+ADAM_BETAS = (0.5, 0.999)
 WARMUP_RATE = 4e-4
 # Share of the steps at the full rate: the paper's 150 of 200 epochs.
 CONSTANT_RATE_SHARE = 0.75
-# Crops that a checkpoint is judged by, and seed of theirs.
-_EVALUATION_CROPS, _EVALUATION_SEED = 64, 12345
+_EVALUATION_CROPS = 64
+_EVALUATION_SEED = 12345
 
 
-# An hour on one core that others use too; and for an accelerator.
+# One hour on a shared core, and a recipe for an accelerator.
 SMALL_RECIPE = TrainingRecipe(width=32, steps=1800, warm=400, crop=(96, 192), batch=1, check=300)
 FULL_RECIPE = TrainingRecipe(width=64, steps=150_000, warm=3000, crop=(256, 512), batch=4, check=2500)
 
 
 @dataclass(frozen=True)
 class TranslatorCheckpoint:
-    """weights of the best checkpoint (name -> tensor), the step it was made at and its distance; the distance of each."""
+    """Best checkpoint of a training run.
+
+    Attributes
+    ----------
+    weights : name -> tensor.
+    step : step of the checkpoint.
+    distance : its kernel distance.
+    distances : kernel distance of every checkpoint by step.
+    """
 
     weights: Mapping[str, Any]
     step: int
@@ -65,11 +73,25 @@ def train_generator(
     progress: Progress | None = None,
     sample: CheckpointCallback | None = None,
 ) -> TranslatorCheckpoint:
-    """Train a generator and return the checkpoint that is nearest to the real panoramas that were held out. Where there are
-    pairs, every other step learns from them.
+    """Train a generator and return the checkpoint nearest to the held-out real panoramas.
 
-    state: file that keeps the run's state at every checkpoint, and is read when it is there and of the same run. Raises
-    ImageError for an empty domain, ModelError for a state of another run, for a diverged run and where torch is missing.
+    With pairs every other step learns from them.
+
+    Parameters
+    ----------
+    domains : pictures to learn from and to evaluate by.
+    recipe : size of the network and length of the training.
+    seed : random seed.
+    state : file that keeps the run's state at every checkpoint and resumes from it.
+    progress : called before each step.
+    sample : called at each checkpoint.
+
+    Raises
+    ------
+    ImageError
+        A domain is empty.
+    ModelError
+        The state belongs to another run, training diverged, or torch is missing.
     """
     require_torch()
     import torch
@@ -132,20 +154,20 @@ def train_generator(
 
 
 def require_torch() -> None:
-    """Raise ModelError where torch is missing."""
+    """Raise ModelError if torch is missing."""
     if find_spec("torch") is None:
         raise ModelError("training the translator needs torch; install the extra `train` (make train-setup)")
 
 
 def learning_rate_share(step: int, steps: int) -> float:
-    """Share of the highest learning rate: constant, then falling straight to zero."""
+    """Return the share of the highest learning rate: constant, then linear to zero."""
     return min(1.0, (steps - step) / max(1.0, (1 - CONSTANT_RATE_SHARE) * steps))
 
 
 def evaluate_generator(generator: Any, domains: TrainingDomains, recipe: TrainingRecipe, device: Any) -> tuple[float, np.ndarray]:
-    """Kernel distance between what the generator makes of renderings held out and real crops held out, and a sheet of some.
+    """Compute the kernel distance of translated held-out renderings to held-out real crops, and a sample sheet.
 
-    Every crop is translated bare and then, where it was known, once more on top of that, as a street does.
+    Each crop is translated without texture and then, where it had texture, once more on top of the result, as in a street.
     """
     import torch
 
@@ -175,9 +197,9 @@ def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> dict[str, 
 
     try:
         saved = torch.load(path, weights_only=True)
-    except Exception as error:  # a broken archive raises whatever its reader came upon
+    except Exception as error:  # a broken archive can raise any error
         raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
-    # the number of steps may change while the rate has not begun to fall, for the old one or the new
+    # the number of steps may change until the rate begins to fall
     changed = saved["steps"] != recipe.steps and saved["done"] > CONSTANT_RATE_SHARE * min(saved["steps"], recipe.steps)
     if saved["identity"] != identity or changed:
         raise ModelError(f"{path}: state of another training run; remove it or name another folder")
@@ -185,7 +207,7 @@ def _read_state(path: Path, identity: str, recipe: TrainingRecipe) -> dict[str, 
 
 
 def _save_state(path: Path, state: Mapping[str, Any]) -> None:
-    """Replace the file in one go: a kill in the middle leaves the one before."""
+    """Replace the file atomically: a kill leaves the previous one."""
     import torch
 
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """Single steps of training the translation network (street paper, 4 Training). Needs the `train` extra (torch).
 
-The adversarial loss is the least squares one of the method that the paper builds on: as printed, E[1 - log d], it has no
-minimum that a discriminator could not push away.
+The adversarial loss is least squares, as in the method that the paper builds on. The printed E[1 - log d] has no minimum that
+a discriminator could not push away.
 """
 
 from __future__ import annotations
@@ -16,25 +16,40 @@ from facade_core.street.translator.training_views import (
     TrainingCrop,
     TrainingPair,
     TrainingRendering,
-    imitate_rendering,
     crop_pair,
     crop_panorama,
     crop_rendering,
+    imitate_rendering,
 )
 
 TEMPERATURE = 0.07
 PATCHES_PER_OUTPUT = 256
-ADVERSARIAL_WEIGHT, CONSISTENCY_WEIGHT, CONTRAST_RENDERED_WEIGHT, CONTRAST_REAL_WEIGHT = 1.0, 10.0, 0.5, 0.5
+ADVERSARIAL_WEIGHT = 1.0
+CONSISTENCY_WEIGHT = 10.0
+CONTRAST_RENDERED_WEIGHT = 0.5
+CONTRAST_REAL_WEIGHT = 0.5
 PAIR_WEIGHT = 10.0
-# Gradients are no longer than this: without normalisation one crop of nothing but sky could end in all white for good.
+# Without normalisation one crop of sky alone could drive the output to white for good.
 MAX_GRADIENT_NORM = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingRecipe:
-    """width: channels of the first layer; steps, of which the first `warm` only restore real crops; crop: (h, w) pixels; batch:
-    crops of either domain in a step; check: steps between checkpoints. The paper's network is the default of the rest:
-    conditioned on earlier texture, in one RGB image, masked."""
+    """Size of the network and length of its training. Defaults of the rest follow the paper.
+
+    Attributes
+    ----------
+    width : channels of the first layer.
+    steps : number of steps.
+    warm : number of first steps that only restore real crops.
+    crop : height and width, pixels.
+    batch : crops of either domain per step.
+    check : steps between checkpoints.
+    conditioned : input contains earlier texture.
+    masked : consistency loss only where texture existed.
+    equirectangular : first convolution on the sphere.
+    merged : texture and grey rendering in one RGB image.
+    """
 
     width: int
     steps: int
@@ -49,13 +64,20 @@ class TrainingRecipe:
 
     @property
     def bands(self) -> int:
+        """Return the number of input channels."""
         return 3 if self.merged else 4
 
 
 @dataclass(frozen=True)
 class TrainingDomains:
-    """Renderings and real panoramas (h, w, 3) uint8 to learn from, and those of other places to judge by; pairs to learn from,
-    if any."""
+    """Pictures to learn from and to evaluate by.
+
+    Attributes
+    ----------
+    rendered, real : renderings and real panoramas (h, w, 3) uint8 to learn from.
+    judged_rendered, judged_real : renderings and panoramas of other places to evaluate by.
+    paired : pairs to learn from.
+    """
 
     rendered: Sequence[TrainingRendering]
     real: Sequence[np.ndarray]
@@ -65,9 +87,13 @@ class TrainingDomains:
 
 
 def step_restoration(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
-    """One step of the generator alone: real crops from their light and from what an earlier viewpoint might have known of them.
+    """Train the generator alone to restore real crops from their shading and simulated earlier texture.
 
-    Not in the paper: it brings the colours of streets in minutes for which the losses below take a day on two cores.
+    Not in the paper: it learns street colours in minutes that take the losses of `step_unpaired` a day on two cores.
+
+    Returns
+    -------
+    The loss.
     """
     import torch
 
@@ -86,7 +112,7 @@ def step_restoration(domains: TrainingDomains, recipe: TrainingRecipe, parts: Ma
 
 
 def step_unpaired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
-    """One step of the generator and one of the discriminator; returns the generator's loss."""
+    """Train the generator and the discriminator by one unpaired step; return the generator's loss."""
     import torch
     from torch.nn import functional
 
@@ -104,7 +130,7 @@ def step_unpaired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mappi
             if not recipe.conditioned:
                 mask = torch.zeros_like(mask)
             if mask.any():
-                # what an earlier viewpoint made of this, once through the atlas: a little softer
+                # simulate an earlier viewpoint's output, blurred once by the atlas
                 made = generator(generator_input(plain, plain, torch.zeros_like(mask), recipe), own)
                 earlier = functional.avg_pool2d(functional.pad(made.float(), (1, 1, 1, 1), mode="replicate"), 3, 1)
                 partial = torch.where(mask, earlier, plain)
@@ -116,12 +142,10 @@ def step_unpaired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mappi
         encoded = generator.blocks_of(generator.entry(inputs, places), False, features)
         made, again = generator.decode(encoded, False).float().split(recipe.batch)
         photo_keys = [feature[recipe.batch :].detach() for feature in features]
-        # the discriminator's turn
         discriminator.requires_grad_(True)
         wrong, right = discriminator(made.detach()), discriminator(photo)
         loss = 0.5 * (wrong.square().mean() + (right - 1).square().mean())
         _optimise(parts["second"], loss)
-        # the generator's
         discriminator.requires_grad_(False)
         total = ADVERSARIAL_WEIGHT * (discriminator(made) - 1).square().mean()
         if recipe.conditioned:
@@ -135,9 +159,10 @@ def step_unpaired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mappi
 
 
 def step_paired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
-    """One step of the generator alone, by pairs: the distance to what is true, and the discriminator as it stands.
+    """Train the generator alone on pairs: distance to the true image and the fixed discriminator's score.
 
-    Not in the paper, which has no pairs. What was textured earlier is the truth, once through the atlas."""
+    Not in the paper, which has no pairs. Earlier texture is simulated by the true image, blurred once as by the atlas.
+    """
     import torch
     from torch.nn import functional
 
@@ -160,7 +185,7 @@ def step_paired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping
 
 
 def _optimise(optimiser: Any, loss: Any) -> None:
-    """One step of an optimiser down a loss, along a gradient of MAX_GRADIENT_NORM at most."""
+    """Descend a loss by one optimiser step with gradients clipped to MAX_GRADIENT_NORM."""
     import torch
 
     optimiser.zero_grad()
@@ -179,7 +204,7 @@ def _patch_contrast(
     recipe: TrainingRecipe,
     rng: np.random.Generator,
 ) -> Any:
-    """Eq. 2: each patch of an output against the patch of the input at its place and those at other places."""
+    """Compute Eq. 2: each output patch against the input patch at its place and at other places."""
     import torch
     from torch.nn import functional
 
@@ -199,7 +224,7 @@ def _patch_contrast(
 
 
 def crops_to_tensors(crops: Sequence[TrainingCrop], device: Any) -> tuple[Any, Any]:
-    """Images (n, 3, h, w) in -1..1 and masks (n, 1, h, w) bool."""
+    """Convert crops to images (n, 3, h, w) in -1..1 and masks (n, 1, h, w) bool."""
     import torch
 
     from facade_core.street.translator.network import image_to_tensor
@@ -209,7 +234,7 @@ def crops_to_tensors(crops: Sequence[TrainingCrop], device: Any) -> tuple[Any, A
 
 
 def generator_input(partial: Any, bare: Any, mask: Any, recipe: TrainingRecipe) -> Any:
-    """What the generator is given of a partially textured image: one RGB image, or texture and grey rendering apart."""
+    """Compose the generator's input: one RGB image, or texture and grey rendering as separate channels."""
     import torch
 
     if recipe.merged:
@@ -218,12 +243,12 @@ def generator_input(partial: Any, bare: Any, mask: Any, recipe: TrainingRecipe) 
 
 
 def _encoder_input(image: Any, recipe: TrainingRecipe) -> Any:
-    """A fully textured image as the generator's encoder takes it."""
+    """Compose the encoder's input of a fully textured image."""
     import torch
 
     return image if recipe.merged else torch.cat([image, image.mean(1, keepdim=True)], 1)
 
 
 def tensor_to_image(image: Any) -> np.ndarray:
-    """(3, h, w) in -1..1 into (h, w, 3) uint8."""
+    """Convert (3, h, w) in -1..1 to (h, w, 3) uint8."""
     return ((image.float().cpu().permute(1, 2, 0).numpy() + 1) * 127.5).round().clip(0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""What the translator learns from: renderings of streets, partially textured by the engine, and crops of real panoramas."""
+"""Training data of the translator: partially textured street renderings and crops of real panoramas."""
 
 from __future__ import annotations
 
@@ -12,21 +12,27 @@ from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.propagation.propagate import propagate
-from facade_core.street.propagation.render import render, daylight_grey
+from facade_core.street.propagation.render import daylight_grey, render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
 
-# Widths that panoramas are looked at: windows of a facade are as large in one as those of a nearer facade in the other.
+# Widths of the panoramas: windows in one are as large as those of a nearer facade in the other.
 PANORAMA_WIDTHS = (512, 1024)
-# Rows of a panorama, as shares of its height, that show the street: zenith and what carries cameras lie beyond. The
-# lowest row shows ground 1 m off under a camera at 2.5 m.
+# Rows that show the street, as shares of the height; others show the zenith and the camera's mount. The lowest row shows
+# ground at 1 m from a camera at 2.5 m.
 USED_ROWS = (0.1, 0.88)
-# What renderings without texture range between.
+# Range of untextured renderings.
 _GREY_RANGE = (110, 240)
 
 
 @dataclass(frozen=True, slots=True)
 class TrainingRendering:
-    """A viewpoint without texture: grey (h, w) uint8; textured (h, w) bool, where earlier viewpoints left texture."""
+    """Untextured rendering of a viewpoint.
+
+    Attributes
+    ----------
+    grey : (h, w) uint8.
+    textured : (h, w) bool, texels textured by earlier viewpoints.
+    """
 
     grey: np.ndarray
     textured: np.ndarray
@@ -34,7 +40,14 @@ class TrainingRendering:
 
 @dataclass(frozen=True, slots=True)
 class TrainingCrop:
-    """A part of a panorama: image (h, w, 3) uint8; textured (h, w) bool; place, its first row and the panorama's height."""
+    """Part of a panorama.
+
+    Attributes
+    ----------
+    image : (h, w, 3) uint8.
+    textured : (h, w) bool.
+    place : first row and height of the panorama.
+    """
 
     image: np.ndarray
     textured: np.ndarray
@@ -43,12 +56,18 @@ class TrainingCrop:
 
 @dataclass(frozen=True, slots=True)
 class TrainingPair:
-    """A viewpoint of a street without texture and with it: bare; image (h, w, 3) uint8 of its size; true (h, w) bool, where the
-    image is to be learnt from."""
+    """Viewpoint of a street without and with texture.
 
-    bare: TrainingRendering
+    Attributes
+    ----------
+    rendering : untextured rendering.
+    image : (h, w, 3) uint8 of the same size.
+    valid : (h, w) bool, pixels to learn from.
+    """
+
+    rendering: TrainingRendering
     image: np.ndarray
-    true: np.ndarray
+    valid: np.ndarray
 
 
 def render_sequence(
@@ -58,14 +77,18 @@ def render_sequence(
     furniture: Mesh | None = None,
     relief: dict[int, np.ndarray] | None = None,
 ) -> list[TrainingRendering]:
-    """Render viewpoints of one street in their order, each knowing what those before it textured.
+    """Render viewpoints of one street in order, each with the texture of its predecessors.
 
-    relief: grey (h, w) uint8 of charts that are not plain, of their rasters' size. Furniture stands in the pictures and has no
-    texture.
+    Parameters
+    ----------
+    scene : the block's geometry.
+    viewpoints : viewpoints of the street.
+    furniture : occluders without texture.
+    relief : grey (h, w) uint8 of charts that are not plain, in the size of their rasters.
     """
     width = max(PANORAMA_WIDTHS)
     size = (width // 2, width)
-    charts = np.unique(np.concatenate([scene.seen(viewpoint, width) for viewpoint in viewpoints]))
+    charts = np.unique(np.concatenate([scene.visible_charts(viewpoint, width) for viewpoint in viewpoints]))
     plain, textured = _make_buffer(scene, charts, relief or {}), _make_buffer(scene, charts, {})
     caster = RayCaster(furniture) if furniture else None
     found = []
@@ -74,7 +97,7 @@ def render_sequence(
         known = render(scene, textured, viewpoint, size).textured
         grey = panorama.rgb[..., 0].copy()
         if caster and furniture:
-            rays = scene.look(viewpoint, width)[0]
+            rays = scene.cast_panorama(viewpoint, width)[0]
             distance, body = caster.cast(viewpoint.position, rays)
             before = (body != MISS) & (distance < panorama.depth)
             light = 255 * daylight_grey(_triangle_normals(furniture))
@@ -86,13 +109,13 @@ def render_sequence(
 
 
 def _make_buffer(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> TexelBuffer:
-    """A window of charts, some of which are known from the start."""
-    rasters, write = TexelBuffer.layout(scene.placement, charts, charts)
+    """Allocate a buffer in which some charts have texture from the start."""
+    rasters, write = TexelBuffer.plan_layout(scene.placement, charts, charts)
     colour, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     for chart in set(seeds) & set(charts.tolist()):
-        texels = rasters.slice(scene.placement, chart)
+        texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], evidence[texels] = seeds[chart].reshape(-1, 1), 1
-    return TexelBuffer.of(scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range)
+    return TexelBuffer.allocate(scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range)
 
 
 def _triangle_normals(mesh: Mesh) -> np.ndarray:
@@ -102,8 +125,10 @@ def _triangle_normals(mesh: Mesh) -> np.ndarray:
 
 
 def crop_rendering(renderings: Sequence[TrainingRendering], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
-    """A random crop of size (h, w) of a random rendering at one of PANORAMA_WIDTHS, mirrored or not; textured is random too: what the
-    engine knew, all of it, or nothing."""
+    """Cut a random crop (h, w) from a random rendering at one of PANORAMA_WIDTHS, possibly mirrored.
+
+    `translate_image` is random too: that of the engine, all or nothing.
+    """
     import cv2
 
     chosen = renderings[int(rng.integers(len(renderings)))]
@@ -117,7 +142,7 @@ def crop_rendering(renderings: Sequence[TrainingRendering], size: tuple[int, int
 
 
 def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
-    """A random crop of size (h, w) of a random panorama (h, w, 3) uint8: turned, mirrored, in other light."""
+    """Cut a random crop (h, w) from a random panorama (h, w, 3) uint8: rotated, mirrored, in varied light."""
     import cv2
 
     chosen = panoramas[int(rng.integers(len(panoramas)))]
@@ -131,16 +156,21 @@ def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: n
 def crop_pair(
     pairs: Sequence[TrainingPair], size: tuple[int, int], rng: np.random.Generator
 ) -> tuple[TrainingCrop, np.ndarray, np.ndarray]:
-    """A random crop of a random pair at one of PANORAMA_WIDTHS, mirrored or not: bare, its image (h, w, 3) uint8, where that is true."""
+    """Cut a random crop from a random pair at one of PANORAMA_WIDTHS, possibly mirrored.
+
+    Returns
+    -------
+    The untextured crop, its image (h, w, 3) uint8, and its valid pixels (h, w) bool.
+    """
     import cv2
 
     chosen = pairs[int(rng.integers(len(pairs)))]
     width = PANORAMA_WIDTHS[int(rng.integers(len(PANORAMA_WIDTHS)))]
     shape = (width, width // 2)
-    grey, image = (cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.bare.grey, chosen.image))
+    grey, image = (cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.rendering.grey, chosen.image))
     known, true = (
         cv2.resize(part.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
-        for part in (chosen.bare.textured, chosen.true)
+        for part in (chosen.rendering.textured, chosen.valid)
     )
     if rng.random() < 0.25:
         known = np.zeros_like(known)
@@ -150,8 +180,10 @@ def crop_pair(
 
 
 def imitate_rendering(photo: np.ndarray) -> np.ndarray:
-    """A real crop (h, w, 3) uint8 as a rendering without texture might show it: (h, w) uint8, its light without its detail, the
-    sky black."""
+    """Convert a real crop (h, w, 3) uint8 to an imitation of an untextured rendering, (h, w) uint8.
+
+    Keeps shading without detail; the sky is black.
+    """
     import cv2
 
     grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)

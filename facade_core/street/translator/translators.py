@@ -15,22 +15,22 @@ from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.tiled_material import TiledMaterial
 from facade_core.street.propagation.render import Panorama
 
-# A surface is seen no flatter than this (cosine): what a pixel covers of it near the horizon is counted as this much.
+# Lower bound of the cosine of incidence, for footprints near the horizon.
 MIN_VIEW_COSINE = 0.02
 
 
 class Translator(Protocol):
-    """Anything that textures a panorama."""
+    """Interface of all translators."""
 
     def translate(self, panorama: Panorama) -> np.ndarray:
-        """The fully textured panorama, (h, w, 3) uint8."""
+        """Return the fully textured panorama, (h, w, 3) uint8."""
         ...
 
 
 class MaterialFieldTranslator:
-    """What charts are made of, for ground, roofs, bare walls and what is in them; textured pixels are kept.
+    """Translator that paints ground, roofs, walls and openings from the material field; keeps textured pixels.
 
-    The `materials` are functions of the world point, so that every viewpoint paints the same ground.
+    `materials` is a function of the world point, so that every viewpoint paints the same ground.
     """
 
     def __init__(
@@ -43,10 +43,11 @@ class MaterialFieldTranslator:
         ground: Ground | None = None,
         grains: GrainTables | None = None,
     ) -> None:
-        self._normal = scene.charts.normal()
+        self._normal = scene.charts.normals()
         self.materials = MaterialField(scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains)
 
     def translate(self, panorama: Panorama) -> np.ndarray:
+        """Return the fully textured panorama, (h, w, 3) uint8."""
         rgb = panorama.rgb.copy()
         bare = (panorama.chart != MISS) & ~panorama.textured
         chart, points = panorama.chart[bare], panorama.points[bare]
@@ -56,8 +57,14 @@ class MaterialFieldTranslator:
 
 
 def pixel_footprint(ray: np.ndarray, normal: np.ndarray, width: int) -> np.ndarray:
-    """What pixels of a panorama, `width` of them around, cover where rays (n, 3) from it end on surfaces with normals (n, 3) or
-    (3,): the side of a square as large, metres, (n,)."""
+    """Compute the footprint (n,) of panorama pixels on surfaces: the side of a square of equal area, metres.
+
+    Parameters
+    ----------
+    ray : (n, 3) from the viewpoint to the surface, metres.
+    normal : (n, 3) or (3,) unit normals.
+    width : width of the panorama, pixels.
+    """
     depth = np.maximum(np.linalg.norm(ray, axis=1), 1e-6)
     flat = np.abs((ray * normal).sum(axis=1)) / depth
     return depth * (2 * np.pi / width) / np.sqrt(np.maximum(flat, MIN_VIEW_COSINE))

@@ -21,9 +21,9 @@ def compile_together() -> None:
     A part that another process is at work on is left to it, and waited for at the end, for as long as a part may take: one that
     was stopped must not hold up others.
     """
-    from facade_core.core.numba_cache import CACHE as folder
+    from facade_core.core.numba_cache import CACHE_FOLDER as folder
     from facade_core.core.numba_cache import code_digest
-    from facade_core.kernel_warmup import PARTS
+    from facade_core.kernel_warmup import WARMUPS
 
     if folder is None:  # nothing can be shared
         return
@@ -31,7 +31,7 @@ def compile_together() -> None:
         done = folder / f"compiled-{code_digest('facade_core.kernel_warmup')}"
         if done.exists():
             return
-        left = [part for part in PARTS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]
+        left = [part for part in WARMUPS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]
         if all([_compiled(folder / f"{part.__name__}.lock", part, wait=True) for part in left]):
             for before in folder.glob("compiled-*"):
                 before.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -126,8 +127,8 @@ def forgotten(client: str, name: str) -> Any:
 
 def make() -> dict[str, str]:
     """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
+    from tasks.engine.stage import code_stages
     from tasks.engine.stage_code import code_version
-    from tasks.stages.order import CODED
 
     versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
     for library in LIBRARIES:
@@ -135,7 +136,7 @@ def make() -> dict[str, str]:
             versions[library] = version(library)
         except PackageNotFoundError:
             versions[library] = "none"
-    return versions | {"Streetloom": code_version(CODED)}
+    return versions | {"Streetloom": code_version(code_stages())}
 
 
 def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
@@ -152,10 +153,13 @@ def _load() -> None:
     import skimage.measure  # noqa: F401
     import xarray  # noqa: F401
 
-    import tasks.stages.exemplars.worker
-    import tasks.stages.facades.worker
-    import tasks.stages.streets.worker  # noqa: F401
     from tasks.engine.compute.kernel_compilation import compile_together
+    from tasks.engine.stage import all_stages
+    from tasks.engine.stage_code import module_of
+
+    for stage in all_stages():
+        if stage.part_of is None:
+            import_module(module_of(stage.stage))
 
     compile_together()
 

@@ -21,12 +21,11 @@ from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.chart_packing import Places
+from facade_core.geometry.chart_packing import PreviousPlacement
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records
-from tasks.stages.order import KINDS, STAGES, read_journals
+from tasks.engine.stage import Change, Records, all_stages, read_journals
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,8 @@ class Last:
     plan: Plan
 
     @property
-    def places(self) -> Places:
-        return Places(self.plan.ids, self.plan.scene.placement)
+    def places(self) -> PreviousPlacement:
+        return PreviousPlacement(self.plan.ids, self.plan.scene.placement)
 
 
 def made_for(run: Run) -> dict[str, Any]:
@@ -96,29 +95,31 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
         records=read_journals(last.group),
         stays=_staying(last.plan, plan),
     )
-    again = {kind.stage: kind.match_previous(change) for kind in KINDS}
+    again = {stage.stage: stage.match_previous(change) for stage in all_stages()}
     spec, placement = last.plan.scene.spec, last.plan.scene.placement
     cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(change.stays.values())))
     clear_rasters(root, spec, placement, cleared.tolist())
     resize_arrays(root, plan.scene.spec, units=counts(block, plan), panorama_width=run.texture.panorama_width)
-    for kind in KINDS:
-        records = _at_new_places(change.records[kind.stage], again[kind.stage], kind.count(block, plan))
-        if kind.relocate is not None:
-            records = kind.relocate(change, again[kind.stage], records)
-        before = list(map(_text, change.records[kind.stage]))
+    for stage in all_stages():
+        records = _at_new_places(change.records[stage.stage], again[stage.stage], stage.count(block, plan))
+        if stage.relocate is not None:
+            records = stage.relocate(change, again[stage.stage], records)
+        before = list(map(_text, change.records[stage.stage]))
         for index, text in enumerate(map(_text, records)):
             if index >= len(before) or before[index] != text:
-                root[f"journal/{kind.stage}"][index] = text
+                root[f"journal/{stage.stage}"][index] = text
 
 
 def counts(block: Block, plan: Plan) -> dict[str, int]:
     """How many units a block has, by stage."""
-    return {kind.stage: kind.count(block, plan) for kind in KINDS}
+    return {stage.stage: stage.count(block, plan) for stage in all_stages()}
 
 
 def has_all_stages(group: StoreGroup) -> bool:
     """Whether a store has a journal for every stage, and every folder of files; one from before these were there lacks it."""
-    return all(f"journal/{stage}" in group for stage in STAGES) and all(folder in group for folder in FOLDERS)
+    return all(f"journal/{stage.stage}" in group for stage in all_stages()) and all(
+        folder in group for folder in FOLDERS
+    )
 
 
 def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:

@@ -10,6 +10,8 @@ import icechunk
 from facade_core.atlas.journal import Record, read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.atlas.store_location import StoreLocation
+from facade_core.core.zarr_types import StoreGroup
+from tasks.engine.run import Run
 
 
 def begin(store: StoreLocation) -> tuple[icechunk.Session, Any]:
@@ -31,3 +33,8 @@ def journal(store: StoreLocation, stage: str) -> list[Record | None]:
     """The records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
     return read_journal(open_root(session), stage)
+
+
+def newest_group(run: Run) -> StoreGroup:
+    """Open the newest snapshot of a run's store for reading."""
+    return open_root(open_repository(run.store).readonly_session(BRANCH))

@@ -10,10 +10,11 @@ import numpy as np
 
 from facade_core.atlas.arrays import STAGE_ARRAYS
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.rasters import TexelLayout, chart_digests, picture_digest, read_rasters
-from facade_core.atlas.stored_files import FILE_STAGES, stored_file_digest, unit_files
+from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters
+from facade_core.atlas.stored_files import stored_file_digest
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
+from tasks.engine.stage import all_stages
 
 T = TypeVar("T")
 
@@ -27,26 +28,26 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
     writers = [one for one in _last_writers(group) if one[0] in chart_of]
-    for name, stage, unit, digest in _spread(sorted(writers), sample):
-        one = TexelLayout.of(plan.scene.placement, [chart_of[name]])
-        colour, source = (read_rasters(group[array.path], plan.scene.placement, one) for array in STAGE_ARRAYS[stage][:2])
+    for name, stage, unit, digest in sample_evenly(sorted(writers), sample):
+        one = TexelLayout.of_charts(plan.scene.placement, [chart_of[name]])
+        colour, source = (
+            read_rasters(group[array.path], plan.scene.placement, one) for array in STAGE_ARRAYS[stage][:2]
+        )
         if chart_digests(colour, source, plan.scene.placement, one, plan.ids)[name] != digest:
             found[stage].add(unit)
-    pictures = [
-        (viewpoint, record["panorama"])
-        for viewpoint, record in enumerate(read_journal(group, "viewpoints"))
-        if record and record["status"] == "done" and "panorama" in record
-    ]
-    for viewpoint, digest in _spread(pictures, sample):
-        if picture_digest(group["panoramas/rgb"][viewpoint]) != digest:
-            found["viewpoints"].add(viewpoint)
-            found["streets"].add(plan.viewpoints[viewpoint].street)
-    for stage in FILE_STAGES:
-        files = [(unit, unit_files(stage, unit, record)) for unit, record in enumerate(read_journal(group, stage))]
-        for unit, wanted in _spread([one for one in files if one[1]], sample):
+    for checked in all_stages():
+        if checked.find_differing is not None:
+            for stage, units in checked.find_differing(group, plan, sample).items():
+                found[stage].update(units)
+    for owner in all_stages():
+        if owner.files is None:
+            continue
+        journal = read_journal(group, owner.stage)
+        files = [(unit, owner.unit_files(unit, record)) for unit, record in enumerate(journal)]
+        for unit, wanted in sample_evenly([one for one in files if one[1]], sample):
             for path, digest in wanted.items():
                 if path in group and stored_file_digest(np.asarray(group[path][:]).tobytes()) != digest:
-                    found[stage].add(unit)
+                    found[owner.stage].add(unit)
     return {stage: sorted(units) for stage, units in found.items()}
 
 
@@ -64,7 +65,7 @@ def _last_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
     return [(chart, stage, *writer) for (chart, stage), writer in found.items() if (chart, stage) not in due]
 
 
-def _spread(values: Sequence[T], count: int | None) -> Sequence[T]:
+def sample_evenly(values: Sequence[T], count: int | None) -> Sequence[T]:
     if count is None or len(values) <= count:
         return values
     return [values[int(i)] for i in np.linspace(0, len(values) - 1, count)]

@@ -19,7 +19,7 @@ STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
 
 def room_for(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
     """The bytes that a block takes at least, in its store and published; without its store, which may be in a bucket."""
-    texels = int(plan.texels().sum())
+    texels = int(plan.texel_counts().sum())
     if not stored:
         return int(texels * PUBLISHED_TEXEL)
     panoramas = len(plan.viewpoints) * panorama_width * (panorama_width // 2) * 3

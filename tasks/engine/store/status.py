@@ -20,11 +20,11 @@ from facade_core.core.errors import InputError, StoreError
 from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.outcome import refused
 from tasks.engine.run import Run
+from tasks.engine.stage import all_stages, read_journals
 from tasks.engine.stage_code import stage_code, version_of
 from tasks.engine.store.carry_over import has_all_stages
-from tasks.engine.store.integrity import find_wounds, is_suspect
+from tasks.engine.store.integrity import find_lost_units, is_suspect
 from tasks.engine.unit_key import parts_of
-from tasks.stages.order import KINDS, read_journals
 
 # In a run's folder: the path of its block file, from there where it lies within.
 SOURCE = "source"
@@ -97,7 +97,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         records = [record for journal in journals.values() for record in journal]
         if not all(record and record["status"] == "done" for record in records):
             return None
-        if is_suspect(run.folder) or find_wounds(session) or not has_all_files(repository, run.store):
+        if is_suspect(run.folder) or find_lost_units(session) or not has_all_files(repository, run.store):
             return None
     except (StoreError, *DAMAGE_ERRORS):
         return None
@@ -122,9 +122,9 @@ def made_by(group: StoreGroup) -> str:
 def _codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
     """The codes by which the units of a journal were done, by stage; a viewpoint's is its street's."""
     found = {
-        kind.stage: sorted({parts_of(r["key"]).get("code", "") for r in journals[kind.stage] if r})
-        for kind in KINDS
-        if kind.part_of is None
+        stage.stage: sorted({parts_of(r["key"]).get("code", "") for r in journals[stage.stage] if r})
+        for stage in all_stages()
+        if stage.part_of is None
     }
     return {stage: codes for stage, codes in found.items() if codes}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,15 @@ from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.poses import parse_day
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.charts import CORNERS
+from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.geometry.walls import STREET
-from facade_core.imagery.poses.bundles import LEAST_SEEN, bundles_of
-from facade_core.imagery.poses.joint_refinement import WIDEST, Alone
+from facade_core.imagery.poses.bundles import MIN_WALL_SHARE, group_bundles
+from facade_core.imagery.poses.joint_refinement import MAX_TURN_PIXELS, PriorPose
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan, Sightings
+from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage, same_name
+from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, same_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
@@ -33,7 +34,7 @@ from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.shared.refined_poses import select_pose
 
 # Bytes kept of each panorama of a bundle.
-KEPT_PANORAMA = WIDEST * WIDEST // 2 * 3
+KEPT_PANORAMA = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
 
 
 def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -57,7 +58,7 @@ def bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
     days = [_number(parse_day(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
     seen = _on_streets(plan)
-    return bundles_of(seen.facade, seen.panorama, seen.seen, places, days)
+    return group_bundles(seen.facade, seen.panorama, seen.seen, places, days)
 
 
 def members_of(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
@@ -77,19 +78,19 @@ def _on_streets(plan: Plan) -> Sightings:
     return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
 
 
-def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
+def _alone(record: Record, plan: Plan, panorama: int) -> PriorPose:
     """A panorama as it was refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
-    return Alone(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
+    return PriorPose(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
 
 
 def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
     """The charts of facades that two panoramas of a bundle show, and of ground that two are near, ascending."""
     seen = _on_streets(plan)
-    shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= LEAST_SEEN)]
+    shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= MIN_WALL_SHARE)]
     facade, count = np.unique(shown, return_counts=True)
     ground = plan.ground_near_cameras()
-    corners = plan.scene.charts.at_shares(ground, CORNERS)[..., :2]
+    corners = plan.scene.charts.points_at_shares(ground, CORNER_SHARES)[..., :2]
     boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
     places = shapely.points([(plan.poses[i].x, plan.poses[i].y) for i in bundle])
     near = (shapely.distance(boxes[:, None], places) <= GROUND_REACH_M).sum(axis=1) > 1
@@ -108,7 +109,7 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
     """Of panoramas that are refined together on some charts."""
     places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
     around = (
-        plan.things.within(places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M)
+        plan.scene_objects.digests_in_box(places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M)
         if len(members)
         else []
     )
@@ -121,14 +122,21 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
     )
 
 
-def refined_pose_parts(one: Alone) -> list[Any]:
-    return [pose_numbers(one.pose), None if one.spread is None else one.spread.tolist()]
+def refined_pose_parts(one: PriorPose) -> list[Any]:
+    return [pose_numbers(one.pose), None if one.covariance is None else one.covariance.tolist()]
 
 
 def bundle_memory(paths: Sequence[Path]) -> int:
     """Of panoramas that are refined together: each is read in turn, and kept small."""
     widest = max((pose_memory(path) for path in paths), default=LIBRARY_BYTES)
     return widest + len(paths) * KEPT_PANORAMA
+
+
+def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+    """Find the pending bundles, with those of panoramas that are refined again."""
+    again = inputs.pending["poses"].keys()
+    following = (number for number, bundle in enumerate(bundles(inputs.plan, inputs.block)) if again & set(bundle))
+    return StageForecast(dict.fromkeys(following, REASONS["panoramas"]) | dict(own))
 
 
 BUNDLES = Stage(
@@ -139,4 +147,5 @@ BUNDLES = Stage(
     units=bundle_units,
     function=bundle_unit,
     reads=("poses",),
+    forecast=_forecast,
 )

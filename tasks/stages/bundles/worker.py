@@ -12,8 +12,8 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.core.types import Pose
 from facade_core.imagery.cameras.exposure import sample_ground
-from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
-from facade_core.imagery.poses.panorama_camera import camera_from_world, position
+from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
+from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
@@ -25,7 +25,7 @@ class Member(NamedTuple):
 
     path: Path
     given: Pose
-    alone: Alone
+    alone: PriorPose
 
 
 def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -37,7 +37,7 @@ def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     together: dict[str, Any] = {}
     if len(members) > 1:
         images = (read_panorama(one.path) for one in members)
-        found = refine_together(scene, surfaces, images, [one.alone for one in members])
+        found = refine_jointly(scene, surfaces, images, [one.alone for one in members])
         together = {
             one.path.name: {"alone": _numbers(one.alone.pose), "found": _found(scene, one, at)}
             for one, at in zip(members, found, strict=True)
@@ -54,12 +54,12 @@ def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     return fork, {unit.index: record}
 
 
-def _found(scene: Any, one: Member, found: Together) -> dict[str, Any]:
+def _found(scene: Any, one: Member, found: JointPose) -> dict[str, Any]:
     """What is known of a panorama now, as in the record of its own; of one that keeps its pose how far others are off."""
     told: dict[str, Any] = {
         "shared": found.surfaces,
-        "apart_before_m": _number(found.apart_before),
-        "apart_m": _number(found.apart),
+        "apart_before_m": _number(found.distance_before),
+        "apart_m": _number(found.distance_after),
         "kept_alone": found.reason,
     }
     if found.reason:
@@ -68,7 +68,7 @@ def _found(scene: Any, one: Member, found: Together) -> dict[str, Any]:
     turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
     return told | {
         "pose": _numbers(found.pose),
-        "moved_m": _number(float(np.linalg.norm(position(found.pose) - position(one.given)))),
+        "moved_m": _number(float(np.linalg.norm(camera_position(found.pose) - camera_position(one.given)))),
         "turned_deg": _number(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))),
         "residual_deg": _number(found.residual_degrees),
         "over_ground_m": ground.height,

@@ -8,11 +8,11 @@ from pathlib import Path
 from catalogs.block.reader import Block
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import picture_and_label_map
-from facade_core.core.types import Models
-from facade_core.core.zarr_types import StoreGroup, group_at
+from facade_core.core.types import ModelFiles
+from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, same_key_or_name
+from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record, same_key_or_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
@@ -49,7 +49,7 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
 
 
 def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
-    for name, array in group_at(last, f"exemplars/{old}").arrays():
+    for name, array in get_subgroup(last, f"exemplars/{old}").arrays():
         group.create_array(
             f"exemplars/{new}/{name}",
             data=array[:],
@@ -64,7 +64,7 @@ def exemplar_key(run: Run, path: Path) -> str:
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
         picture=[path.stem, *map(file_digest, picture_and_label_map(path))],
-        **model_parts(Models(parser=run.models.parser)),  # an exemplar is parsed and not completed
+        **model_parts(ModelFiles(parser=run.models.parser)),  # an exemplar is parsed and not completed
     )
 
 
@@ -77,6 +77,15 @@ def exemplar_memory(path: Path) -> int:
     )
 
 
+def _find_lost(store: StoreContents) -> list[int]:
+    """Find exemplars without their arrays."""
+    return [
+        i
+        for i, record in enumerate(store.records["exemplars"])
+        if is_done_record(record) and not all(f"exemplars/{i}/{name}" in store.group for name in ("image", "labels"))
+    ]
+
+
 EXEMPLARS = Stage(
     "exemplars",
     "exemplar",
@@ -86,4 +95,6 @@ EXEMPLARS = Stage(
     function=exemplar_unit,
     in_every_block=True,
     relocate=_moved,
+    unit_folder="exemplars",
+    find_lost=_find_lost,
 )

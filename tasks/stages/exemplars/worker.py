@@ -12,14 +12,14 @@ from facade_core.atlas.store import open_root
 from facade_core.core.atlas_spec import ArraySpec
 from facade_core.core.errors import StoreError
 from facade_core.core.labels import FLAGS, FacadeClass
-from facade_core.core.resizing import resized_with_labels
+from facade_core.core.resizing import resize_with_labels
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.occlusion_overlay import draw_cut
+from facade_core.export.pictures.occlusion_overlay import draw_crop
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
 from facade_core.imagery.detect.detection import detect_on_image, detectors_available
 from facade_core.imagery.privacy import apply_privacy
-from facade_core.imagery.rectify.no_data import no_data
-from facade_core.plan.exemplar_style import look_of
+from facade_core.imagery.rectify.no_data import no_data_mask
+from facade_core.plan.exemplar_style import style_descriptor
 from tasks.engine.context import unit_seed, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
@@ -40,14 +40,14 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     (unit,) = units
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
-    hidden = picture.hidden | no_data(picture.rgb)
+    hidden = picture.hidden | no_data_mask(picture.rgb)
     private = detect_on_image(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
     seed = unit_seed(run, unit.name, "exemplar")
     prepared = prepare_exemplar(
         picture.rgb,
         hidden,
-        storey=run.storey,
+        floor_height=run.storey,
         private=private,
         labels=read_labels(path, hidden.shape),
         models=run.models,
@@ -59,7 +59,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
     size = (round(width * shrink), round(height * shrink))
-    texture, labels = resized_with_labels(prepared.image, prepared.labels, size[::-1])
+    texture, labels = resize_with_labels(prepared.image, prepared.labels, size[::-1])
     metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
 
     group = open_root(fork)
@@ -77,10 +77,10 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "floors": prepared.floors,
         "columns": prepared.columns,
         "hidden": round(float(prepared.occluded.mean()), 4),
-        "shaded": round(prepared.shaded, 4),
-        "cut_found": prepared.found,
+        "shaded": round(prepared.shaded_share, 4),
+        "cut_found": prepared.has_facade,
         "shop_width": round(float((labels == FacadeClass.SHOP).any(axis=0).mean()), 4),
-        "look": look_of(texture, labels, metres_per_texel),
+        "look": style_descriptor(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
         "worker": worker_name(),
@@ -94,8 +94,10 @@ def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exempla
     """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
     x0, y0, x1, y1 = prepared.box
     shown = apply_privacy(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
-    shown[y0:y1, x0:x1] = apply_privacy(prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel)
-    return draw_cut(shown, prepared.occluded, prepared.box)
+    shown[y0:y1, x0:x1] = apply_privacy(
+        prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel
+    )
+    return draw_crop(shown, prepared.occluded, prepared.box)
 
 
 def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:

@@ -6,6 +6,10 @@ from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import NamedTuple
 
+from catalogs.block.reader import Block
+from catalogs.readers.pictures.poses import parse_day
+from facade_core.plan.plan import Plan
+
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
 VIEWS = 4
 # Of the capture before, by which is told what changed.
@@ -33,3 +37,9 @@ def captures_of(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
     newest = [one for one in shown if capture.get(one, 0) == 0]
     before = [one for one in shown if capture.get(one, 0) == 1]
     return Captures(tuple(newest[:VIEWS]), tuple(before[:EARLIER]))
+
+
+def panoramas_of(plan: Plan, block: Block) -> list[Captures]:
+    """The panoramas that each facade is taken from."""
+    days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
+    return [captures_of(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))]

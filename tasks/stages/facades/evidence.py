@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from catalogs.readers.pictures.opening import MIN_SIDE_PX
+from catalogs.readers.pictures.decoding import MIN_SIDE_PX
 from facade_core.core.errors import ImageError
-from facade_core.core.resizing import resized
+from facade_core.core.resizing import resize_image
 from facade_core.core.types import Box, Pose
 from facade_core.imagery.detect.detection import Detections, detect_on_image, detect_on_panorama
-from facade_core.imagery.rectify.change_detection import compare
-from facade_core.imagery.rectify.crop import below_foot, cut_to_facade
-from facade_core.imagery.rectify.fusion import View, as_one, fuse_views
-from facade_core.imagery.rectify.model_texture import own_texture
-from facade_core.imagery.rectify.no_data import no_data
+from facade_core.imagery.rectify.change_detection import detect_changes
+from facade_core.imagery.rectify.crop import crop_to_facade, street_mask
+from facade_core.imagery.rectify.fusion import ChartView, as_chart_view, fuse_views
+from facade_core.imagery.rectify.model_texture import render_model_texture
+from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.imagery.rectify.panorama import rectify_view
 from facade_core.imagery.rectify.photo import Rectified, rectify
-from facade_core.parsing.occluders import things_in_front
+from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import refusing
@@ -118,7 +118,7 @@ def evidence_of(
 ) -> Evidence | None:
     """What a source of imagery, as in `Imagery.sources`, shows of a chart in a raster of a size; None where that is too little.
 
-    Why one picture of several cannot be used is added to `refused`; raises what a photo, the only one, is refused by. parser:
+    Why one picture of several cannot be used is added to `rejected_buildings`; raises what a photo, the only one, is refused by. parser:
     the file of one in place of the shipped one.
     """
     if source == "photo" and imagery.photo is not None:
@@ -137,8 +137,8 @@ def evidence_of(
         )
     if source == "panoramas":
         return _of_panoramas(plan, chart, size, imagery, refused, parser)
-    images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.triangles_of(chart)], refused)
-    image, covered = own_texture(plan.scene, chart, images)
+    images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart_triangles(chart)], refused)
+    image, covered = render_model_texture(plan.scene, chart, images)
     if covered.mean() < SHOWN:
         return None
     # what a model brings is its wall as its makers want it, and may be drawn: the parser is not asked for trees
@@ -158,10 +158,10 @@ def _of_panoramas(
     if not views:
         return None
     if earlier:
-        now, then = (as_one(fuse_views(of)) for of in (views, [one.view for one in earlier]))
-        told = compare(now, then, float(plan.scene.placement.texels_per_metre[chart]))
-        share = None if told.share is None else round(told.share, 4)
-        before = Before(share, round(told.compared, 4), _last(earlier))
+        now, then = (as_chart_view(fuse_views(of)) for of in (views, [one.view for one in earlier]))
+        told = detect_changes(now, then, float(plan.scene.placement.texels_per_metre[chart]))
+        share = None if told.changed_share is None else round(told.changed_share, 4)
+        before = Before(share, round(told.compared_share, 4), _last(earlier))
         if share is not None:
             picture = _small(then) if share >= PICTURED else None
             before = before._replace(
@@ -169,13 +169,13 @@ def _of_panoramas(
             )
         # what is no longer so is not shown; the rest fills what the newest do not show
         views += [
-            replace(one.view, seen=one.view.seen & ~told.changed, quality=EARLIER_QUALITY * one.view.quality)
+            replace(one.view, seen=one.view.seen & ~told.is_changed, quality=EARLIER_QUALITY * one.view.quality)
             for one in earlier
         ]
     fused = fuse_views(views)
     if (fused.seen & ~fused.occluded).mean() < SHOWN:
         return None
-    _, masked = things_in_front(fused.occluded)
+    _, masked = occluder_mask(fused.occluded)
     hidden = _widened(~fused.seen) | fused.occluded
     in_front = float(fused.occluded.mean())
     taken = [*newest, *(one for k, one in enumerate(earlier, len(newest)) if (fused.source == k).any())]
@@ -186,24 +186,24 @@ def _of_panoramas(
         ", ".join(one.name for one in taken),
         masked,
         in_front,
-        outside=below_foot(fused.rgb, hidden, model=parser),
+        outside=street_mask(fused.rgb, hidden, model=parser),
         captured=_last(newest),
         before=before,
     )
 
 
-def _small(view: View) -> np.ndarray:
+def _small(view: ChartView) -> np.ndarray:
     """A view (h, w, 3) as it is looked at beside another: no longer than LONGEST, and grey where it does not show the wall."""
     image = np.where(view.clear[..., None], view.rgb, np.uint8(GREY))
     scale = min(1.0, LONGEST / max(image.shape[:2]))
     height, width = (max(1, round(side * scale)) for side in image.shape[:2])
-    return resized(image, (height, width))
+    return resize_image(image, (height, width))
 
 
 class _Taken(NamedTuple):
     """A facade as a panorama shows it, the file's name and its day, where that is known."""
 
-    view: View
+    view: ChartView
     name: str
     day: str | None
 
@@ -237,11 +237,11 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
 
     if rectified:
         picture = read_whole(path, least=MIN_SIDE_PX)
-        image, hidden = picture.rgb, picture.hidden | no_data(picture.rgb)
+        image, hidden = picture.rgb, picture.hidden | no_data_mask(picture.rgb)
     else:
         found, _ = rectified_photo(path)
         image, hidden = found.image, ~found.seen
-    cut = cut_to_facade(image, hidden, model=parser)
+    cut = crop_to_facade(image, hidden, model=parser)
     hidden, outside = (
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         for mask in (cut.hidden, cut.outside)
@@ -249,7 +249,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
     seen = detect_on_image(cut.image).rescale(across, down)
     fit = Fit(cut.hidden.size / image[..., 0].size, cut.found, across / down)
-    return Photo(resized(cut.image, size), hidden, outside, seen, fit)
+    return Photo(resize_image(cut.image, size), hidden, outside, seen, fit)
 
 
 def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
@@ -264,7 +264,7 @@ def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     return found, picture.hidden.shape
 
 
-def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None) -> View:
+def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None) -> ChartView:
     """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees, and the faces and plates
     that there are on the panorama."""
     image = read_panorama(path)
@@ -274,7 +274,7 @@ def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int],
     if not view.seen.any():
         return view
     alpha = np.where(view.seen, 255, 0).astype(np.uint8)
-    in_front, _ = things_in_front(parse(np.dstack([view.rgb, alpha]), model=parser).occluded & view.seen)
+    in_front, _ = occluder_mask(parse(np.dstack([view.rgb, alpha]), model=parser).occluded & view.seen)
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from catalogs.features import file_stem
-from facade_core.core.types import AS_FOUND, Corrected, Pose
+from facade_core.core.types import AS_FOUND, FacadeCorrection, Pose
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Imagery:
     textured: bool = False
     exemplar: tuple[int, str] | None = None
     shops: bool = True
-    corrected: Corrected = AS_FOUND
+    corrected: FacadeCorrection = AS_FOUND
     entrances: tuple[float, ...] = ()
 
     def sources(self) -> tuple[str, ...]:
@@ -62,7 +62,7 @@ def collect_imagery(
     exemplars: Mapping[int, tuple[int, str]],
     shops: Sequence[int],
     entrances: Sequence[tuple[float, ...]],
-    corrected: Mapping[int, Corrected],
+    corrected: Mapping[int, FacadeCorrection],
 ) -> list[Imagery]:
     """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, `captured` by
     panorama, the rest by facade."""

@@ -9,7 +9,7 @@ from typing import Any
 from catalogs.file_digest import file_digest
 from facade_core.atlas.journal import unit_key
 from facade_core.core.types import AS_FOUND
-from facade_core.geometry.walls import JOINT_M
+from facade_core.geometry.walls import MAX_JOINT_M
 from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -35,7 +35,7 @@ def facade_keys(
     chart = int(table.chart[facade])
     shape = (int(placement.width[chart]), int(placement.height[chart]))
     size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
-    low, high = bounding_box(plan, table.chart[table.laid_out_with(facade)].tolist())
+    low, high = bounding_box(plan, table.chart[table.run_members(facade)].tolist())
     house: list[Any] = [
         float(table.foot[facade]),
         float(table.eaves[facade]),
@@ -78,7 +78,7 @@ def facade_keys(
         elif imagery.exemplar is not None:
             chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
             parts |= {"exemplar": chosen, "walls": run.texture.walls}
-            parts["beside"] = [house, plan.things.within(low - JOINT_M, high + JOINT_M)]
+            parts["beside"] = [house, plan.scene_objects.digests_in_box(low - MAX_JOINT_M, high + MAX_JOINT_M)]
         else:
             parts["walls"] = run.texture.walls
         keys.append(parts_key(stage_code("facades"), **parts))

@@ -9,23 +9,26 @@ import shapely
 
 from catalogs.block.part import ENTRANCE_M, Part
 from catalogs.block.reader import Block
-from catalogs.readers.pictures.poses import parse_day
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.refined_poses import read_refined_poses
-from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files, unit_files
-from facade_core.core.name_hash import number_of
+from facade_core.atlas.store import open_table
+from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files
+from facade_core.core.name_hash import hash_name
 from facade_core.core.types import Street
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.walls import LEVEL_M
-from facade_core.plan.exemplar_inputs import outlines_as_walls
-from facade_core.plan.exemplar_style import Library, Walls, choose_exemplars
+from facade_core.geometry.walls import LEVEL_TOLERANCE_M
+from facade_core.plan.exemplar_inputs import walls_from_outlines
+from facade_core.plan.exemplar_style import ExemplarLibrary, StyleTargets, choose_exemplars
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage
+from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record
+from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
-from tasks.stages.facades.captures import Captures, captures_of
+from tasks.stages.facades.captures import panoramas_of
+from tasks.stages.facades.forecast import forecast_facades
 from tasks.stages.facades.imagery import Imagery, collect_imagery
 from tasks.stages.facades.keys import add_building_part, facade_keys
+from tasks.stages.facades.record import facade_files
 from tasks.stages.facades.worker import facade_unit
 from tasks.stages.shared.facade_corrections import corrected_of
 from tasks.stages.shared.memory import (
@@ -48,7 +51,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     """As the journal stands: poses that are refined, exemplars that could be prepared."""
     imagery = facade_imagery(run, block, plan, group)
     exemplars = {i: r["key"] for i, r in enumerate(read_journal(group, "exemplars")) if r and r["status"] == "done"}
-    charts, texels = plan.facades.chart.tolist(), plan.texels()
+    charts, texels = plan.facades.chart.tolist(), plan.texel_counts()
     keys = [
         facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
     ]
@@ -136,25 +139,19 @@ def _chosen_by_people(plan: Plan, block: Block, records: Records) -> dict[int, t
     usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
     found = {}
     for facade, building in enumerate(plan.facades.building.tolist()):
-        name = block.corrections.value(plan.scene.names[building], "exemplar")
+        name = block.corrections.corrected_value(plan.scene.names[building], "exemplar")
         if name in usable:
             found[facade] = usable[name], name
     return found
-
-
-def panoramas_of(plan: Plan, block: Block) -> list[Captures]:
-    """The panoramas that each facade is taken from."""
-    days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
-    return [captures_of(plan.sightings.of(facade).tolist(), days) for facade in range(len(plan.facades))]
 
 
 def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
     """Where each facade's wall, as it is laid out, is entered by the map: metres from where its run begins, ascending."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
-    low = np.flatnonzero((np.abs(facades.foot) < LEVEL_M) & ~facades.raised)
+    low = np.flatnonzero((np.abs(facades.foot) < LEVEL_TOLERANCE_M) & ~facades.raised)
     if len(places) and len(low):
-        walls = shapely.linestrings(plan.scene.charts.at_shares(facades.chart[low], _FOOT)[..., :2])
+        walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], _FOOT)[..., :2])
         points = shapely.points(np.array(places).reshape(-1, 2))
         of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=ENTRANCE_M, all_matches=False)
         at = shapely.line_locate_point(walls[wall], points[of]) + facades.along[low[wall]]
@@ -168,7 +165,7 @@ def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.nda
     facades = plan.facades
     if places is None or not len(facades):
         return np.full(len(facades), -1)
-    walls = shapely.linestrings(plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2])
+    walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart, _FOOT)[..., :2])
     _, wall = shapely.STRtree(walls).query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=SHOP_M)
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
@@ -179,29 +176,29 @@ def _shops_of_part(plan: Plan, part: Part) -> np.ndarray:
     return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
 
 
-def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> Walls:
+def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
     """The walls by which exemplars are chosen: of the block's facades; of a part of a city of all buildings that the choice
     stands on, by their outlines."""
     if block.part is not None:
         own = set(block.part.buildings)
         buildings = [*(building for building in block.buildings if building.id in own), *block.part.beyond]
-        return outlines_as_walls(buildings, block.part.fronts, block.part.shops, block.storey)
+        return walls_from_outlines(buildings, block.part.fronts, block.part.shops, block.storey)
     facades = plan.facades
     # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
     seen = facades.seen > 0
     told = np.flatnonzero(seen | ~np.isin(facades.house, facades.house[seen]))
-    return Walls(
+    return StyleTargets(
         facades.width[told],
         facades.height[told],
         facades.floors[told],
         facades.house[told],
         _numbers(plan.streets)[facades.street[told]],
-        plan.scene.charts.at_shares(facades.chart[told], _FOOT)[..., :2],
+        plan.scene.charts.points_at_shares(facades.chart[told], _FOOT)[..., :2],
         shops[told],
     )
 
 
-def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> dict[int, tuple[int, str]]:
+def exemplars_of(plan: Plan, records: Records, walls: StyleTargets, *, seed: int) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
 
     Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade, and the
@@ -213,7 +210,7 @@ def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> di
     if not usable or not len(facades):
         return {}
     found = [record for _, record in usable]
-    library = Library(
+    library = ExemplarLibrary(
         [record["width_m"] for record in found],
         [record["height_m"] for record in found],
         [record["floors"] for record in found],
@@ -232,7 +229,7 @@ def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> di
 def _numbers(streets: Sequence[Street]) -> np.ndarray:
     """A number for each street, (streets,) int64, of its name, else of its id: it stays when others come and go, and is the
     same for all parts of a street."""
-    return np.array([number_of(street.name or street.id) for street in streets], np.int64)
+    return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
 def _again(change: Change) -> dict[int, int]:
@@ -258,7 +255,7 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
         if records[index] is None and name in keys:
             records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
     # files stay where they are; those that no record tells of do not: of facades that are gone, or have no variations now
-    told = {path for index, record in enumerate(records) for path in unit_files("facades", index, record)}
+    told = {path for index, record in enumerate(records) for path in FACADES.unit_files(index, record)}
     for folder in (HIERARCHIES, EARLIER):
         delete_stored_files(
             change.group, folder, {path.rpartition("/")[2] for path in told if path.startswith(f"{folder}/")}
@@ -274,6 +271,17 @@ def facade_memory(texels: int, imagery: Imagery) -> int:
     return least + max(texels * FACADE_TEXEL, *map(decoding_bytes, tried)) + kept * PICTURE_PIXEL
 
 
+def _find_lost(store: StoreContents) -> list[int]:
+    """Find facades that are done in every texel, and of whose chart a chunk is not listed."""
+    records = store.records["facades"]
+    complete = [i for i, r in enumerate(records) if is_done_record(r) and r and r.get("provenance", [1])[0] == 0]
+    if not complete:
+        return []
+    chart_of = open_table(store.session, "facades").chart.values
+    lost = find_charts_with_missing_chunks(store.session, "atlas/seed_evidence", chart_of[complete].tolist())
+    return [f for f in complete if int(chart_of[f]) in lost]
+
+
 FACADES = Stage(
     "facades",
     "facade",
@@ -285,4 +293,9 @@ FACADES = Stage(
     writes_base_layer=True,
     in_every_block=True,
     relocate=_moved,
+    unit_charts=lambda plan: plan.facades.chart[:, None].tolist(),
+    unit_names=lambda plan: plan.facades.id,
+    find_lost=_find_lost,
+    forecast=forecast_facades,
+    files=facade_files,
 )

@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.facade.wall_material import LEAST_M2, lit_colour
+from facade_core.facade.wall_material import MIN_WALL_M2, lit_colour
 from facade_core.plan.plan import Plan
 
 # Texels of a facade that are looked at, evenly over it: a colour needs no more, and units declare no memory for neighbours.
@@ -21,7 +21,7 @@ def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) ->
 
     facades: those of a house that are written, which may turn out to have been made without their pictures.
     """
-    placement, largest, found = plan.scene.placement, LEAST_M2, None
+    placement, largest, found = plan.scene.placement, MIN_WALL_M2, None
     for facade in facades:
         chart = int(plan.facades.chart[facade])
         y, x = int(placement.y[chart]), int(placement.x[chart])

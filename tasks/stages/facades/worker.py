@@ -14,23 +14,29 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import earlier_path, stored_file_digest, hierarchy_path, write_stored_file
+from facade_core.atlas.stored_files import earlier_path, hierarchy_path, stored_file_digest, write_stored_file
 from facade_core.core.errors import FacadeError, ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import AS_FOUND
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.facade.correction import texels_of, with_elements
-from facade_core.facade.pipeline import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
-from facade_core.facade.texture.ground_floor import without_shops
-from facade_core.facade.texture.retargeting import Style, style_of
+from facade_core.facade.correction import rasterise_boxes, replace_elements
+from facade_core.facade.pipeline import (
+    MAX_HIDDEN_SHARE,
+    Facade,
+    build_facade_from_exemplar,
+    build_facade_from_photo,
+    count_columns,
+)
+from facade_core.facade.texture.ground_floor import replace_shops
+from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.geometry.walls import STREET
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.privacy import apply_privacy
-from facade_core.parsing.confidence import share_of
-from facade_core.plan.facade_walls import wall_of
+from facade_core.parsing.confidence import masked_share
+from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.context import plan_of_run, unit_seed, worker_name
 from tasks.engine.outcome import failure, machine_fault, reason_of, refusal, refusing
@@ -44,12 +50,12 @@ if TYPE_CHECKING:
     from tasks.stages.facades.imagery import Imagery
 
 
-# The classes that are counted, and what `facade_core.parsing.confidence.Figures` has, as the catalogue names them.
+# The classes that are counted, and what `facade_core.parsing.confidence.FacadeFigures` has, as the catalogue names them.
 _COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _TOLD = ("window_to_wall", "windows", "floors")
 
 # Exemplars taken apart, by number and whether with shops, and their metres per texel.
-Styles = dict[tuple[int, bool], tuple[Style, float]]
+Styles = dict[tuple[int, bool], tuple[ExemplarStyle, float]]
 
 
 class _Made(NamedTuple):
@@ -186,7 +192,7 @@ def _all_of(errors: Sequence[Exception]) -> Exception:
 
 def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Made | None:
     """The facade from the best picture there is of it; None where none shows enough. Why pictures were refused is added to
-    `refused`."""
+    `rejected_buildings`."""
     facade, (imagery, textures, _) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
@@ -200,10 +206,10 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
             evidence = evidence_of(source, plan, chart, size, imagery, textures, refused, run.models.parser)
             if evidence is not None:
                 try:
-                    result = from_photo(
+                    result = build_facade_from_photo(
                         evidence.image,
-                        evidence.hidden | texels_of(said.hide, size),
-                        kept=texels_of(said.keep, size),
+                        evidence.hidden | rasterise_boxes(said.hide, size),
+                        facade_mask=rasterise_boxes(said.keep, size),
                         outside=evidence.outside,
                         private=evidence.seen.private_mask(size),
                         clean=evidence.clean,
@@ -249,15 +255,15 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
     given = _style(group, index, True, styles)
     style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
     first = facades.id[int(facades.run[facade])]
-    result = from_exemplar(
+    result = build_facade_from_exemplar(
         style,
-        wall_of(plan.scene, facades, facade, imagery.entrances),
+        facade_wall(plan.scene, facades, facade, imagery.entrances),
         size,
-        part=(along, along + width),
+        span=(along, along + width),
         metres_per_pixel=metres_per_texel,
-        like=given[0],
-        house=unit_seed(run, str(facades.house[facade]), "house"),
-        colour=colour_of_pictured(group, plan, beside),
+        floor_style=given[0],
+        building_seed=unit_seed(run, str(facades.house[facade]), "house"),
+        wall_colour=colour_of_pictured(group, plan, beside),
         seed=unit_seed(run, first, "facade"),
     )
     return _Made(depth, _corrected(result, imagery), name, nothing)
@@ -266,16 +272,16 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
 def _corrected(facade: Facade, imagery: Imagery) -> Facade:
     """A facade with the elements that somebody gave it."""
     elements = imagery.corrected.elements
-    return facade if elements is None else with_elements(facade, elements)
+    return facade if elements is None else replace_elements(facade, elements)
 
 
-def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:
+def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarStyle, float]:
     """An exemplar taken apart, with or without its shops, and its metres per texel."""
     if (index, shops) not in styles:
         image, labels, metres_per_texel = read_exemplar(group, index)
         if not shops:
-            image, labels = without_shops(image, labels)
-        styles[index, shops] = style_of(image, labels), metres_per_texel
+            image, labels = replace_shops(image, labels)
+        styles[index, shops] = extract_style(image, labels), metres_per_texel
     return styles[index, shops]
 
 
@@ -292,7 +298,7 @@ def _write(
 ) -> dict[str, str]:
     """Write a facade's rasters, with what may be shown (h, w, 3) of its evidence, and hierarchy; returns its chart's digest."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])
-    rasters = TexelLayout.of(scene.placement, [chart])
+    rasters = TexelLayout.of_charts(scene.placement, [chart])
     seed = result.image.reshape(-1, 3)
     evidence = result.provenance.reshape(-1)
     arrays = {
@@ -320,13 +326,13 @@ def _summary(result: Facade) -> dict[str, Any]:
     for name, plural in _COUNTED.items():
         own = [element for element in result.elements if element.label == name]
         counts[plural] = len(own)
-        counts[f"{plural}_seen"] = sum(share_of(~pictured, element) <= HIDDEN_SHARE for element in own)
+        counts[f"{plural}_seen"] = sum(masked_share(~pictured, element) <= MAX_HIDDEN_SHARE for element in own)
     told: dict[str, Any] = {
         "window_to_wall": round(float((result.labels == FacadeClass.WINDOW).mean()), 4),
         "floors": result.floors,
     }
-    if result.told is not None:
-        for name, low, high in zip(_TOLD, result.told.low, result.told.high, strict=True):
+    if result.estimates is not None:
+        for name, low, high in zip(_TOLD, result.estimates.low, result.estimates.high, strict=True):
             if name == "floors" and not result.floors:  # without windows only the map tells
                 continue
             told |= {f"{name}_low": round(low, 4), f"{name}_high": round(high, 4)}

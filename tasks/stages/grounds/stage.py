@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.charts import CORNERS
+from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage, same_name
 from tasks.engine.stage_code import stage_code
+from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
 from tasks.stages.grounds.worker import ground_unit
+from tasks.stages.shared.camera_forecast import forecast_after_poses
 from tasks.stages.shared.key_parts import panorama_parts
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
@@ -39,8 +42,8 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     if not len(charts):
         return []
     cameras = cameras_of_block(block, plan, group, _over_ground)
-    corners = plan.scene.charts.at_shares(charts, CORNERS)[..., :2]
-    texels = plan.texels()
+    corners = plan.scene.charts.points_at_shares(charts, CORNER_SHARES)[..., :2]
+    texels = plan.texel_counts()
     units = []
     for index, (chart, name) in enumerate(zip(charts.tolist(), names_of_ground(plan), strict=True)):
         taken = cameras.near(corners[index], GROUND_REACH_M)
@@ -104,4 +107,8 @@ GROUNDS = Stage(
     function=ground_unit,
     reads=("poses", "bundles"),
     writes_base_layer=True,
+    forecast=partial(forecast_after_poses, "grounds"),
+    unit_charts=lambda plan: plan.ground_near_cameras()[:, None].tolist(),
+    unit_names=names_of_ground,
+    find_lost=lambda store: find_units_without_base_layer(store.session, store.records["grounds"]),
 )

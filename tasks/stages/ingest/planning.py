@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from catalogs.block.digest import geometry_digest
-from facade_core.geometry.chart_packing import Places
-from facade_core.geometry.ground.terrain import terrain_of
-from facade_core.plan.core_region import Own
-from facade_core.plan.identity import Each, here
-from facade_core.plan.ingest import ingest, on_ground, with_panoramas
+from facade_core.geometry.chart_packing import PreviousPlacement
+from facade_core.geometry.ground.terrain import build_terrain
+from facade_core.plan.core_region import CoreRegion
+from facade_core.plan.identity import ParallelMap, map_in_process
+from facade_core.plan.ingest import ingest, place_poses, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.stage_code import stage_code
 from tasks.stages.shared.images import image_size
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 
-def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan:
+def plan_of(block: Block, last: PreviousPlacement | None = None, each: ParallelMap = map_in_process) -> Plan:
     """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas. `each`
     says where rays are cast."""
     texture = block.texture
@@ -39,7 +39,7 @@ def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan
         walls=texture.walls,
         last=last,
         each=each,
-        own=None if block.part is None else Own(frozenset(block.part.buildings), frozenset(block.part.streets)),
+        own=None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets)),
     )
     return plan if block.aerial is None else under_aerial(plan, block.aerial)
 
@@ -54,8 +54,8 @@ def plan_again(block: Block, plan: Plan) -> Plan:
     without looking from every viewpoint."""
     poses = tuple(panorama.pose for panorama in block.panoramas)
     if any(pose.z is None for pose in poses):
-        poses = on_ground(poses, terrain_of(block.buildings, block.terrain), block.texture.viewpoint_height)
-    return with_panoramas(plan, poses, _sizes(block))
+        poses = place_poses(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)
+    return replace_panoramas(plan, poses, _sizes(block))
 
 
 def _sizes(block: Block) -> list[tuple[int, int]]:

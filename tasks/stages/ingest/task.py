@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,18 +13,19 @@ import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.block.corrections import OF_BUILDINGS
+from catalogs.block.corrections import BUILDING_CORRECTION_KINDS
 from catalogs.features import file_stem
 from facade_core.atlas.arrays import STORE_FORMAT, create_arrays
-from facade_core.atlas.store import BRANCH, commit, read_format, create_root, open_repository, open_root_of_any_format
+from facade_core.atlas.store import BRANCH, commit, create_root, open_repository, open_root_of_any_format, read_format
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.streets import predecessors
+from facade_core.geometry.streets import wave_predecessors
 from facade_core.geometry.walls import STREET
-from facade_core.plan.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
-from facade_core.plan.identity import Each, here
+from facade_core.plan.facades import MIN_FACADE_HEIGHT_M, MIN_FACADE_TEXELS, MIN_FACADE_WIDTH_M
+from facade_core.plan.identity import ParallelMap, map_in_process
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, write_plan
+from tasks.engine.outline import Outline
 from tasks.engine.progress import advance, begin_stage
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
@@ -37,34 +38,8 @@ if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 
-@dataclass(frozen=True)
-class Outline:
-    """What the flow needs of a plan to order the work: streets by index, no arrays.
-
-    streets: their names, or ids.
-    waves: the streets of each wave.
-    after: for each street those of earlier waves that it shares chunks with, and has to wait for.
-    viewpoints: how many each street has.
-    windows: texels that each street sees, and those of them that it writes.
-    set_aside: input that cannot be used, as (kind, unit, reason).
-    ingested: when the plan was written, seconds since 1970.
-    skipped: whether the store held it already.
-    anew: why nothing of an earlier ingest was taken over, if so.
-    """
-
-    streets: tuple[str, ...]
-    waves: tuple[tuple[int, ...], ...]
-    after: tuple[tuple[int, ...], ...]
-    viewpoints: tuple[int, ...]
-    windows: tuple[tuple[int, int], ...]
-    set_aside: tuple[tuple[str, str, str], ...]
-    ingested: float
-    skipped: bool
-    anew: str | None = None
-
-
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
-def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
+def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> Outline:
     """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
 
     Arrays are empty, or hold what is left of an earlier ingest. `each` says where rays are cast, in this process without.
@@ -73,7 +48,10 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
     root = open_root_of_any_format(session)
-    skipped, anew = root.attrs.get("key") == run.key and read_format(root) == STORE_FORMAT and has_all_stages(root), None
+    skipped, anew = (
+        root.attrs.get("key") == run.key and read_format(root) == STORE_FORMAT and has_all_stages(root),
+        None,
+    )
     if skipped:
         plan = read_plan(session)
     else:
@@ -86,7 +64,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             anew = why_anew(run, root)
             root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
-        set_aside += [("building", unit, reason) for unit, reason in plan.refused]
+        set_aside += [("building", unit, reason) for unit, reason in plan.rejected_buildings]
         set_aside += [("building", "all buildings", reason) for reason in no_facade(plan)]
         set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
@@ -105,8 +83,8 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,
-            corrected=sorted(block.corrections.of_kind(OF_BUILDINGS)),
-            known_by_place={**block.corrections.renamed, **facades_by_place(plan, block.corrections, block.crs)},
+            corrected=sorted(block.corrections.select_kinds(BUILDING_CORRECTION_KINDS)),
+            known_by_place={**block.corrections.new_ids, **facades_by_place(plan, block.corrections, block.crs)},
             ingested=time.time(),
         )
         write_plan(session, plan, block.buildings, run.crs)
@@ -131,12 +109,12 @@ def no_facade(plan: Plan) -> list[str]:
         return []
     charts = plan.scene.charts
     wall = charts.kind == ChartKind.WALL
-    small = wall & ((charts.size[:, 0] < FACADE_WIDTH_M) | (charts.size[:, 1] < FACADE_HEIGHT_M))
-    coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < FACADE_TEXELS)
+    small = wall & ((charts.size[:, 0] < MIN_FACADE_WIDTH_M) | (charts.size[:, 1] < MIN_FACADE_HEIGHT_M))
+    coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < MIN_FACADE_TEXELS)
     unseen = int(wall.sum() - small.sum() - coarse.sum())
     return [
-        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {FACADE_WIDTH_M:g} x {FACADE_HEIGHT_M:g} m, "
-        f"{coarse.sum()} have under {FACADE_TEXELS} texels a side (raise texture.texels_per_metre), {unseen} are seen from no "
+        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {MIN_FACADE_WIDTH_M:g} x {MIN_FACADE_HEIGHT_M:g} m, "
+        f"{coarse.sum()} have under {MIN_FACADE_TEXELS} texels a side (raise texture.texels_per_metre), {unseen} are seen from no "
         "street (check streets, or raise texture.visibility_range)"
     ]
 
@@ -156,7 +134,7 @@ def _lost(block: Block, plan: Plan) -> list[str]:
     """A note of corrections that are of no facade, building or exemplar of the block as it is: they are kept, and wait."""
     lost = corrected_of(plan, block.corrections, block.crs)[1]
     buildings, exemplars = set(plan.scene.names), {path.stem for path in block.exemplars}
-    for id, said in block.corrections.of_kind(OF_BUILDINGS).items():
+    for id, said in block.corrections.select_kinds(BUILDING_CORRECTION_KINDS).items():
         unknown = "exemplar" in said and said["exemplar"].value not in exemplars
         if id not in buildings or unknown:
             lost.append(id)
@@ -193,7 +171,7 @@ def _after(plan: Plan) -> tuple[tuple[int, ...], ...]:
     chunk = np.unique(first, axis=0, return_inverse=True)[1].reshape(-1)
     street, chart = plan.street_charts.T
     reads = np.column_stack([street, chunk[chart]])
-    return tuple(tuple(found.tolist()) for found in predecessors(plan.wave, reads, reads[plan.writable[chart]]))
+    return tuple(tuple(found.tolist()) for found in wave_predecessors(plan.wave, reads, reads[plan.writable[chart]]))
 
 
 def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:

@@ -17,6 +17,7 @@ from tasks.engine.stage import Change, Records, Stage, same_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
+from tasks.stages.pages.record import page_files
 from tasks.stages.pages.worker import page_unit
 from tasks.stages.shared.key_parts import all_chart_ids
 from tasks.stages.shared.memory import LIBRARY_BYTES
@@ -50,7 +51,7 @@ def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
     """The key of every page. digests: those of charts, by their ids."""
     placement, spec = plan.scene.placement, plan.scene.spec
     by_page: list[list[int]] = [[] for _ in range(spec.pages)]
-    for chart in np.flatnonzero(plan.own).tolist():
+    for chart in np.flatnonzero(plan.in_core).tolist():
         by_page[placement.page[chart]].append(chart)
     code, names = stage_code("pages"), all_chart_ids(plan)
     place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
@@ -68,4 +69,5 @@ PAGES = Stage(
     in_every_block=True,
     relocate=_moved,
     derived_only=True,
+    files=page_files,
 )

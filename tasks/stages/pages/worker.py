@@ -10,8 +10,8 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import stored_file_digest, page_path, write_stored_file
-from facade_core.export.models.pages import between_charts
+from facade_core.atlas.stored_files import page_path, stored_file_digest, write_stored_file
+from facade_core.export.models.pages import fill_between_charts
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
@@ -28,7 +28,7 @@ def page_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     (unit,) = units
     scene = plan_of_run(run).scene
     group = open_root(fork)
-    colour = between_charts(scene, unit.index, np.asarray(group["atlas/colour"][unit.index]))
+    colour = fill_between_charts(scene, unit.index, np.asarray(group["atlas/colour"][unit.index]))
     buffer = io.BytesIO()
     Image.fromarray(colour).save(buffer, "JPEG", quality=QUALITY, subsampling=0)
     data = buffer.getvalue()

@@ -12,15 +12,23 @@ from facade_core.atlas.journal import Record, latest_digests, read_journal
 from facade_core.atlas.stored_files import PICTURES as FOLDER
 from facade_core.atlas.stored_files import delete_stored_files
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.views import SAMPLES, VIEW_SIZE, cameras, photo_share, pictured, view_names
-from facade_core.geometry.charts import CORNERS
+from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.views import (
+    SAMPLES_PER_PIXEL_SIDE,
+    VIEW_SIZE,
+    choose_cameras,
+    photo_share,
+    select_pictured_facades,
+    view_names,
+)
+from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
+from tasks.stages.pictures.record import picture_files
 from tasks.stages.pictures.worker import pictures_unit
 from tasks.stages.shared.key_parts import all_chart_ids
 from tasks.stages.shared.memory import DECODED_PIXEL, LIBRARY_BYTES
@@ -40,7 +48,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     """As the journal stands: the views, then each facade's pictures."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
     records = read_journal(group, "facades")
-    views = cameras(plan, records, run.texture.sun)
+    views = choose_cameras(plan, records, run.texture.sun)
     memory = view_memory(plan.scene.spec.page**2)
     units = [
         Unit(i, f"view {name}", (key,), (name, camera), memory)
@@ -48,9 +56,9 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             zip(view_names(plan), views, view_keys(plan, views, digests), strict=True)
         )
     ]
-    texels, staged = plan.texels(), staged_facades(plan, records)
+    texels, staged = plan.texel_counts(), staged_facades(plan, records)
     files = _files(plan)[len(views) :]
-    for number, (facade, file) in enumerate(zip(pictured(plan).tolist(), files, strict=True)):
+    for number, (facade, file) in enumerate(zip(select_pictured_facades(plan).tolist(), files, strict=True)):
         units.append(
             Unit(
                 len(views) + number,
@@ -68,7 +76,7 @@ def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:
     """The facades that are shown stage by stage, by their records: those from photos, and the first of each street."""
     count: Counter[int] = Counter()
     staged = set()
-    for facade in pictured(plan).tolist():
+    for facade in select_pictured_facades(plan).tolist():
         street, record = int(plan.facades.street[facade]), records[facade]
         photo = photo_share(record) > 0
         if photo or count[street] < STAGED:
@@ -79,7 +87,10 @@ def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:
 
 def _files(plan: Plan) -> list[str]:
     """What the store calls the file of each unit: views by name, facades by the ids of their charts, which stay."""
-    return [*view_names(plan), *(f"{number:016x}" for number in plan.ids[plan.facades.chart[pictured(plan)]].tolist())]
+    return [
+        *view_names(plan),
+        *(f"{number:016x}" for number in plan.ids[plan.facades.chart[select_pictured_facades(plan)]].tolist()),
+    ]
 
 
 def _again(change: Change) -> dict[int, int]:
@@ -95,22 +106,22 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
 
 def view_memory(page: int) -> int:
     """Of a view of the block, painted from pages of so many texels."""
-    return LIBRARY_BYTES + int(np.prod(VIEW_SIZE)) * SAMPLES**2 * VIEW_RAY + page * DECODED_PIXEL
+    return LIBRARY_BYTES + int(np.prod(VIEW_SIZE)) * SAMPLES_PER_PIXEL_SIDE**2 * VIEW_RAY + page * DECODED_PIXEL
 
 
 def facade_pictures_memory(texels: int) -> int:
     return LIBRARY_BYTES + texels * DRAWN_TEXEL
 
 
-def view_keys(plan: Plan, cameras: Sequence[Camera], digests: Mapping[str, str]) -> list[str]:
+def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping[str, str]) -> list[str]:
     """The keys of views by some cameras: whatever may be in sight, and its texels as pages and tiles have them."""
     charts = plan.scene.charts
-    corners = charts.at_shares(np.arange(len(charts)), CORNERS)
+    corners = charts.points_at_shares(np.arange(len(charts)), CORNER_SHARES)
     code, drawn, names = stage_code("pictures"), [stage_code("pages"), stage_code("tiles")], all_chart_ids(plan)
     keys = []
     for camera in cameras:
         sight = np.flatnonzero(camera.may_show(corners))
-        things = plan.things.digest[np.unique(plan.things.of_chart[sight])]
+        things = plan.scene_objects.digest[np.unique(plan.scene_objects.chart_object[sight])]
         keys.append(
             parts_key(
                 code,
@@ -140,4 +151,5 @@ PICTURES = Stage(
     in_every_block=True,
     relocate=_moved,
     derived_only=True,
+    files=picture_files,
 )

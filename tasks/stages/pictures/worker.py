@@ -13,21 +13,21 @@ import numpy as np
 from facade_core.atlas.journal import Record, read_journal, read_records
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import (
-    stored_file_digest,
     page_path,
     picture_path,
-    read_verified_array,
     read_stored_file,
+    read_verified_array,
+    stored_file_digest,
     tile_paths,
     write_stored_file,
 )
 from facade_core.core.errors import ImageError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.pictures.camera import Camera
-from facade_core.export.pictures.rendering import aim, file_of
-from facade_core.export.pictures.stage_pictures import TEXTURE, StoredFacade, stages_of
-from facade_core.export.pictures.views import SAMPLES, paint
-from facade_core.export.tiles.block_tiles import tiles_of
+from facade_core.export.pictures.camera import PerspectiveCamera
+from facade_core.export.pictures.rendering import cast_view, encode_image
+from facade_core.export.pictures.stage_pictures import TEXTURE_STAGE, StoredFacade, iterate_stage_pictures
+from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, paint_view
+from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
 from tasks.engine.context import plan_of_run, worker_name
@@ -52,7 +52,7 @@ def pictures_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     for unit in units:
         start = time.time()
         try:
-            data, drawn = (_view if isinstance(unit.arguments[1], Camera) else _facade)(plan, group, unit)
+            data, drawn = (_view if isinstance(unit.arguments[1], PerspectiveCamera) else _facade)(plan, group, unit)
         except Exception as error:
             if machine_fault(error) and not store_fault(error):
                 raise
@@ -69,13 +69,13 @@ def pictures_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
 def _view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     """A view as JPEG, painted from the pages that it shows, or from coarse rasters of tiles where these are very many."""
     _, camera = unit.arguments
-    picture = aim(plan.scene, camera, samples=SAMPLES)
-    own = plan.own[picture.seen]
-    pages = np.unique(plan.scene.placement.page[picture.seen[own]])
+    picture = cast_view(plan.scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
+    own = plan.in_core[picture.visible_charts]
+    pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
     parts = _on_pages if len(pages) <= DECODED else _coarse
-    bare = {chart: BARE for chart in picture.seen[~own].tolist()}
-    painted = paint(picture, chain([bare], parts(plan, group, picture.seen[own])))
-    return file_of(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
+    bare = {chart: BARE for chart in picture.visible_charts[~own].tolist()}
+    painted = paint_view(picture, chain([bare], parts(plan, group, picture.visible_charts[own])))
+    return encode_image(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
 
 
 def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
@@ -85,10 +85,10 @@ def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     (made,) = read_records(group, "facades", np.array([facade]))
     stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
     joined, listed = BytesIO(), []
-    for stage in stages_of(stored):
-        if stage.report is None or not (staged or stage.report.name == TEXTURE):
+    for stage in iterate_stage_pictures(stored):
+        if stage.report is None or not (staged or stage.report.name == TEXTURE_STAGE):
             continue
-        data = file_of(stage.draw(), "WEBP", quality=82, method=2)
+        data = encode_image(stage.draw(), "WEBP", quality=82, method=2)
         listed.append([stage.report.name, stage.report.title, joined.tell(), len(data)])
         joined.write(data)
     return joined.getvalue(), {"pictures": listed}  # type: ignore[typeddict-item]
@@ -126,7 +126,7 @@ def _coarse(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[
     """The coarse rasters of the tiles that have some of these charts (k,), by chart, a tile at a time."""
     place = plan.scene.placement
     texels = np.column_stack([place.width, place.height]).astype(np.int64)
-    for tile, record in zip(tiles_of(plan), read_journal(group, "tiles"), strict=True):
+    for tile, record in zip(plan_block_tiles(plan), read_journal(group, "tiles"), strict=True):
         if np.isin(tile.charts, charts).any():
             digest = _done(record, f"tile {tile.path}")["coarse"]
             yield coarse_rasters(texels, tile.charts, read_verified_array(group, tile_paths(tile.path)[1], digest))

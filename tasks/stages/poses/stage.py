@@ -10,7 +10,7 @@ import shapely
 from catalogs.block.reader import Block
 from catalogs.file_digest import file_digest
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.imagery.poses.outlines import REACH_M
+from facade_core.imagery.poses.outlines import MAX_OUTLINE_DISTANCE_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage, same_key_or_name
@@ -40,7 +40,7 @@ def heights_carried(block: Block) -> list[bool]:
     near = shapely.STRtree(guessed)
     poses = [panorama.pose for panorama in block.panoramas]
     places = shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2))
-    beside = set(near.query(places, predicate="dwithin", distance=REACH_M)[0].tolist())
+    beside = set(near.query(places, predicate="dwithin", distance=MAX_OUTLINE_DISTANCE_M)[0].tolist())
     return [pose.z is None or i in beside for i, pose in enumerate(poses)]
 
 
@@ -57,7 +57,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
         pose=[*pose_numbers(pose), carried],
-        geometry=plan.things.within(place - POSE_SURROUNDINGS_M, place + POSE_SURROUNDINGS_M),
+        geometry=plan.scene_objects.digests_in_box(place - POSE_SURROUNDINGS_M, place + POSE_SURROUNDINGS_M),
     )
 
 

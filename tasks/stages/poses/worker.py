@@ -9,10 +9,10 @@ from typing import Any
 from facade_core.atlas.journal import Record
 from facade_core.core.errors import ImageError
 from facade_core.imagery.cameras.exposure import sample_ground
-from facade_core.imagery.poses.misplaced import misplaced
-from facade_core.imagery.poses.outlines import outline
+from facade_core.imagery.poses.misplaced import explain_misplacement
+from facade_core.imagery.poses.outlines import sample_outline
 from facade_core.imagery.poses.refinement import refine_pose
-from facade_core.imagery.rectify.full_circle import check_full
+from facade_core.imagery.rectify.full_circle import check_full_panorama
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
@@ -33,12 +33,12 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     plan = plan_of_run(run)
     picture, given = read_panorama(path), plan.poses[unit.index]
     if given.view == (0.0, 0.0, 1.0, 1.0):
-        check_full(picture)
-    found = refine_pose(plan.scene, picture, given, carried=carried)
+        check_full_panorama(picture)
+    found = refine_pose(plan.scene, picture, given, height_is_assumed=carried)
     pose = found.pose
     if not found.fit >= PLACED:  # nor where nothing tells
         fitting = found.fit if math.isfinite(found.fit) else 0.0
-        if why := misplaced(plan.scene, picture, pose, outline(plan.scene, pose), fitting):
+        if why := explain_misplacement(plan.scene, picture, pose, sample_outline(plan.scene, pose), fitting):
             raise ImageError(why)
     ground = sample_ground(plan.scene, picture, pose)
     record: Record = {
@@ -52,7 +52,7 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "given_deg": _number(found.given_degrees),
         "residual_deg": _number(found.residual_degrees),
         "left": list(found.reasons),
-        "spread": None if found.spread is None else found.spread.round(6).tolist(),
+        "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
         "squares": ground.squares,
         "worker": worker_name(),

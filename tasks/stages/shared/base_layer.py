@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-# The stages that seed charts, in the order in which they write.
+# In the order in which they write.
 BASE_LAYER_STAGES = ("textures", "grounds", "walls", "facades")

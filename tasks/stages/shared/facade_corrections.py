@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.block.corrections import OF_FACADES, Corrections
-from catalogs.frames import LONLAT, coordinate_transform
-from facade_core.core.types import Corrected
+from catalogs.block.corrections import FACADE_CORRECTION_KINDS, Corrections
+from catalogs.crs import LONLAT, coordinate_transform
+from facade_core.core.types import FacadeCorrection
 from facade_core.plan.plan import Plan
 
 if TYPE_CHECKING:
@@ -22,12 +22,14 @@ PLACE_M, ALIKE = 2.0, 0.2
 _FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
-def corrected_of(plan: Plan, corrections: Corrections, crs: CRS | str) -> tuple[dict[int, Corrected], list[str]]:
+def corrected_of(plan: Plan, corrections: Corrections, crs: CRS | str) -> tuple[dict[int, FacadeCorrection], list[str]]:
     """What somebody said of each facade of a plan in a frame, by index; and the ids of which no facade is left. One with
     another id is known by its place and width."""
-    said = corrections.under(facades_by_place(plan, corrections, crs)).of_kind(OF_FACADES)
+    said = corrections.rename_targets(facades_by_place(plan, corrections, crs)).select_kinds(FACADE_CORRECTION_KINDS)
     at = {name: index for index, name in enumerate(plan.facades.id)}
-    found = {at[id]: Corrected(**{what: one.value for what, one in of.items()}) for id, of in said.items() if id in at}
+    found = {
+        at[id]: FacadeCorrection(**{what: one.value for what, one in of.items()}) for id, of in said.items() if id in at
+    }
     return found, [id for id in said if id not in at]
 
 
@@ -35,12 +37,12 @@ def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> di
     """Of corrected facades that have another id now, that one: of the facade whose middle is within PLACE_M of where each was
     corrected, and as wide."""
     facades, known = plan.facades, set(plan.facades.id)
-    said = corrections.of_kind(OF_FACADES)
+    said = corrections.select_kinds(FACADE_CORRECTION_KINDS)
     lost = [(id, next(iter(of.values()))) for id, of in said.items() if id not in known]
     placed = [(id, one, one.place) for id, one in lost if one.place is not None]
     if not placed or not len(facades):
         return {}
-    feet = plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2].mean(axis=1)
+    feet = plan.scene.charts.points_at_shares(facades.chart, _FOOT)[..., :2].mean(axis=1)
     middle = shapely.STRtree(shapely.points(feet))
     found = {}
     for id, one, (longitude, latitude) in placed:

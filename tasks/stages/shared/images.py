@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.readers.pictures.days import exif_capture_date
+from catalogs.readers.pictures.capture_dates import exif_capture_date
+from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture, open_picture, read_picture
 from catalogs.readers.pictures.folders import label_map_path
-from catalogs.readers.pictures.opening import MIN_SIDE_PX, Picture, open_picture, read_picture
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
 from tasks.engine.outcome import refusing
@@ -52,7 +52,7 @@ def capture_date(path: Path) -> str | None:
 def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:
     """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none.
 
-    Why one cannot be read is added to `refused`.
+    Why one cannot be read is added to `rejected_buildings`.
     """
     found = {}
     for index in np.unique(used[used >= 0]).tolist():

@@ -14,8 +14,8 @@ import numpy as np
 
 from catalogs.block.digest import model_digests
 from catalogs.file_digest import file_digest
-from facade_core.core.types import Models, Pose
-from facade_core.geometry.charts import CORNERS
+from facade_core.core.types import ModelFiles, Pose
+from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.stages.shared.surface_panorama import PosedPanorama
@@ -36,7 +36,7 @@ def material_digests(run: Run) -> list[Any]:
     return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
 
 
-def model_parts(models: Models) -> dict[str, Any]:
+def model_parts(models: ModelFiles) -> dict[str, Any]:
     """What models of a block's own are, where there are some."""
     return {"models": model_digests(models)} if models.files else {}
 
@@ -73,12 +73,12 @@ def digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
     low, high = bounding_box(plan, charts)
     # what lies below both hides nothing: level ground does not count
     beside = np.array([OFF_PLANE_M, OFF_PLANE_M, -MIN_OCCLUDER_RISE_M])
-    return plan.things.within(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)
+    return plan.scene_objects.digests_in_box(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)
 
 
 def bounding_box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """The corners (3,) of the box around some charts."""
-    corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
+    corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
@@ -87,7 +87,7 @@ def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path
     mesh = plan.scene.mesh
     found = []
     for chart in charts:
-        mine = mesh.triangles_of(chart)
+        mine = mesh.chart_triangles(chart)
         pictures = [file_digest(textures[i]) if i >= 0 else None for i in mesh.texture[mine].tolist()]
         shape = mesh.vertices[mesh.triangles[mine]].tobytes() + mesh.uv[mine].tobytes()
         found.append([f"{plan.ids[chart]:016x}", blake2b(shape, digest_size=8).hexdigest(), pictures])

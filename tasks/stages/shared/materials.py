@@ -14,8 +14,8 @@ from catalogs.readers.pictures.aerial import Aerial
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.core.errors import InputError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.overhead_view import Aerial as Sampler
-from facade_core.geometry.overhead_view import shown_from_above
+from facade_core.geometry.overhead_view import AerialSampler as Sampler
+from facade_core.geometry.overhead_view import roofs_seen_from_above
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.materials.grain import GrainTables, learn_grain
@@ -31,9 +31,9 @@ LOOKED_AT = 8
 def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
     """The plan with the roofs that the picture shows marked as textured."""
     scene, charts = plan.scene, plan.scene.charts
-    roofs = np.flatnonzero(shown_from_above(scene) & plan.own)
+    roofs = np.flatnonzero(roofs_seen_from_above(scene) & plan.in_core)
     share = (np.stack(np.meshgrid(*[np.arange(LOOKED_AT)] * 2), axis=-1).reshape(-1, 2) + 0.5) / LOOKED_AT
-    points = charts.at_shares(roofs, share)
+    points = charts.points_at_shares(roofs, share)
     inside = aerial.covers(points.reshape(-1, 3)[:, :2]).reshape(len(roofs), len(share))
     textured = plan.textured.copy()
     textured[roofs[inside.any(axis=1)]] = True
@@ -86,6 +86,6 @@ def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> 
     path, metres_per_pixel = roofs
     try:
         picture = read_whole(path)
-        return TiledMaterial.of(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
+        return TiledMaterial.from_picture(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
     except InputError as error:
         raise InputError(f"texture.roof_material: {path}: {error}") from error

@@ -13,7 +13,7 @@ from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record
 from facade_core.atlas.refined_poses import read_refined_poses
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.geometry.charts import CORNERS, Charts
+from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.cameras.exposure import exposure_factors
 from facade_core.plan.plan import Plan
 from tasks.stages.shared.refined_poses import select_pose
@@ -48,7 +48,7 @@ class Cameras:
 
     def of_building(self, charts: Charts, some: Sequence[int], reach: float) -> list[tuple[PosedPanorama, ...]]:
         """Those that each of some charts (k,) of a building is taken from: of a short one all charts from the same."""
-        corners = charts.at_shares(np.array(some), CORNERS)[..., :2].reshape(-1, 2)
+        corners = charts.points_at_shares(np.array(some), CORNER_SHARES)[..., :2].reshape(-1, 2)
         if np.ptp(corners, axis=0).max() <= LONG_M:
             return [self.near(corners, reach)] * len(some)
         return [self.before(charts, chart, reach) for chart in some]
@@ -58,7 +58,7 @@ class Cameras:
         of each of its pieces, at most CAMERAS, in their order."""
         corners = _pieces(charts, chart)
         piece, camera = self.places.query(shapely.convex_hull(shapely.multipoints(corners)), "dwithin", reach)
-        faced = (self._where[camera] - charts.origin[chart]) @ charts.normal()[chart] > 0
+        faced = (self._where[camera] - charts.origin[chart]) @ charts.normals()[chart] > 0
         piece, camera = piece[faced], camera[faced]
         away = np.linalg.norm(self._where[camera, :2] - corners.mean(axis=1)[piece], axis=1)
         order = np.lexsort((camera, away, piece))
@@ -97,10 +97,10 @@ def _pieces(charts: Charts, chart: int) -> np.ndarray:
     axes = np.stack([charts.axis_u[chart], charts.axis_v[chart]])
     sides = np.linalg.norm(axes[:, :2], axis=1) * charts.size[chart]
     count = int(np.clip(np.ceil(sides.max() / LONG_M), 1, CAMERAS))
-    share = np.tile(CORNERS.astype(np.float64), (count, 1, 1))
+    share = np.tile(CORNER_SHARES.astype(np.float64), (count, 1, 1))
     across = int(sides.argmax())
-    share[..., across] = (np.arange(count)[:, None] + CORNERS[:, across]) / count
-    return charts.at_shares(np.array([chart]), share.reshape(-1, 2))[0, :, :2].reshape(count, 4, 2)
+    share[..., across] = (np.arange(count)[:, None] + CORNER_SHARES[:, across]) / count
+    return charts.points_at_shares(np.array([chart]), share.reshape(-1, 2))[0, :, :2].reshape(count, 4, 2)
 
 
 def _squares(record: Record | None) -> tuple[tuple[int, ...], ...]:

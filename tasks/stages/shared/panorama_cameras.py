@@ -17,7 +17,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.cameras.camera_view import CameraView, PanoramaCamera
 from facade_core.imagery.cameras.exposure import typical_ground_colour
 from facade_core.imagery.detect.detection import detect_on_panorama
-from facade_core.imagery.poses.panorama_camera import position
+from facade_core.imagery.poses.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import refusing
 from tasks.stages.shared.images import read_panorama
@@ -33,13 +33,13 @@ Hides = Callable[[np.ndarray, Pose], np.ndarray]
 def cameras_of(
     taken: Sequence[PosedPanorama], hides: Hides, refused: list[Exception]
 ) -> tuple[list[PanoramaCamera], list[PosedPanorama]]:
-    """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `refused`."""
+    """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `rejected_buildings`."""
     opened = [(camera, one) for one in taken if (camera := camera_of(one, hides, refused)) is not None]
     return [camera for camera, _ in opened], [one for _, one in opened]
 
 
 def camera_of(one: PosedPanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
-    """A panorama as a camera; where it cannot be opened None, and why is added to `refused`."""
+    """A panorama as a camera; where it cannot be opened None, and why is added to `rejected_buildings`."""
     with refusing(refused):
         image = read_panorama(one.path)
         return PanoramaCamera(
@@ -82,11 +82,11 @@ def write_shown(
         used[chart][camera] for chart, one in found.items() for camera in np.unique(one.camera).tolist() if camera >= 0
     }
     numbers = {one: number for number, one in enumerate(sorted(showing, key=lambda one: one.path), 1)}
-    rasters = TexelLayout.of(placement, sorted(found))
+    rasters = TexelLayout.of_charts(placement, sorted(found))
     seed, evidence = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     camera, confidence = np.empty(rasters.total, np.uint16), np.empty(rasters.total, np.uint8)
     for chart, one in found.items():
-        texels = rasters.slice(placement, chart)
+        texels = rasters.texel_slice(placement, chart)
         seed[texels] = one.rgb.reshape(-1, 3)
         evidence[texels] = np.where(one.is_visible, Provenance.PHOTO, Provenance.UNSEEN).reshape(-1)
         # the first is none
@@ -115,7 +115,7 @@ def _far(scene: Scene, own: Mapping[int, np.ndarray], one: PosedPanorama) -> flo
         rows, columns = np.nonzero(texels)
         step = 1 / scene.placement.texels_per_metre[chart]
         points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
-        away.append(np.linalg.norm(points - position(one.pose), axis=1))
+        away.append(np.linalg.norm(points - camera_position(one.pose), axis=1))
     return round(float(np.concatenate(away).mean()), 2)
 
 

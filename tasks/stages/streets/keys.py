@@ -49,7 +49,7 @@ def street_keys(
     def records(stage: str, units: np.ndarray) -> list[Record | None]:
         return [journals[stage][unit] for unit in units.tolist()] if journals else read_records(group, stage, units)
 
-    viewpoints = plan.of_street(street)
+    viewpoints = plan.street_viewpoints(street)
     blends = run.texture.translator == "neural"
     code, settings = stage_code("streets", neural=blends), _settings(run, plan)
     charts = plan.charts_of_street(street)
@@ -64,10 +64,10 @@ def street_keys(
     keys: list[str] = []
     views, read, passes = [], [], []
     for viewpoint, seen in zip(viewpoints, visible, strict=True):
-        views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
+        views.append([plan.view_digests[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
         read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
-        passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
+        passes.append([[plan.view_digests[v], passed[v]] for v in blended.tolist()])
         key = unit_key(key, views[-1], read[-1], passes[-1]) if blends else unit_key(first, views[-1], read[-1])
         keys.append(key)
     photographed = [one["digests"] for one in shown if one and one.get("digests")]
@@ -99,7 +99,7 @@ def _settings(run: Run, plan: Plan) -> dict[str, Any]:
 def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
     """The records of those who seeded the buildings of some charts, in the order in which they wrote."""
     buildings = np.unique(plan.scene.charts.building[charts])
-    textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
+    textures = np.flatnonzero(np.isin(plan.buildings_with_textures(), buildings))
     facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
     return records("textures", textures) + records("facades", facades)
 

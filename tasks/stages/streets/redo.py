@@ -39,7 +39,7 @@ def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[s
         record = records[index]
         if index in found.streets or not only:
             clear_record(group, "streets", index)
-            for viewpoint in plan.of_street(index):
+            for viewpoint in plan.street_viewpoints(index):
                 clear_record(group, "viewpoints", viewpoint.id)
         elif record and record["status"] == "done":
             reason = f"street {' and '.join(names[0])} was done again without it; run the block to bring it up to date"

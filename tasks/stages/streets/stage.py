@@ -6,6 +6,15 @@ from collections.abc import Mapping
 
 from facade_core.atlas.journal import Record
 from tasks.engine.stage import Change, Records, Stage
+from tasks.stages.streets.forecast import forecast_streets, forecast_viewpoints
+from tasks.stages.streets.integrity import (
+    charts_written_by_streets,
+    confirm_lost_streets,
+    find_differing_panoramas,
+    find_lost_streets,
+    find_lost_viewpoints,
+    viewpoint_names,
+)
 
 
 def _same_streets(change: Change) -> dict[int, int]:
@@ -40,7 +49,7 @@ def _same_viewpoints(change: Change) -> dict[int, int]:
     return {
         viewpoint.id: earlier.id
         for street, before in _same_streets(change).items()
-        for viewpoint, earlier in zip(change.after.of_street(street), change.before.of_street(before), strict=False)
+        for viewpoint, earlier in zip(change.after.street_viewpoints(street), change.before.street_viewpoints(before), strict=False)
     }
 
 
@@ -65,6 +74,11 @@ VIEWPOINTS = Stage(
     in_every_block=True,
     relocate=_moved_viewpoints,
     part_of="streets",
+    array_folder="panoramas",
+    unit_names=viewpoint_names,
+    find_lost=find_lost_viewpoints,
+    find_differing=find_differing_panoramas,
+    forecast=forecast_viewpoints,
 )
 STREETS = Stage(
     "streets",
@@ -72,4 +86,10 @@ STREETS = Stage(
     count=lambda block, plan: len(plan.streets),
     match_previous=_same_streets,
     relocate=_moved_streets,
+    follows_base_layer=True,
+    unit_charts=charts_written_by_streets,
+    unit_names=lambda plan: [street.id for street in plan.streets],
+    find_lost=find_lost_streets,
+    confirm_lost=confirm_lost_streets,
+    forecast=forecast_streets,
 )

@@ -60,7 +60,7 @@ def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]
         if not chosen.intersection(after[street]) <= found.keys():
             continue
         keys = street_keys(run, plan, group, street, journals)
-        held = [journals["viewpoints"][viewpoint.id] for viewpoint in plan.of_street(street)]
+        held = [journals["viewpoints"][viewpoint.id] for viewpoint in plan.street_viewpoints(street)]
         if is_done(records[street], keys.street) and all(map(is_done, held, keys.viewpoints)):
             found[street] = Outcome(skipped=len(held) + 1)
             advance("viewpoints", earlier=len(held))
@@ -77,7 +77,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     session = open_repository(run.store).readonly_session(BRANCH)
     group = open_root(session)
     wave, name = int(plan.wave[street]), plan.streets[street].id
-    own = [v.id for v in plan.of_street(street)]
+    own = [v.id for v in plan.street_viewpoints(street)]
     reads, writes = street_chunks(plan, street)
     found = street_keys(run, plan, group, street)
     street_key, keys = found.street, found.viewpoints
@@ -188,7 +188,7 @@ def clear_failed_street(run: Run, plan: Plan, street: int) -> None:
     charts = charts[plan.writable[charts]]
     others = np.setdiff1d(plan.streets_of_charts(charts)[:, 0], [street])
     records = dict(zip(others.tolist(), read_records(group, "streets", others), strict=True))
-    rasters = TexelLayout.of(placement, charts)
+    rasters = TexelLayout.of_charts(placement, charts)
     colour, views = (read_rasters(group[array.path], placement, rasters) for array in STAGE_ARRAYS["streets"])
     known = chart_digests(np.zeros_like(colour), np.zeros_like(views), placement, rasters, plan.ids)
     known |= latest_digests([], list(records.values()))

@@ -47,7 +47,9 @@ def context(run: Run) -> Context:
     if run.texture.translator == "neural":
         return Context(plan, neural_translator.load_translator(), None)
     laid, own = roof_material(run.roof_material, run.texture.texels_per_metre), own_grains(run.materials)
-    swatches = MaterialFieldTranslator(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own)
+    swatches = MaterialFieldTranslator(
+        plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own
+    )
     return Context(plan, swatches, swatches.materials)
 
 
@@ -102,7 +104,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     entry = (run, street, street_key)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
     progress, mark = _take(entry, here, group, step if here.field is None else None)
-    viewpoint = here.plan.of_street(street)[step]
+    viewpoint = here.plan.street_viewpoints(street)[step]
     size = (run.texture.panorama_width // 2, run.texture.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
     clock = time.perf_counter()
@@ -146,7 +148,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     group = open_root(fork)
     window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
-    rasters = TexelLayout.of(scene.placement, window.writable)
+    rasters = TexelLayout.of_charts(scene.placement, window.writable)
     if here.field is None:
         colour, views = blend_views(window.state)
     else:
@@ -223,13 +225,13 @@ def replay(
     one of its charts, then the street's own, or its `own` alone. field: whether the translator answers with one; its texels are
     left to `paint`."""
     scene = plan.scene
-    viewpoints = plan.of_street(street)
+    viewpoints = plan.street_viewpoints(street)
     charts = plan.charts_of_street(street)
-    rasters, writable = TexelBuffer.layout(scene.placement, charts[plan.writable[charts]], charts)
+    rasters, writable = TexelBuffer.plan_layout(scene.placement, charts[plan.writable[charts]], charts)
     seed, evidence = (
         read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
     )
-    window = TexelBuffer.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
+    window = TexelBuffer.allocate(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
     earlier = [] if own else _earlier(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:
@@ -253,7 +255,7 @@ def add_viewpoint(
     """Take a viewpoint that is done into a window: its panorama, or what it sees."""
     if field:
         mark_first_visible(
-            plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2]
+            plan.scene, window, viewpoint, plan.scene.cast_panorama(viewpoint, group["panoramas/rgb"].shape[2])[2]
         )
     else:
         propagate(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)

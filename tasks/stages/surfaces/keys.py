@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from catalogs.file_digest import file_digest
-from facade_core.geometry.charts import CORNERS, ChartKind
-from facade_core.geometry.daylight import REACH_M
+from facade_core.geometry.charts import CORNER_SHARES, ChartKind
+from facade_core.geometry.daylight import MAX_OCCLUDER_M
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M as SHADOWS_M
 from tasks.engine.run import Run
@@ -29,13 +29,13 @@ def surface_key(
     """Of the charts of a unit, with those beside them that they are levelled to; seeds, streets: the digests of what facade
     stages and streets made of charts, by their ids."""
     known = [f"{number:016x}" for number in plan.ids[[*charts, *beside]].tolist()]
-    corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
+    corners = plan.scene.charts.points_at_shares(np.array(charts), CORNER_SHARES)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    reach = REACH_M if run.texture.sun is None else SHADOWS_M
+    reach = MAX_OCCLUDER_M if run.texture.sun is None else SHADOWS_M
     parts: dict[str, Any] = {
         "settings": _settings(run),
         "geometry": [known[: len(charts)], sorted(known[len(charts) :])],
-        "around": plan.things.within(low - reach, high + reach),
+        "around": plan.scene_objects.digests_in_box(low - reach, high + reach),
         "seeds": [seeds.get(name) for name in known],
         "streets": [streets.get(name) for name in known],
     }
@@ -43,7 +43,7 @@ def surface_key(
         views = np.unique(plan.views_of_charts(np.array(charts))[:, 0]).tolist()
         parts["views"] = [run.texture.panorama_width, [plan.viewpoints[v].position.tolist() for v in views]]
     if (plan.scene.charts.kind[list(charts)] == ChartKind.GROUND).any():
-        parts["lines"] = plan.ground_under(charts)
+        parts["lines"] = plan.ground_digests(charts)
         if run.aerial is not None:
             parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
     return parts_key(stage_code("surfaces"), **parts)

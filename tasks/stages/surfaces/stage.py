@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.store import open_table
 from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.core.grouping import RowIndex
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.plan.plan import Plan
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
+from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage
+from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, StoreContents, is_done_record
+from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
@@ -33,7 +38,7 @@ NOT_OWN = -2
 
 def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
     """The units: name and charts of each of the block's own buildings that has some, then of each piece of ground."""
-    owner = RowIndex(np.where(plan.own, plan.scene.charts.building, NOT_OWN))
+    owner = RowIndex(np.where(plan.in_core, plan.scene.charts.building, NOT_OWN))
     buildings = [(name, owner.rows_with(building).tolist()) for building, name in enumerate(plan.scene.names)]
     ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.rows_with(-1).tolist()]
     return [(name, charts) for name, charts in [*buildings, *ground] if charts]
@@ -44,7 +49,7 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     seeds = latest_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
     walls = latest_digests(read_journal(group, "walls"), [])
     streets = latest_digests([], read_journal(group, "streets"))
-    texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
+    texels, ids = plan.texel_counts(), [f"{number:016x}" for number in plan.ids.tolist()]
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
     units = []
     for index, (name, charts) in enumerate(parts_of_block(plan)):
@@ -87,6 +92,31 @@ def surface_memory(texels: np.ndarray, *, continued: bool = False) -> int:
     return LIBRARY_BYTES + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
 
 
+def _find_lost(store: StoreContents) -> list[int]:
+    """Find surfaces that are done and of whose charts a chunk is not listed: each of their texels has a source."""
+    records = store.records["surfaces"]
+    if not any(map(is_done_record, records)):
+        return []
+    ids = open_table(store.session, "charts").id.values.tolist()
+    missing = find_charts_with_missing_chunks(store.session, "atlas/provenance", range(len(ids)))
+    lost = {f"{ids[chart]:016x}" for chart in missing}
+    return [i for i, r in enumerate(records) if r and is_done_record(r) and not lost.isdisjoint(r["digests"])]
+
+
+def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+    """Find the pending surfaces, with those of charts that facades, textures or streets write again."""
+    plan = inputs.plan
+    again = np.zeros(len(plan.ids), bool)
+    again[list(inputs.rewritten)] = True
+    for street in inputs.pending["streets"]:
+        charts = plan.charts_of_street(street)
+        again[charts[plan.writable[charts]]] = True
+    following = {
+        unit.index: REASONS["seeds"] for unit in inputs.units["surfaces"] if again[list(unit.arguments[0])].any()
+    }
+    return StageForecast(following | dict(own))
+
+
 SURFACES = Stage(
     "surfaces",
     "surface",
@@ -96,4 +126,8 @@ SURFACES = Stage(
     function=surface_unit,
     reads=(*BASE_LAYER_STAGES, "streets"),
     in_every_block=True,
+    unit_charts=lambda plan: [charts for _, charts in parts_of_block(plan)],
+    unit_names=lambda plan: [name for name, _ in parts_of_block(plan)],
+    find_lost=_find_lost,
+    forecast=_forecast,
 )

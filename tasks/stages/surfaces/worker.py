@@ -13,9 +13,9 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.surroundings import ChartReader
-from facade_core.core.provenance import resolve
+from facade_core.core.provenance import resolve_provenance
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.facade.wall_material import wall_material
+from facade_core.facade.wall_material import measure_wall_material
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
@@ -42,11 +42,11 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     scene, group = plan.scene, open_root(fork)
     field = _field(run)
     prepared = time.time()
-    scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
+    scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
     known = KnownTexture(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
     above = sampler(run)
     field, own = _with_own_wall(group, plan, field, charts, seeded)
-    rasters = TexelLayout.of(scene.placement, charts)
+    rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     for chart in charts:
         rgb, rank = finish_chart(
@@ -62,7 +62,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             sun=run.texture.sun,
             labels=None if run.texture.sun is None or chart not in seeded else _labels(group, plan, chart),
         )
-        texels = rasters.slice(scene.placement, chart)
+        texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
     painted = time.time()
     for name, flat in {"colour": colour, "provenance": provenance}.items():
@@ -93,10 +93,10 @@ def _with_own_wall(
     chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
     part = _part(placement, chart)
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
-    wall = wall_material(image, labels, float(placement.texels_per_metre[chart]))
+    wall = measure_wall_material(image, labels, float(placement.texels_per_metre[chart]))
     if wall is None:
         return field, set()
-    changed, own = field.with_wall(charts, wall, chart)
+    changed, own = field.with_facade_material(charts, wall, chart)
     return changed, set(own.tolist())
 
 
@@ -139,6 +139,6 @@ def _reader(group: StoreGroup, placement: Placement, seeded: Collection[int], wr
             seed, evidence = np.asarray(group["atlas/seed"][part]), np.asarray(group["atlas/seed_evidence"][part])
         if chart in written:
             street, views = np.asarray(group["atlas/street"][part]), np.asarray(group["atlas/street_views"][part])
-        return resolve(seed, evidence, street, views)
+        return resolve_provenance(seed, evidence, street, views)
 
     return read

@@ -26,11 +26,11 @@ TEXTURE_TEXEL = 40
 
 def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """A unit for each building with textures of its own, its facades aside."""
-    buildings = plan.textured_buildings()
+    buildings = plan.buildings_with_textures()
     if not buildings:
         return []
     texels = _texels(plan)
-    pictures = plan.own_pictures()
+    pictures = plan.building_pictures()
     return [
         Unit(
             index,
@@ -38,7 +38,7 @@ def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             (texture_key(run, plan, building, block.textures),),
             (building, block.textures),
             texture_memory(int(texels[building]), [block.textures[p] for p in pictures.get(building, ())]),
-            tuple(plan.own_charts(building)),
+            tuple(plan.textured_charts(building)),
         )
         for index, building in enumerate(buildings)
     ]
@@ -49,7 +49,7 @@ def _texels(plan: Plan) -> np.ndarray:
     building = plan.scene.charts.building
     textured = np.flatnonzero(plan.textured & (building >= 0))
     totals = np.zeros(int(building.max(initial=-1)) + 1, np.int64)
-    np.add.at(totals, building[textured], plan.texels()[textured])
+    np.add.at(totals, building[textured], plan.texel_counts()[textured])
     return totals
 
 
@@ -57,8 +57,8 @@ def _again(change: Change) -> dict[int, int]:
     """Buildings whose textured charts all stay; the charts of others stay no longer."""
 
     def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
-        buildings = enumerate(plan.textured_buildings())
-        return {plan.scene.names[building]: (unit, plan.own_charts(building)) for unit, building in buildings}
+        buildings = enumerate(plan.buildings_with_textures())
+        return {plan.scene.names[building]: (unit, plan.textured_charts(building)) for unit, building in buildings}
 
     before, again = units(change.before), {}
     for name, (unit, charts) in units(change.after).items():
@@ -72,13 +72,13 @@ def _again(change: Change) -> dict[int, int]:
 
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
     """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
-    charts = plan.own_charts(building)
+    charts = plan.textured_charts(building)
     parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": own_texture_parts(plan, charts, textures)}
     if run.aerial is not None and charts:
         parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
         low, high = bounding_box(plan, charts)
         high[2] = np.inf
-        parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
+        parts["above"] = plan.scene_objects.digests_in_box(low - OFF_PLANE_M, high + OFF_PLANE_M)
     return parts_key(stage_code("textures"), **parts)
 
 
@@ -89,9 +89,11 @@ def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
 TEXTURES = Stage(
     "textures",
     "textured building",
-    count=lambda block, plan: len(plan.textured_buildings()),
+    count=lambda block, plan: len(plan.buildings_with_textures()),
     match_previous=_again,
     units=texture_units,
     function=texture_unit,
     writes_base_layer=True,
+    unit_charts=lambda plan: [plan.textured_charts(building) for building in plan.buildings_with_textures()],
+    unit_names=lambda plan: [plan.scene.names[building] for building in plan.buildings_with_textures()],
 )

@@ -12,8 +12,8 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.rasters import TexelLayout, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.core.provenance import Provenance
-from facade_core.geometry.overhead_view import from_above, shown_from_above
-from facade_core.imagery.rectify.model_texture import own_texture
+from facade_core.geometry.overhead_view import render_from_above, roofs_seen_from_above
+from facade_core.imagery.rectify.model_texture import render_model_texture
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import refusal
 from tasks.engine.run import Run
@@ -29,20 +29,20 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     building, textures = unit.arguments
     plan = plan_of_run(run)
     scene = plan.scene
-    charts = plan.own_charts(building)
+    charts = plan.textured_charts(building)
     refused: list[Exception] = []
     images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
     group = open_root(fork)
     digests: dict[str, str] = {}
-    aerial, roofs = sampler(run), shown_from_above(scene)
+    aerial, roofs = sampler(run), roofs_seen_from_above(scene)
     for chart in charts:
-        rgb, covered = own_texture(scene, chart, images)
+        rgb, covered = render_model_texture(scene, chart, images)
         if aerial is not None and roofs[chart]:
-            seen, known = from_above(scene, chart, aerial)
+            seen, known = render_from_above(scene, chart, aerial)
             rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
         seed = rgb.reshape(-1, 3)
         evidence = np.where(covered, Provenance.PHOTO, Provenance.UNSEEN).astype(np.uint8).reshape(-1)
-        rasters = TexelLayout.of(scene.placement, [chart])
+        rasters = TexelLayout.of_charts(scene.placement, [chart])
         for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
             write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
         digests |= chart_digests(seed, evidence, scene.placement, rasters, plan.ids)

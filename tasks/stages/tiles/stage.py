@@ -11,8 +11,8 @@ from facade_core.atlas.journal import latest_digests, read_journal, unit_key
 from facade_core.atlas.stored_files import COARSE, delete_stored_files
 from facade_core.atlas.stored_files import TILES as FOLDER
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.models.pages import LARGEST_PAGE
-from facade_core.export.tiles.block_tiles import tiles_of
+from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
+from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage, same_name
@@ -20,6 +20,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
 from tasks.stages.shared.memory import LIBRARY_BYTES
+from tasks.stages.tiles.record import tile_files
 from tasks.stages.tiles.worker import tile_unit
 
 # Bytes per texel of a tile's picture: the rasters of its charts, the picture, and the free part of it.
@@ -30,7 +31,7 @@ TILE_TEXEL = 1
 
 def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     digests = latest_digests(read_journal(group, "surfaces"), [])
-    texels = plan.texels()
+    texels = plan.texel_counts()
     return [
         Unit(
             index,
@@ -44,20 +45,20 @@ def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
             ),
             tile_memory(int(texels[tile.charts].sum())),
         )
-        for index, tile in enumerate(tiles_of(plan))
+        for index, tile in enumerate(plan_block_tiles(plan))
     ]
 
 
 def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """Files are named by the paths of their tiles, and stay where they are; those of tiles that are gone do not."""
-    kept = {tile.path for tile in tiles_of(change.after)}
+    kept = {tile.path for tile in plan_block_tiles(change.after)}
     for folder in (FOLDER, COARSE):
         delete_stored_files(change.group, folder, kept)
     return records
 
 
 def tile_memory(texels: int) -> int:
-    return LIBRARY_BYTES + LARGEST_PAGE**2 * PICTURE_TEXEL + texels * TILE_TEXEL
+    return LIBRARY_BYTES + MAX_SHELF_PAGE_TEXELS**2 * PICTURE_TEXEL + texels * TILE_TEXEL
 
 
 def tile_key(
@@ -69,12 +70,12 @@ def tile_key(
     digests: Mapping[str, str],
 ) -> str:
     """The key of the tile with some charts (k,) of some buildings (b,), around a place in the world."""
-    things = np.unique(plan.things.of_chart[charts])
+    things = np.unique(plan.scene_objects.chart_object[charts])
     ids = [f"{number:016x}" for number in plan.ids[charts].tolist()]
     return parts_key(
         stage_code("tiles"),
         settings=[run.crs, run.texture.texels_per_metre, list(origin)],
-        geometry=[f"{digest:016x}" for digest in plan.things.digest[things].tolist()],
+        geometry=[f"{digest:016x}" for digest in plan.scene_objects.digest[things].tolist()],
         names=[plan.scene.names[building] for building in buildings.tolist()],
         charts=[[name, digests.get(name)] for name in ids],
     )
@@ -90,12 +91,15 @@ def tile_shape(plan: Plan, charts: np.ndarray) -> str:
 TILES = Stage(
     "tiles",
     "tile",
-    count=lambda block, plan: len(tiles_of(plan)),
-    match_previous=lambda change: same_name(change.records["tiles"], [tile.path for tile in tiles_of(change.after)]),
+    count=lambda block, plan: len(plan_block_tiles(plan)),
+    match_previous=lambda change: same_name(
+        change.records["tiles"], [tile.path for tile in plan_block_tiles(change.after)]
+    ),
     units=tile_units,
     function=tile_unit,
     reads=("surfaces",),
     in_every_block=True,
     relocate=_moved,
     derived_only=True,
+    files=tile_files,
 )

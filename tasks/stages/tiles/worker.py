@@ -11,11 +11,17 @@ import numpy as np
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_root
-from facade_core.atlas.stored_files import stored_file_digest, read_verified_array, read_stored_file, tile_paths, write_stored_file
+from facade_core.atlas.stored_files import (
+    read_stored_file,
+    read_verified_array,
+    stored_file_digest,
+    tile_paths,
+    write_stored_file,
+)
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
-from facade_core.export.models.textured_mesh import Textured, textured_scene
-from facade_core.export.tiles.tile_model import Earlier, tile_model
+from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
+from facade_core.export.tiles.tile_model import EarlierTile, build_tile_model
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece, Unit
@@ -31,10 +37,10 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     group = open_root(fork)
 
     def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
-        held = TexelLayout.of(placement, chosen)
+        held = TexelLayout.of_charts(placement, chosen)
         flat = read_rasters(group["atlas/colour"], placement, held)
         return {
-            chart: flat[held.slice(placement, chart)].reshape(
+            chart: flat[held.texel_slice(placement, chart)].reshape(
                 int(placement.height[chart]), int(placement.width[chart]), 3
             )
             for chart in chosen.tolist()
@@ -43,7 +49,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     names = dict(enumerate(plan.scene.names))
     earlier = _earlier(group, unit, shape)
     extras = {"origin": list(origin), "crs": run.crs}
-    tile = tile_model(_shown(run), charts, digests, names, rasters, extras, earlier)
+    tile = build_tile_model(_shown(run), charts, digests, names, rasters, extras, earlier)
     model, coarse = tile_paths(unit.name)
     write_stored_file(group, model, tile.glb, f"tile {unit.name}, GLB")
     group.create_array(
@@ -60,7 +66,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "status": "done",
         "charts": len(charts),
         "shape": shape,
-        "made_of": list(tile.made_of),
+        "made_of": list(tile.picture_digests),
         "bytes": len(tile.glb),
         "digest": stored_file_digest(tile.glb),
         "box": tile.box.round(3).tolist(),
@@ -72,7 +78,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     return fork, {unit.index: record}
 
 
-def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
+def _earlier(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | None:
     """The tile as the store holds it, where it has the same shape and is whole."""
     (record,) = read_records(group, "tiles", np.array([unit.index]))
     if record is None or record["status"] != "done" or record.get("shape") != shape:
@@ -83,14 +89,14 @@ def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
         coarse = read_verified_array(group, path, record["coarse"])
     except StoreError:
         return None
-    return Earlier(glb, coarse, tuple(record["made_of"]))
+    return EarlierTile(glb, coarse, tuple(record["made_of"]))
 
 
 @lru_cache(maxsize=1)
-def _shown(run: Run) -> Textured:
+def _shown(run: Run) -> TexturedMesh:
     """The block as models have it, whose charts are read elsewhere."""
 
     def nothing(page: int) -> np.ndarray:
         raise StoreError(f"page {page} is not read as a whole")
 
-    return textured_scene(plan_of_run(run).scene, nothing)
+    return build_textured_mesh(plan_of_run(run).scene, nothing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage
 from tasks.engine.stage_code import stage_code
+from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
+from tasks.stages.shared.camera_forecast import forecast_after_poses
 from tasks.stages.shared.key_parts import chart_ids, panorama_parts
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
@@ -39,7 +42,7 @@ def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
     if not near:
         return []
     cameras = cameras_of_block(block, plan, group, _placed)
-    texels = plan.texels()
+    texels = plan.texel_counts()
     units = []
     for index, (building, charts) in enumerate(near.items()):
         taken = cameras.of_building(plan.scene.charts, charts, WALL_REACH_M)
@@ -112,4 +115,8 @@ WALLS = Stage(
     function=wall_unit,
     reads=("poses", "bundles"),
     writes_base_layer=True,
+    forecast=partial(forecast_after_poses, "walls"),
+    unit_charts=lambda plan: list(plan.walls_near_cameras().values()),
+    unit_names=names_of_walls,
+    find_lost=lambda store: find_units_without_base_layer(store.session, store.records["walls"]),
 )

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from catalogs.block.building_corrections import corrected_buildings, known_by_place, of_buildings, owners_of
+from catalogs.block.building_corrections import correct_buildings, match_by_location, select_corrections, correction_owners
 from catalogs.block.corrections import Correction, Corrections
-from catalogs.frames import LONLAT, coordinate_transform
+from catalogs.crs import LONLAT, coordinate_transform
 from facade_core.core.types import Building, Finish, Roof, Shell
 
 CRS = "EPSG:32635"
@@ -28,7 +28,7 @@ def said(id: str, **values: object) -> Corrections:
 
 
 def corrected(building: Building, **values: object) -> Building:
-    ((found,), left) = corrected_buildings([building], said(building.id, **values), STOREY)
+    ((found,), left) = correct_buildings([building], said(building.id, **values), STOREY)
     assert not left
     return found
 
@@ -74,11 +74,11 @@ def test_a_colour_goes_with_the_material_that_it_came_with() -> None:
 def test_what_cannot_be_is_left_and_told() -> None:
     empty = Shell(np.zeros((0, 3)), *(np.zeros(0) for _ in range(4)))  # type: ignore[arg-type]
     model = replace(house("m"), shell=empty, height_source="model", roof=None)
-    (found,), left = corrected_buildings([model], said("m", height=5.0, wall_material="brick"), STOREY)
+    (found,), left = correct_buildings([model], said("m", height=5.0, wall_material="brick"), STOREY)
     assert (found.height, found.finish.wall_material) == (9.0, "brick")
     assert "(m)" in left[0]
     above = replace(house("a"), raised=8.0)
-    (found,), left = corrected_buildings([above], said("a", height=8.5), STOREY)
+    (found,), left = correct_buildings([above], said("a", height=8.5), STOREY)
     assert (found.height, len(left)) == (9.0, 1)
 
 
@@ -93,11 +93,11 @@ def test_whose_a_correction_is() -> None:
         "x-0": Correction("x-0", "facade", False, at(30.0, 90.0)),
         "c": Correction("c", "levels", 3.0),
     }
-    corrections = Corrections({id: {one.what: one} for id, one in of.items()})
-    assert known_by_place(buildings, corrections, CRS) == {"gone": "b"}
+    corrections = Corrections({id: {one.kind: one} for id, one in of.items()})
+    assert match_by_location(buildings, corrections, CRS) == {"gone": "b"}
     owners = {"gone": "b", "shed": "", "a-0": "a", "w-1": "c", "b-2": "c", "x-0": "", "c": "c"}
-    assert owners_of(corrections, buildings, CRS) == owners
-    known = corrections.under({"gone": "b"})
-    assert set(of_buildings(known, ["b"], buildings, CRS).of) == {"b"}
-    assert of_buildings(known, ["b"], buildings, CRS).renamed == {"gone": "b"}
-    assert set(of_buildings(known, ["c"], buildings, CRS).of) == {"w-1", "b-2", "c"}
+    assert correction_owners(corrections, buildings, CRS) == owners
+    known = corrections.rename_targets({"gone": "b"})
+    assert set(select_corrections(known, ["b"], buildings, CRS).by_target) == {"b"}
+    assert select_corrections(known, ["b"], buildings, CRS).new_ids == {"gone": "b"}
+    assert set(select_corrections(known, ["c"], buildings, CRS).by_target) == {"w-1", "b-2", "c"}

@@ -15,4 +15,4 @@ def test_a_reason_of_any_letters_is_one_line(tmp_path: Path, why: str) -> None:
     one = Correction("w1-0", "facade", False, why=why)
     for count in range(2):
         add_corrections(tmp_path / "block.yaml", [replace(one, who=f"anna {count}")])
-    assert read_corrections(tmp_path / "block.yaml").of["w1-0"]["facade"].why == why
+    assert read_corrections(tmp_path / "block.yaml").by_target["w1-0"]["facade"].why == why

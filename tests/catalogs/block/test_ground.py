@@ -10,7 +10,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from catalogs.block.ground import block_ground, ways_of
+from catalogs.block.ground import block_ground, ways_from_tags
 from catalogs.block.reader import Block
 from catalogs.features import Centrelines, GroundFeature
 from facade_core.core.types import Way
@@ -20,7 +20,7 @@ UTM = CRS("EPSG:32635")
 
 
 def road(**tags: str) -> Way:
-    return ways_of("w1", LINE, {key.replace("__", ":"): value for key, value in tags.items()})[0]
+    return ways_from_tags("w1", LINE, {key.replace("__", ":"): value for key, value in tags.items()})[0]
 
 
 @pytest.mark.parametrize(
@@ -42,14 +42,14 @@ def test_width_is_what_tags_say_else_by_class(tags: dict[str, str], width: float
 
 
 def test_ways_without_a_carriageway_have_none() -> None:
-    kinds = {name: ways_of("w", LINE, {"highway": name}) for name in ("footway", "pedestrian", "steps", "cycleway")}
+    kinds = {name: ways_from_tags("w", LINE, {"highway": name}) for name in ("footway", "pedestrian", "steps", "cycleway")}
     assert {name: found[0].kind for name, found in kinds.items()} == {
         "footway": "path", "pedestrian": "path", "steps": "steps", "cycleway": "cycle",
     }  # fmt: skip
-    assert ways_of("w", LINE, {"highway": "footway", "footway": "sidewalk"}) == []
-    assert ways_of("w", LINE, {"highway": "proposed"}) == []
-    assert ways_of("w", LINE, {"railway": "tram", "gauge": "1000"})[0].width == 1.0
-    beside = ways_of("w", LINE, {"highway": "primary", "cycleway:right": "track"})
+    assert ways_from_tags("w", LINE, {"highway": "footway", "footway": "sidewalk"}) == []
+    assert ways_from_tags("w", LINE, {"highway": "proposed"}) == []
+    assert ways_from_tags("w", LINE, {"railway": "tram", "gauge": "1000"})[0].width == 1.0
+    beside = ways_from_tags("w", LINE, {"highway": "primary", "cycleway:right": "track"})
     assert [way.kind for way in beside] == ["road", "cycle"]
     assert beside[1].line.centroid.y < -beside[0].width / 2
 

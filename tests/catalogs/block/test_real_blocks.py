@@ -15,7 +15,7 @@ from PIL import Image
 from shapely import LineString, Polygon, box, transform
 
 from catalogs.block.reader import Block, read_block
-from catalogs.examples.sources import BLOCKS
+from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 from catalogs.features import file_stem
 from facade_core.core.errors import BlockFileError
 
@@ -147,7 +147,7 @@ def test_example_blocks(
     name: str, buildings: int | range, heights: set[str], faults: set[str], data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("STREETLOOM_DATA", str(data))
-    found = read_block(BLOCKS / f"{name}.yaml")
+    found = read_block(EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml")
     assert len(found.buildings) in (buildings if isinstance(buildings, range) else (buildings,))
     assert set(Counter(building.height_source for building in found.buildings)) == heights
     assert {fault.kind for fault in found.faults} == faults

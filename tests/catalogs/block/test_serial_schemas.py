@@ -22,11 +22,11 @@ from catalogs.block.part import Part
 from catalogs.block.reader import Block, extract_of
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
 from catalogs.features import Fault
-from catalogs.imagery.fetch_log import ACCOUNT_KEYS, Kept, read_account
+from catalogs.imagery.fetch_log import FETCH_LOG_KEYS, FetchedPicture, read_fetch_log
 from catalogs.readers.pictures.aerial import Aerial
 from catalogs.readers.pictures.materials import MaterialPicture
 from catalogs.readers.pictures.panoramas import PosedPanorama
-from facade_core.core.types import Area, Building, Elevation, Finish, Ground, Models, Pose, Roof, Shell, Street, Way
+from facade_core.core.types import Area, Building, Elevation, Finish, Ground, ModelFiles, Pose, Roof, Shell, Street, Way
 
 
 def small_block(folder: Path) -> Block:
@@ -71,7 +71,7 @@ def small_block(folder: Path) -> Block:
         digest="",
         corrections=Corrections({"a-0": {"facade": Correction("a-0", "facade", False, (24.9, 60.2), 8.0, "anna")}}),
         part=Part(("a",), ("s1",), (model,), ("High Street", "High Street"), (1, -1)),
-        models=Models(parser=folder / "parser.onnx"),
+        models=ModelFiles(parser=folder / "parser.onnx"),
     )
 
 
@@ -79,7 +79,7 @@ def test_digests_are_pinned(tmp_path: Path) -> None:
     block = small_block(tmp_path)
     assert block_digest(block) == "90e82d2441a3851481c96590c215a3d476a4cd20c2a5c39d650ad9b5d8f74b26"
     assert geometry_digest(block) == "2f03118a3c0144d442caae07c4f35a85a461baa25ed7a47bc2f7d798553874dc"
-    alone = replace(block, corrections=Corrections(), part=None, models=Models(), aerial=None, roof_material=None)
+    alone = replace(block, corrections=Corrections(), part=None, models=ModelFiles(), aerial=None, roof_material=None)
     assert block_digest(alone) == "17f0009247c149c5f95b741763383441538760cd5749995da7bcc398286fd275"
     assert geometry_digest(alone) == "2ea05933b5eb5c88d32c3778573588e29bcc971c75da7935eac67e110c6140af"
 
@@ -122,15 +122,15 @@ ACCOUNT_LINE = (
 
 def test_the_keys_of_a_line_of_fetched_pictures_are_pinned(tmp_path: Path) -> None:
     (tmp_path / "fetched.jsonl").write_text(f"{ACCOUNT_LINE}\n")
-    account = read_account(tmp_path)
-    [picture] = account.kept.values()
-    account.add(picture)
+    account = read_fetch_log(tmp_path)
+    [picture] = account.pictures.values()
+    account.append(picture)
     assert (tmp_path / "fetched.jsonl").read_text() == f"{ACCOUNT_LINE}\n" * 2
-    account.add(replace(picture, file="", refused="is a drawing"))
+    account.append(replace(picture, file="", refused="is a drawing"))
     line = json.loads((tmp_path / "fetched.jsonl").read_text().splitlines()[-1])
     assert line == json.loads(ACCOUNT_LINE) | {"file": "", "refused": "is a drawing"}
     (tmp_path / "1.jpg").touch()
-    account.add(picture)
+    account.append(picture)
     poses = json.loads(account.write_poses().read_text())["poses"]["1.jpg"]
     assert list(poses) == [
         "lon", "lat", "z", "heading", "pitch", "roll", "captured", "author", "licence", "licence_url", "source", "id",
@@ -145,13 +145,13 @@ def test_every_field_is_serialised_or_named_as_omitted() -> None:
         assert len(dict(schema.fields)) == len(attributes), f"{cls}: names are unique"
     assert [attribute for _, attribute in BLOCK_FIELDS] == [field.name for field in fields(Block)]
     assert set(LINE_KEYS.values()) == {field.name for field in fields(Correction)}
-    assert set(ACCOUNT_KEYS.values()) == {field.name for field in fields(Kept)}
+    assert set(FETCH_LOG_KEYS.values()) == {field.name for field in fields(FetchedPicture)}
     assert len({schema.tag for schema in SCHEMAS.values()}) == len(SCHEMAS)
 
 
 def test_every_class_that_a_block_reaches_has_a_schema() -> None:
     """`MaterialSettings` is replaced before hashing, and `Corrections` and `Models` are hashed by functions of their own."""
-    handled = {Block, Correction, Corrections, MaterialSettings, Models}
+    handled = {Block, Correction, Corrections, MaterialSettings, ModelFiles}
     waiting, reached = [Block], set()
     while waiting:
         cls = waiting.pop()

@@ -7,9 +7,9 @@ import pytest
 from pyproj import CRS
 from shapely import MultiPolygon, Polygon, box
 
+from catalogs.buildings.assembly import assemble_buildings
 from catalogs.buildings.heights import FALLBACK_HEIGHT_M
 from catalogs.buildings.models import shell_outline
-from catalogs.buildings.outlines import assemble_buildings
 from catalogs.features import BuildingModel, BuildingModels, Fault, Footprint, Footprints
 from catalogs.readers.faces import Face, triangulate_faces
 

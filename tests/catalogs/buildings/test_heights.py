@@ -7,7 +7,7 @@ from collections import Counter
 from pyproj import CRS
 from shapely import box
 
-from catalogs.buildings.outlines import assemble_buildings
+from catalogs.buildings.assembly import assemble_buildings
 from catalogs.features import Footprint, Footprints
 
 RD = CRS.from_epsg(28992)

@@ -6,7 +6,7 @@ import shapely
 from pyproj import CRS
 from shapely import Polygon
 
-from catalogs.buildings.outlines import BlockBuildings, assemble_buildings
+from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.features import Footprint, Footprints
 from facade_core.core.types import Building, Finish
 
@@ -41,7 +41,7 @@ def test_what_no_part_covers_stays_as_the_building() -> None:
 
 def test_a_tower_begins_at_the_roof_of_the_podium_that_it_stands_in() -> None:
     tower = shapely.box(10, 5, 20, 15)
-    for low in ({}, {"raised_levels": 2.0}):
+    for low in ({}, {"min_level": 2.0}):
         found = by_id(whole(), part("podium", ALL, levels=2.0), part("tower", tower, levels=9.0, **low))
         assert set(found) == {"podium", "tower"}
         assert (found["tower"].raised, found["tower"].height) == (6.0, 27.0)
@@ -51,28 +51,28 @@ def test_a_tower_begins_at_the_roof_of_the_podium_that_it_stands_in() -> None:
 
 def test_an_outline_that_ends_below_a_raised_part_stays_there() -> None:
     upper = shapely.box(0, 0, 40, 12)
-    stays = by_id(whole(levels=2.0), part("p", upper, levels=7.0, raised_levels=2.0))
+    stays = by_id(whole(levels=2.0), part("p", upper, levels=7.0, min_level=2.0))
     assert stays["w"].footprint.equals(ALL)
     assert (stays["p"].raised, stays["p"].levels) == (6.0, 5)
-    unknown = by_id(whole(), part("p", upper, levels=7.0, raised_levels=2.0))
+    unknown = by_id(whole(), part("p", upper, levels=7.0, min_level=2.0))
     assert unknown["w"].height == 6.0
     assert unknown["w"].height_source == "default"
 
 
 def test_a_passage_stays_open_and_what_lies_all_in_a_building_goes_down_to_it() -> None:
-    passage = part("p", shapely.box(10, 0, 16, 20), height=18.0, raised=4.0)
+    passage = part("p", shapely.box(10, 0, 16, 20), height=18.0, min_height=4.0)
     found = by_id(whole(18.0), passage)
     assert {"w-0", "w-1", "p"} == set(found)
     assert found["w-0"].part_of == found["w-1"].part_of == "w"
     assert found["p"].raised == 4.0
-    lantern = part("p", shapely.box(10, 5, 16, 15), height=20.0, raised=16.0)
+    lantern = part("p", shapely.box(10, 5, 16, 15), height=20.0, min_height=16.0)
     assert by_id(whole(9.0), lantern)["p"].raised == 9.0
 
 
 def test_what_is_no_part_is_told() -> None:
     items = [
         whole(12.0),
-        part("low", shapely.box(0, 0, 9, 9), height=5.0, raised=8.0),
+        part("low", shapely.box(0, 0, 9, 9), height=5.0, min_height=8.0),
         part("small", shapely.box(0, 0, 1, 1), height=5.0),
         part("inside", shapely.box(20, 5, 30, 15), height=5.0),
         part("around", shapely.box(15, 0, 40, 20), height=9.0),

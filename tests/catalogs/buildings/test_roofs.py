@@ -8,7 +8,7 @@ import pytest
 from pyproj import CRS
 from shapely import Polygon, box
 
-from catalogs.buildings.outlines import assemble_buildings
+from catalogs.buildings.assembly import assemble_buildings
 from catalogs.features import Footprint, Footprints
 from facade_core.core.types import Building, Roof
 
@@ -50,8 +50,8 @@ def test_an_assumed_roof_is_taken_off_a_height_and_stands_on_storeys() -> None:
 @pytest.mark.parametrize(
     "footprint",
     [
-        replace(ROW, kind="warehouse"),
-        replace(ROW, built=1962),
+        replace(ROW, use="warehouse"),
+        replace(ROW, year_built=1962),
         replace(ROW, levels=12),
         replace(ROW, outline=box(0, 0, 60, 60)),
         replace(ROW, levels=1, outline=box(0, 0, 20, 20)),
@@ -69,7 +69,7 @@ def test_ids_choose_among_the_likely_ones() -> None:
 
 
 def test_a_stated_height_of_a_roof_is_kept_and_a_shed_is_low() -> None:
-    assert roof_of(replace(ROW, rise=2.5)).height == 2.5
+    assert roof_of(replace(ROW, roof_height=2.5)).height == 2.5
     shed = Polygon([(0, 0), (6, 0), (6, 4), (0, 4)])
     roof = roof_of(replace(ROW, levels=1, outline=shed))
     assert roof.shape in ("flat", "skillion")

@@ -11,7 +11,7 @@ from shapely import LineString
 
 from catalogs.block.segments import SHORTEST_SEGMENT_M, segments
 from catalogs.city.keys import check_city
-from catalogs.city.partition import CONTEXT_M, cut_city, reach_of
+from catalogs.city.partition import MIN_HALO_M, partition_city, halo_radius
 from facade_core.core.types import Building, Street
 
 # Streets every 100 m both ways, two buildings between them: one at either side of the middle of what they enclose.
@@ -42,7 +42,7 @@ def test_segments_are_all_of_their_street_and_end_at_junctions() -> None:
 @pytest.mark.parametrize("metres", [100, 170, 300, 5000])
 def test_everything_is_of_one_block(metres: float) -> None:
     lines = segments(STREETS)
-    cuts = cut_city(BUILDINGS, lines, metres=metres, reach=CONTEXT_M)
+    cuts = partition_city(BUILDINGS, lines, block_size=metres, halo=MIN_HALO_M)
     assert sorted(one for cut in cuts for one in cut.buildings) == sorted(one.id for one in BUILDINGS)
     assert sorted(one for cut in cuts for one in cut.streets) == sorted(one.id for one in lines)
     # streets enclose pairs of buildings, which no cut parts
@@ -53,19 +53,19 @@ def test_everything_is_of_one_block(metres: float) -> None:
 def test_context_is_all_within_reach_and_nothing_of_its_own() -> None:
     lines = segments(STREETS)
     of = {one.id: one.footprint for one in BUILDINGS} | {one.id: one.line for one in lines}
-    for cut in cut_city(BUILDINGS, lines, metres=200, reach=60):
+    for cut in partition_city(BUILDINGS, lines, block_size=200, halo=60):
         own = shapely.union_all([of[one] for one in (*cut.buildings, *cut.streets)])
         assert {one.id for one in BUILDINGS if own.distance(one.footprint) <= 60} - set(cut.buildings) == set(
-            cut.context
+            cut.halo_buildings
         )
-        assert {one.id for one in lines if own.distance(one.line) <= 60} - set(cut.streets) == set(cut.passing)
+        assert {one.id for one in lines if own.distance(one.line) <= 60} - set(cut.streets) == set(cut.halo_streets)
 
 
 def test_a_building_more_changes_the_blocks_around_it_alone() -> None:
     lines = segments(STREETS)
-    before = {cut.name: cut for cut in cut_city(BUILDINGS, lines, metres=100, reach=60)}
+    before = {cut.name: cut for cut in partition_city(BUILDINGS, lines, block_size=100, halo=60)}
     more = replace(BUILDINGS[0], id="new", footprint=shapely.box(45, 45, 55, 55))
-    after = {cut.name: cut for cut in cut_city([*BUILDINGS, more], lines, metres=100, reach=60)}
+    after = {cut.name: cut for cut in partition_city([*BUILDINGS, more], lines, block_size=100, halo=60)}
     changed = {name for name in before if before[name] != after[name]}
     assert changed == {"x0y0", "x1y0", "x0y1"}
 
@@ -73,15 +73,15 @@ def test_a_building_more_changes_the_blocks_around_it_alone() -> None:
 def test_parts_of_a_house_are_of_one_block() -> None:
     parts = [replace(one, part_of="house") for one in BUILDINGS[:4]]
     lines = segments(STREETS)
-    cuts = cut_city([*parts, *BUILDINGS[4:]], lines, metres=100, reach=60)
+    cuts = partition_city([*parts, *BUILDINGS[4:]], lines, block_size=100, halo=60)
     (whole,) = [cut for cut in cuts if parts[0].id in cut.buildings]
     assert {one.id for one in parts} <= set(whole.buildings)
 
 
 def test_context_reaches_as_far_as_what_is_asked_for_reads() -> None:
-    plain = reach_of(sun=False, panoramas=False, visibility_range=40.0)
-    assert plain == CONTEXT_M < reach_of(sun=True, panoramas=False, visibility_range=40.0)
-    assert reach_of(sun=False, panoramas=False, visibility_range=200.0) > 400
+    plain = halo_radius(sun=False, panoramas=False, visibility_range=40.0)
+    assert plain == MIN_HALO_M < halo_radius(sun=True, panoramas=False, visibility_range=40.0)
+    assert halo_radius(sun=False, panoramas=False, visibility_range=200.0) > 400
 
 
 @pytest.mark.parametrize(

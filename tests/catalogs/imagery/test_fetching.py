@@ -17,8 +17,8 @@ import pytest
 from PIL import Image
 
 from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_path
-from catalogs.imagery.fetch_log import ACCOUNT, read_account
-from catalogs.imagery.fetching import LOST, THREADS, fetch_offers
+from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
+from catalogs.imagery.fetching import MAX_CONSECUTIVE_FAILURES, MAX_DOWNLOADS, fetch_panoramas
 from catalogs.imagery.http_client import Away
 from catalogs.imagery.remote_panorama import Offer, Wanted
 from catalogs.imagery.services import stac
@@ -31,9 +31,9 @@ GOOD = Shot("good", 7.5, 48.5, 30.0)
 
 def fetched(served: Imagery, folder: Path, look=lambda _: None) -> dict[str, str]:
     """Fetch all that is offered; why pictures cannot be used, by id."""
-    service, account = stac(served.stac()), read_account(folder)
+    service, account = stac(served.stac()), read_fetch_log(folder)
     offers = [one for one in service.search(Wanted(BOX)) if isinstance(one, Offer)]
-    faults = fetch_offers(service.name, offers, account, service.get, look, lambda _: None)
+    faults = fetch_panoramas(service.name, offers, account, service.get, look, lambda _: None)
     account.write_poses()
     assert not (folder / ".arriving").exists()
     assert all("\n" not in fault.reason and ";" in fault.reason for fault in faults)
@@ -109,10 +109,10 @@ def test_what_is_no_panorama_is_told_and_not_fetched_again(served: Imagery, tmp_
 def test_a_checksum_that_differs_is_told(served: Imagery, tmp_path: Path) -> None:
     offer = Offer("good", f"{served.address}/x", stac_pose(), licence="CC0-1.0", sha256="0" * 64)
     served.faults["/x"] = lambda *_: (200, {}, jpeg(32, 64))
-    account, service = read_account(tmp_path / "p"), stac(served.stac())
-    (fault,) = fetch_offers("s", [offer], account, service.get, lambda _: None, lambda _: None)
+    account, service = read_fetch_log(tmp_path / "p"), stac(served.stac())
+    (fault,) = fetch_panoramas("s", [offer], account, service.get, lambda _: None, lambda _: None)
     assert "checksum differs" in fault.reason
-    assert account.kept == {}
+    assert account.pictures == {}
 
 
 def stac_pose():
@@ -140,8 +140,8 @@ def test_ids_name_files_of_the_folder_only(served: Imagery, tmp_path: Path) -> N
     offers = [Offer(name, f"{served.address}/{seed}", stac_pose(), licence="CC0-1.0") for seed, name in enumerate(ids)]
     for seed in range(len(ids)):
         served.faults[f"/{seed}"] = lambda *_, seed=seed: (200, {}, jpeg(32, 64, seed))
-    account, service = read_account(tmp_path / "deep" / "p"), stac(served.stac())
-    assert fetch_offers("s", offers, account, service.get, lambda _: None, lambda _: None) == []
+    account, service = read_fetch_log(tmp_path / "deep" / "p"), stac(served.stac())
+    assert fetch_panoramas("s", offers, account, service.get, lambda _: None, lambda _: None) == []
     names = pictures(tmp_path / "deep" / "p")
     assert len({name.casefold() for name in names}) == len(ids), "also where letters' case does not count"
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["p"]
@@ -158,7 +158,7 @@ def test_a_service_that_goes_away_ends_the_fetching(
     with pytest.raises(Away, match="answers 503"):
         fetched(served, tmp_path / "p")
     # Each of the five that come may do so when all but one of those that end it are lost; then the others' threads end too.
-    assert sum(served.asked[picture_path(f"p{i}")] for i in range(5, 100)) <= 5 * (LOST - 1) + LOST + THREADS - 1
+    assert sum(served.asked[picture_path(f"p{i}")] for i in range(5, 100)) <= 5 * (MAX_CONSECUTIVE_FAILURES - 1) + MAX_CONSECUTIVE_FAILURES + MAX_DOWNLOADS - 1
     assert len(pictures(tmp_path / "p")) == 5, "what came stays"
 
 
@@ -191,7 +191,7 @@ def test_after_a_kill_nothing_that_arrived_is_fetched_again(served: Imagery, tmp
     process.wait()
     there = pictures(folder)
     assert 8 <= len(there) < 30
-    with (folder / ACCOUNT).open("ab") as file:
+    with (folder / FETCH_LOG_NAME).open("ab") as file:
         file.write(b'{"source": "cut o')  # as a full disk or a kill leaves a line
     asked = {shot.id: served.asked[picture_path(shot.id)] for shot in served.shots}
     subprocess.run(command(served, folder), check=True)
@@ -200,7 +200,7 @@ def test_after_a_kill_nothing_that_arrived_is_fetched_again(served: Imagery, tmp
         identifier = name.removesuffix(".jpg")
         assert served.asked[picture_path(identifier)] == asked[identifier] == 1
     assert max(served.asked[picture_path(shot.id)] for shot in served.shots) <= 2
-    assert len(read_account(folder).kept) == 30
+    assert len(read_fetch_log(folder).pictures) == 30
     assert len(json.loads((folder / "poses.json").read_text())["poses"]) == 30
 
 
@@ -208,10 +208,10 @@ def test_a_folder_of_others_and_a_line_that_names_another_place_are_refused(tmp_
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "photo.jpg").write_bytes(b"")
     with pytest.raises(InputError, match="holds files that were not fetched; name a new folder"):
-        read_account(tmp_path / "mine")
+        read_fetch_log(tmp_path / "mine")
     line = {"source": "s", "id": "1", "file": "../x.jpg", "sha256": "", "bytes": 1, "lon": 0, "lat": 0, "heading": 0}
     for text in (json.dumps(line), "no json", "[]", json.dumps({"id": "1"}), json.dumps(line | {"file": None})):
         (tmp_path / "p").mkdir(exist_ok=True)
-        (tmp_path / "p" / ACCOUNT).write_text(text + "\n")
+        (tmp_path / "p" / FETCH_LOG_NAME).write_text(text + "\n")
         with pytest.raises(InputError, match="line 1 "):
-            read_account(tmp_path / "p")
+            read_fetch_log(tmp_path / "p")

@@ -13,8 +13,8 @@ from PIL import Image
 
 from benchmarks.imagery_server import Imagery, Shot
 from catalogs.features import Fault
-from catalogs.imagery.fetch_log import read_account
-from catalogs.imagery.fetching import fetch_offers
+from catalogs.imagery.fetch_log import read_fetch_log
+from catalogs.imagery.fetching import fetch_panoramas
 from catalogs.imagery.remote_panorama import Offer, Wanted
 from catalogs.imagery.services import TOKEN, Service, mapillary, service_of, stac
 from facade_core.core.errors import InputError
@@ -150,8 +150,8 @@ def test_mapillary_wants_a_token_that_is_nowhere_to_be_found_afterwards(
     service, near = mapillary(served.address), Wanted((7.49, 48.49, 7.51, 48.51))
     with caplog.at_level(logging.DEBUG):
         offers, faults = asked(service, near)
-        account = read_account(tmp_path / "pictures")
-        fetch_offers(service.name, offers, account, service.get, lambda _: None, lambda _: None)
+        account = read_fetch_log(tmp_path / "pictures")
+        fetch_panoramas(service.name, offers, account, service.get, lambda _: None, lambda _: None)
         account.write_poses()
     (offer,) = offers
     assert (offer.captured, offer.author, offer.licence) == ("2024-05-17", "anna", "CC-BY-SA-4.0")

@@ -38,7 +38,7 @@ COMPOUND = "http://www.opengis.net/def/crs-compound?1=http://www.opengis.net/def
 )
 def test_spellings(name: str, crs: str, horizontal: str) -> None:
     axes, remark = resolve_axes(name, None, FILE)
-    assert (axes.crs, axes.horizontal, remark) == (crs, horizontal, None)
+    assert (axes.crs, axes.horizontal_crs, remark) == (crs, horizontal, None)
 
 
 @pytest.mark.parametrize("name", ["my town", "EPSG:", "EPSG:999999", "EPSG:5709", "EPSG:12345678", "EPSG:28992+999999"])
@@ -101,8 +101,8 @@ def test_order_of_axes(name: str, place: tuple[float, float], north_first: bool,
 )
 def test_units_of_projected_frames(name: str, scale: float, vertical: float) -> None:
     axes, _ = resolve_axes(name, None, FILE)
-    assert axes.scale == pytest.approx((scale, scale))
-    assert axes.vertical == pytest.approx(vertical)
+    assert axes.metres_per_unit == pytest.approx((scale, scale))
+    assert axes.metres_per_height_unit == pytest.approx(vertical)
 
 
 @pytest.mark.parametrize(
@@ -113,11 +113,11 @@ def test_units_of_projected_frames(name: str, scale: float, vertical: float) -> 
 def test_units_of_degrees(name: str, place: tuple[float, float]) -> None:
     axes, _ = resolve_axes(name, place, FILE)
     degree = EARTH_RADIUS_M * math.pi / 180
-    assert axes.scale == pytest.approx((degree * math.cos(math.radians(35.5)), degree))
-    assert axes.vertical == 1.0
+    assert axes.metres_per_unit == pytest.approx((degree * math.cos(math.radians(35.5)), degree))
+    assert axes.metres_per_height_unit == 1.0
 
 
 def test_points_come_out_east_first_in_metres_of_height() -> None:
     points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    assert Axes().applied(points).tolist() == points.tolist()
-    assert Axes(north_first=True, vertical=0.5).applied(points).tolist() == [[2.0, 1.0, 1.5], [5.0, 4.0, 3.0]]
+    assert Axes().to_east_north_up(points).tolist() == points.tolist()
+    assert Axes(north_first=True, metres_per_height_unit=0.5).to_east_north_up(points).tolist() == [[2.0, 1.0, 1.5], [5.0, 4.0, 3.0]]

@@ -24,12 +24,12 @@ from catalogs.features import BuildingModel
 from catalogs.readers.cityjson.buildings import read_cityjson
 from catalogs.readers.meshes.models import read_meshes
 from catalogs.readers.pictures.elevation import read_elevation
-from catalogs.readers.vectors.features import read_vector_centrelines, read_vector_footprints
 from catalogs.readers.vectors.graphml import read_graphml
+from catalogs.readers.vectors.vector_files import read_vector_centrelines, read_vector_footprints
 from catalogs.readers.walls import read_walls
 from facade_core.core.types import SEMANTICS
 from facade_core.export.city_models.attribution import Attribution
-from facade_core.export.city_models.cityjson import Face, Pool, document, geometry_of
+from facade_core.export.city_models.cityjson import ModelFace, VertexPool, build_geometry, empty_document
 
 EAST, NORTH = 385_000.0, 6_672_000.0
 FRAME = "EPSG:3067"
@@ -261,8 +261,8 @@ def test_cityjson_of_our_own(tmp_path_factory: pytest.TempPathFactory, data: st.
     path = tmp_path_factory.mktemp("cityjson") / "block.city.json"
     count = data.draw(st.integers(1, 3))
     names = data.draw(names_of(count))
-    pool = Pool(np.array([EAST, NORTH, 0.0]) + data.draw(st.integers(-100, 100)))
-    city = document("block", pool.origin, "https://www.opengis.net/def/crs/EPSG/0/3067", Attribution(()))
+    pool = VertexPool(np.array([EAST, NORTH, 0.0]) + data.draw(st.integers(-100, 100)))
+    city = empty_document("block", pool.origin, "https://www.opengis.net/def/crs/EPSG/0/3067", Attribution(()))
     expected = {}
     for at, name in enumerate(names):
         outline = shapely.orient_polygons(shapely.set_precision(data.draw(outlines(at)), 0.001))
@@ -272,14 +272,14 @@ def test_cityjson_of_our_own(tmp_path_factory: pytest.TempPathFactory, data: st.
         def level(z: float, *, up: bool, plan: list[np.ndarray] = plan) -> tuple[np.ndarray, ...]:
             return tuple(np.column_stack([ring, np.full(len(ring), z)])[:: 1 if up else -1] for ring in plan)
 
-        faces = [Face(level(low + high, up=True), 1), Face(level(low, up=False), 2)]
+        faces = [ModelFace(level(low + high, up=True), 1), ModelFace(level(low, up=False), 2)]
         for ring in plan:
             for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
                 wall = np.array([[*a, low], [*b, low], [*b, low + high], [*a, low + high]])
-                faces.append(Face((wall,), 0))
+                faces.append(ModelFace((wall,), 0))
         surfaces = [{"type": kind} for kind in ("WallSurface", "RoofSurface", "GroundSurface")]
         attributes = {"measuredHeight": high, "name": f"Hall {at}", "storeysAboveGround": at + 1}
-        geometry = geometry_of(faces, surfaces, pool, "2")
+        geometry = build_geometry(faces, surfaces, pool, "2")
         city["CityObjects"][name] = {"type": "Building", "attributes": attributes, "geometry": [geometry]}
         expected[name] = (outline, low, high)
     city |= pool.tables([])

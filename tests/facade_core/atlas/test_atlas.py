@@ -23,11 +23,18 @@ from facade_core.atlas.journal import (
     write_record,
 )
 from facade_core.atlas.rasters import TexelLayout, chart_digests, read_rasters, write_rasters
-from facade_core.atlas.store import PAGES_PER_MANIFEST, commit, expire_snapshots, create_root, open_repository, open_root
+from facade_core.atlas.store import (
+    PAGES_PER_MANIFEST,
+    commit,
+    create_root,
+    expire_snapshots,
+    open_repository,
+    open_root,
+)
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from facade_core.core.provenance import Provenance, resolve
-from facade_core.geometry.chart_packing import pack
+from facade_core.core.provenance import Provenance, resolve_provenance
+from facade_core.geometry.chart_packing import pack_charts
 
 TEXELS = np.array([[300, 200], [20, 30], [25, 12], [140, 128], [60, 60]])
 OWNER = np.array([0, 0, 0, 1, 1])
@@ -35,7 +42,7 @@ OWNER = np.array([0, 0, 0, 1, 1])
 
 @pytest.fixture
 def placement():
-    return pack(TEXELS, 1.0, OWNER, page=512, chunk=128, gutter=2)
+    return pack_charts(TEXELS, 1.0, OWNER, page=512, chunk=128, gutter=2)
 
 
 @pytest.fixture
@@ -55,13 +62,13 @@ def repository(tmp_path: Path, placement):
 
 def test_rasters_come_back_with_gutters(repository, placement) -> None:
     spec = AtlasSpec(placement.pages, 20.0, page=512)
-    rasters = TexelLayout.of(placement, [4, 0, 2])
+    rasters = TexelLayout.of_charts(placement, [4, 0, 2])
     flat = np.random.default_rng(0).integers(0, 256, (rasters.total, 3), dtype=np.uint8)
     session = repository.writable_session("main")
     array = zarr.open_group(session.store)["atlas/colour"]
     write_rasters(array, spec, placement, rasters, flat)
     np.testing.assert_array_equal(read_rasters(array, placement, rasters), flat)
-    first = flat[rasters.slice(placement, 0)].reshape(200, 300, 3)
+    first = flat[rasters.texel_slice(placement, 0)].reshape(200, 300, 3)
     y, x = int(placement.y[0]), int(placement.x[0])
     block = array[int(placement.page[0]), y - 2 : y + 202, x - 2 : x + 302]
     np.testing.assert_array_equal(block[0, 2:-2], first[0])
@@ -73,10 +80,10 @@ def test_small_charts_that_share_a_chunk_do_not_overwrite_each_other(repository,
     session = repository.writable_session("main")
     array = zarr.open_group(session.store)["atlas/provenance"]
     for chart in (1, 2):
-        one = TexelLayout.of(placement, [chart])
+        one = TexelLayout.of_charts(placement, [chart])
         write_rasters(array, spec, placement, one, np.full(one.total, chart, np.uint8))
     for chart in (1, 2):
-        assert (read_rasters(array, placement, TexelLayout.of(placement, [chart])) == chart).all()
+        assert (read_rasters(array, placement, TexelLayout.of_charts(placement, [chart])) == chart).all()
 
 
 def test_two_workers_write_through_forks_and_one_commits(repository, placement) -> None:
@@ -85,7 +92,7 @@ def test_two_workers_write_through_forks_and_one_commits(repository, placement) 
     for chart in (0, 3):
         session = repository.writable_session("main")
         fork = pickle.loads(pickle.dumps(session.fork()))
-        one = TexelLayout.of(placement, [chart])
+        one = TexelLayout.of_charts(placement, [chart])
         write_rasters(
             zarr.open_group(fork.store)["atlas/provenance"], spec, placement, one, np.full(one.total, 7, np.uint8)
         )
@@ -96,7 +103,7 @@ def test_two_workers_write_through_forks_and_one_commits(repository, placement) 
         commit(session, f"unit {index}")
     group = zarr.open_group(repository.readonly_session("main").store, mode="r")
     for chart in (0, 3):
-        assert (read_rasters(group["atlas/provenance"], placement, TexelLayout.of(placement, [chart])) == 7).all()
+        assert (read_rasters(group["atlas/provenance"], placement, TexelLayout.of_charts(placement, [chart])) == 7).all()
     assert [r and r["unit"] for r in read_journal(group, "facades")] == ["0", "1", None]
 
 
@@ -115,7 +122,7 @@ def test_digest_sees_colour_and_provenance_and_nothing_else(repository, placemen
     digests = []
     for name, value in (("colour", 3), ("provenance", 4), ("street", 5)):
         group[f"atlas/{name}"][int(placement.page[3]), int(placement.y[3]) + 5, int(placement.x[3]) + 5] = value
-        one = TexelLayout.of(placement, [3])
+        one = TexelLayout.of_charts(placement, [3])
         colour, provenance = (read_rasters(group[f"atlas/{n}"], placement, one) for n in ("colour", "provenance"))
         found = chart_digests(colour, provenance, placement, one, np.arange(len(placement.page), dtype=np.uint64))
         write_record(group, "surfaces", 0, {"unit": "a", "key": "k", "digests": found, "seconds": value})
@@ -186,7 +193,7 @@ def test_ranks() -> None:
         [Provenance.PHOTO, Provenance.INPAINTED, Provenance.SYNTHESISED, Provenance.UNSEEN, Provenance.UNSEEN], np.uint8
     )
     views = np.array([1, 1, 1, 2, 0], np.uint16)
-    colour, provenance = resolve(np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views)
+    colour, provenance = resolve_provenance(np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views)
     assert provenance.tolist() == [
         Provenance.PHOTO,
         Provenance.INPAINTED,

@@ -87,7 +87,7 @@ def tables(draw: st.DrawFn) -> tuple[Table, dict[str, Any], dict[str, int]]:
         for dims in (c.dims for c in table.columns)
         for dim in dims
     }
-    columns = [column for column in table.columns if not column.optional or draw(st.booleans())]
+    columns = [column for column in table.columns if not column.is_optional or draw(st.booleans())]
     values = {column.name: draw(_column(column.dims, column.dtype, sizes)) for column in columns}
     return table, values, {name: draw(st.integers(1, 9)) for name in table.attributes}
 
@@ -97,8 +97,8 @@ def tables(draw: st.DrawFn) -> tuple[Table, dict[str, Any], dict[str, int]]:
 def test_tables_come_back(drawn: tuple[Table, dict[str, Any], dict[str, int]]) -> None:
     table, values, attributes = drawn
     session = icechunk.Repository.create(icechunk.in_memory_storage()).writable_session("main")
-    write_table(session, table.name, table.dataset(values, attributes, "EPSG:32635"))
-    found = table.read(open_table(session, table.name).load())
+    write_table(session, table.name, table.to_dataset(values, attributes, "EPSG:32635"))
+    found = table.read_columns(open_table(session, table.name).load())
     assert found.keys() == values.keys() | attributes.keys()
     for name, value in (values | attributes).items():
         if isinstance(value, np.ndarray):
@@ -111,10 +111,10 @@ def test_tables_come_back(drawn: tuple[Table, dict[str, Any], dict[str, int]]) -
 def test_a_column_that_is_not_declared_is_refused() -> None:
     table = TABLES["sightings"]
     rows = {column.name: np.zeros(2) for column in table.columns}
-    assert table.dataset(rows, {}, "EPSG:32635").sizes == {"sighting": 2}
+    assert table.to_dataset(rows, {}, "EPSG:32635").sizes == {"sighting": 2}
     for wrong, word in (({**rows, "depth": rows["seen"]}, "depth"), ({"seen": rows["seen"]}, "facade, panorama, pix")):
         with pytest.raises(StoreError, match=f"table sightings: {word}.*declare it"):
-            table.dataset(wrong, {}, "EPSG:32635")
+            table.to_dataset(wrong, {}, "EPSG:32635")
 
 
 INSIDE = [(0, 31), (1, 32), (32, 80), (0, 160), (32, 32)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.core.levelling import filled, level_seam, fill_unknown
+from facade_core.core.levelling import fill_unknown, fill_unknown_colours, level_seam
 
 
 def halves(left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
@@ -80,4 +80,4 @@ def test_what_is_not_known_is_filled_as_it_is_spread(size: tuple[int, int], shar
     colour, known = draw.integers(0, 256, (*size, 3), np.uint8), draw.random(size) < share
     known[: size[0] // 2] = False  # far from all that is known
     expected = np.where(known[..., None], colour, np.round(fill_unknown(colour, known)).astype(np.uint8))
-    np.testing.assert_array_equal(filled(colour, known), expected)
+    np.testing.assert_array_equal(fill_unknown_colours(colour, known), expected)

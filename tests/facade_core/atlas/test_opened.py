@@ -64,7 +64,7 @@ def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
         id_ = f"{number:016x}"
         chart = atlas.chart(id_)
         assert chart.attrs == atlas.chart(row).attrs
-        one = TexelLayout.of(placement, [row])
+        one = TexelLayout.of_charts(placement, [row])
         colour, provenance = chart.colour.values.reshape(-1, 3), chart.provenance.values.reshape(-1)
         assert chart_digests(colour, provenance, placement, one, plan.ids) == {id_: digests[id_]}
         last = chart.isel(y=-1, x=-1)

@@ -9,9 +9,9 @@ import shapely
 from facade_core.atlas.surroundings import coplanar_pieces, read_with_surroundings
 from facade_core.core.levelling import level_seam
 from facade_core.core.types import Building, Street
-from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 
 DENSITY = 10.0
 
@@ -23,7 +23,7 @@ def charts() -> Charts:
     lean = shapely.affinity.rotate(shapely.box(30, 0, 36, 8), 20, origin=(0, 0))
     street = Street("s", None, shapely.LineString([(0, -9), (30, -9)]))
     houses = [Building("a", house, 7.0, "height"), Building("b", lean, 5.0, "height")]
-    return block_surfaces(houses, [street], terrain=terrain_of([], None), ground_margin=9, largest=8.1, grid=8)[0]
+    return build_block_surfaces(houses, [street], terrain=build_terrain([], None), ground_margin=9, largest=8.1, grid=8)[0]
 
 
 def painted(charts: Charts, chart: int) -> tuple[np.ndarray, np.ndarray]:

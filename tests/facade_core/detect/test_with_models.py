@@ -10,11 +10,11 @@ from skimage import data
 
 from benchmarks.faces_and_plates import painted_plate
 from facade_core.imagery.detect.detection import detect_on_image
-from facade_core.imagery.detect.faces import find_faces, box_ious
-from facade_core.imagery.detect.models import REMEDY, missing
-from facade_core.imagery.detect.text import find_lines
+from facade_core.imagery.detect.faces import box_ious, find_faces
+from facade_core.imagery.detect.models import INSTALL_REMEDY, missing_packages
+from facade_core.imagery.detect.text import find_text_lines
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=f"{', '.join(missing())} not installed; {REMEDY}")
+pytestmark = pytest.mark.skipif(bool(missing_packages()), reason=f"{', '.join(missing_packages())} not installed; {INSTALL_REMEDY}")
 
 
 @pytest.mark.parametrize("height", [16, 60])
@@ -36,7 +36,7 @@ def test_a_face_is_found_where_it_is(height: int) -> None:
 def test_nothing_is_found_on_a_plain_wall() -> None:
     wall = np.full((200, 300, 3), 180, np.uint8)
     assert not detect_on_image(wall).has_private_boxes()
-    assert not find_lines(wall)
+    assert not find_text_lines(wall)
 
 
 def test_a_sign_is_read_and_a_plate_is_hidden() -> None:

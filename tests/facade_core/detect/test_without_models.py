@@ -9,18 +9,18 @@ from facade_core.core.labels import FacadeClass
 from facade_core.imagery.detect import detection as seen
 from facade_core.imagery.detect import models
 from facade_core.imagery.detect.detection import Detections, detect_on_image, detect_on_strip, detectors_available
-from facade_core.imagery.detect.faces import non_maximum_suppression, box_ious
+from facade_core.imagery.detect.faces import box_ious, non_maximum_suppression
 from facade_core.imagery.detect.image_tiles import split_tiles
 from facade_core.imagery.detect.plates import is_plate
 from facade_core.imagery.detect.signs import shop_names
-from facade_core.imagery.detect.text import Line
+from facade_core.imagery.detect.text import TextLine
 from facade_core.synth.facade import facade as paint
 from tasks.doctor.machine import second_opinion
 from tasks.engine.stage_code import stage_code
 
 
-def line(text: str, x: float, y: float, length: float = 60, height: float = 13, score: float = 0.95) -> Line:
-    return Line(np.array([[x, y], [x + length, y], [x + length, y + height], [x, y + height]]), text, score)
+def line(text: str, x: float, y: float, length: float = 60, height: float = 13, score: float = 0.95) -> TextLine:
+    return TextLine(np.array([[x, y], [x + length, y], [x + length, y + height], [x, y + height]]), text, score)
 
 
 @pytest.fixture
@@ -142,13 +142,13 @@ def test_of_boxes_that_overlap_the_surest_stays() -> None:
 
 
 def test_a_face_that_is_private_is_made_anew() -> None:
-    from facade_core.facade.pipeline import from_photo
+    from facade_core.facade.pipeline import build_facade_from_photo
 
     painted = paint((9.0, 8.0), floors=2, columns=3, style="haussmann", metres_per_pixel=0.05, seed=2)
     nothing = np.zeros(painted.labels.shape, bool)
     private = nothing.copy()
     private[-30:-20, 40:50] = True
-    plain, none, hidden = (from_photo(painted.image, nothing, private=p, clean=True) for p in (None, nothing, private))
+    plain, none, hidden = (build_facade_from_photo(painted.image, nothing, private=p, clean=True) for p in (None, nothing, private))
     assert (plain.image == none.image).all()
     assert (hidden.occluded == private).all()
     assert (hidden.image[~private] == painted.image[~private]).all()

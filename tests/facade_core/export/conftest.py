@@ -13,10 +13,10 @@ from benchmarks.clients import validators
 from benchmarks.programs import Absent, node, package
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Street
-from facade_core.export.models.textured_mesh import Textured, textured_scene
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 
 STREET = Street("s", None, shapely.LineString([(386000, 6671980), (386050, 6671980)]))
@@ -33,13 +33,13 @@ def houses() -> Scene:
         Building("a", shapely.box(x, y, x + 20, y + 10), 12.0, "height"),
         Building("b", shapely.box(x + 20, y, x + 32, y + 10), 9.0, "height"),
     ]
-    charts, mesh, _ = block_surfaces(buildings, [STREET], terrain=terrain_of([], None), ground_margin=10, largest=90)
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(buildings, [STREET], terrain=build_terrain([], None), ground_margin=10, largest=90)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 
 @pytest.fixture(scope="session")
-def coloured(houses: Scene) -> Textured:
+def coloured(houses: Scene) -> TexturedMesh:
     def page(number: int) -> np.ndarray:
         drawn = np.zeros((1024, 1024, 3), np.uint8)
         place = houses.placement
@@ -47,7 +47,7 @@ def coloured(houses: Scene) -> Textured:
             drawn[place.y[c] : place.y[c] + place.height[c], place.x[c] : place.x[c] + place.width[c]] = colour_of(c)
         return drawn
 
-    return textured_scene(houses, page)
+    return build_textured_mesh(houses, page)
 
 
 @pytest.fixture(scope="session")

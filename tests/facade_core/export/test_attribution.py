@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from facade_core.export.city_models.attribution import Attribution, Source, joined_lines
+from facade_core.export.city_models.attribution import Attribution, DataSource, merge_attribution_lines
 
 OSM = "OpenStreetMap contributors, ODbL 1.0"
 
 
 def test_a_licence_is_named_once_and_silence_is_told() -> None:
     sources = (
-        Source("buildings.path", "city.pbf", OSM),
-        Source("streets.path", "city.pbf", OSM),
-        Source("imagery.photos.path", "photos"),
-        Source("imagery.aerial.path", "a;b.tif", "City; CC BY 4.0"),
+        DataSource("buildings.path", "city.pbf", OSM),
+        DataSource("streets.path", "city.pbf", OSM),
+        DataSource("imagery.photos.path", "photos"),
+        DataSource("imagery.aerial.path", "a;b.tif", "City; CC BY 4.0"),
     )
     found = Attribution(sources, "2026-01-02", ("2025-05-01", "2025-06-01"))
     assert found.line == (f"© {OSM}; © City, CC BY 4.0; photos: licence not stated; textured by Streetloom, 2026-01-02")
-    value = found.value()
+    value = found.to_json()
     assert [source["licence"] for source in value["sources"]] == [OSM, OSM, "not stated", "City; CC BY 4.0"]
     assert value["captured"] == ["2025-05-01", "2025-06-01"]
     assert Attribution(()).line == "textured by Streetloom"
-    assert Attribution(()).value().keys() == {"line", "sources"}
+    assert Attribution(()).to_json().keys() == {"line", "sources"}
 
 
 def test_lines_of_several_models_are_one() -> None:
-    assert joined_lines(["© A; © B", "", "© B; © C"]) == "© A; © B; © C"
+    assert merge_attribution_lines(["© A; © B", "", "© B; © C"]) == "© A; © B; © C"

@@ -12,30 +12,30 @@ import shapely
 
 from facade_core.core.grouping import group_rows
 from facade_core.core.types import Element
-from facade_core.export.bodies.balconies import balconies_on, behind_railings
-from facade_core.export.bodies.building_models import ground_faces, modelled
-from facade_core.export.bodies.openings import openings_in, outlines
-from facade_core.export.city_models.cityjson import Face, Pool, geometry_of
-from facade_core.export.models.textured_mesh import Drawn, Textured, layout_of
+from facade_core.export.bodies.balconies import extend_windows_behind_railings, place_balconies
+from facade_core.export.bodies.building_models import build_building_model, ground_faces
+from facade_core.export.bodies.openings import chart_outlines, place_openings
+from facade_core.export.city_models.cityjson import ModelFace, VertexPool, build_geometry
+from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh, pack_charts
 from facade_core.geometry.charts import ChartKind
 
 
 @pytest.fixture(scope="module")
-def drawn(coloured: Textured) -> Drawn:
-    return layout_of(coloured, coloured.chosen(np.array([0, 1, -1])))
+def drawn(coloured: TexturedMesh) -> PackedCharts:
+    return pack_charts(coloured, coloured.select_charts(np.array([0, 1, -1])))
 
 
 ORIGIN = np.array([386000.0, 6671900.0, 0.0])
 
 
-def watertight(faces: Sequence[Face]) -> bool:
+def watertight(faces: Sequence[ModelFace]) -> bool:
     """Whether each edge is there twice, in opposite directions."""
     rings = [[tuple(p) for p in ring.round(3).tolist()] for face in faces for ring in face.rings]
     edges = Counter(edge for ring in rings for edge in zip(ring, ring[1:] + ring[:1], strict=True))
     return set(edges.values()) == {1} and all((b, a) in edges for a, b in edges)
 
 
-def volume_under(face: Face) -> float:
+def volume_under(face: ModelFace) -> float:
     """Of a body's face, its part of the volume."""
     return sum(float(newell(ring) @ (face.rings[0][0] - ORIGIN)) / 3 for ring in face.rings)
 
@@ -47,15 +47,15 @@ def newell(ring: np.ndarray) -> np.ndarray:
 def test_triangles_become_the_outline_they_make_up() -> None:
     corners = [[0, 0], [4, 0], [4, 3], [0, 3], [1, 1], [2, 1], [2, 2], [1, 2]]
     pairs = [(0, 1, 5), (0, 5, 4), (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7)]
-    (outline,) = outlines(np.array([[corners[i] for i in t] for t in pairs], float))
+    (outline,) = chart_outlines(np.array([[corners[i] for i in t] for t in pairs], float))
     assert outline.area == pytest.approx(11)
     assert len(outline.interiors) == 1
     assert not outline.exterior.is_ccw, "y counts down"
     overlapping = np.array([[[0, 0], [2, 0], [0, 2]], [[0, 0], [2, 0], [0, 2]]], float)
-    assert sum(part.area for part in outlines(overlapping)) == pytest.approx(4), "no triangle is lost"
+    assert sum(part.area for part in chart_outlines(overlapping)) == pytest.approx(4), "no triangle is lost"
 
 
-def test_openings_stay_within_their_wall_and_apart(drawn: Drawn) -> None:
+def test_openings_stay_within_their_wall_and_apart(drawn: PackedCharts) -> None:
     wall = shapely.box(0, 0, 10, 6)
     elements = [
         Element("window", 1, 1, 2, 2.5),
@@ -66,13 +66,13 @@ def test_openings_stay_within_their_wall_and_apart(drawn: Drawn) -> None:
         Element("window", 9.9, 3, 12, 4),  # hardly on the wall
         Element("balcony", 1, 2.5, 3, 3),
     ]
-    openings = openings_in(wall, elements)
+    openings = place_openings(wall, elements)
     assert [e.label for e, _ in openings] == ["door", *4 * ["window"]]
     within = wall.buffer(-0.0499, join_style="mitre")
     assert all(within.contains(o) for _, o in openings)
     apart = [a.distance(b) for k, (_, a) in enumerate(openings) for _, b in openings[:k]]
     assert min(apart) > 0.0599
-    assert openings == openings_in(wall, elements[::-1]), "in whatever order they come"
+    assert openings == place_openings(wall, elements[::-1]), "in whatever order they come"
 
 
 def test_windows_go_on_behind_the_railing_of_a_balcony() -> None:
@@ -85,18 +85,18 @@ def test_windows_go_on_behind_the_railing_of_a_balcony() -> None:
         Element("window", 1.5, 0.2, 2.5, 1.2),  # a floor above
         Element("door", 6, 4, 7, 6),
     ]
-    found = behind_railings(seen, balconies_on(wall, seen))
+    found = extend_windows_behind_railings(seen, place_balconies(wall, seen))
     assert [e.y1 for e in found] == pytest.approx([4, 3.75, 3.75, 2.9, 1.2, 6])
     assert [(e.label, e.x0, e.y0, e.x1) for e in found] == [(e.label, e.x0, e.y0, e.x1) for e in seen]
-    assert behind_railings(seen, []) == seen
+    assert extend_windows_behind_railings(seen, []) == seen
 
 
-def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, coloured: Textured) -> None:
+def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: PackedCharts, coloured: TexturedMesh) -> None:
     triangles = group_rows(coloured.charts.building[coloured.mesh.chart])[0]
     wall = next(c for c in np.flatnonzero(coloured.charts.building == 0) if coloured.charts.kind[c] == ChartKind.WALL)
     layout = [Element("window", 1.0, 2.0, 2.5, 4.0), Element("balcony", 4.0, 3.0, 7.0, 4.0)]
-    made = modelled(drawn, triangles, {wall: "a-0"}, {wall: layout}, ORIGIN)
-    assert made.body.solid
+    made = build_building_model(drawn, triangles, {wall: "a-0"}, {wall: layout}, ORIGIN)
+    assert made.body.is_solid
     faces, surfaces = made.body.faces, made.body.surfaces
     assert watertight(faces)
     volume = sum(volume_under(face) for face in faces)
@@ -122,25 +122,25 @@ def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, co
     assert all(face.page is not None for face in balcony.faces)
 
 
-def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: Drawn, coloured: Textured) -> None:
+def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: PackedCharts, coloured: TexturedMesh) -> None:
     triangles = group_rows(coloured.charts.building[coloured.mesh.chart])[0]
     roof = np.flatnonzero((coloured.charts.building == 0) & (coloured.charts.kind == ChartKind.ROOF))[:1]
     kind = coloured.charts.kind.copy()
     kind[roof] = ChartKind.WINDOW
     with_pane = replace(drawn, source=replace(drawn.source, charts=replace(drawn.source.charts, kind=kind)))
     for assumed, named in ((False, "Window"), (True, "RoofSurface")):
-        body = modelled(with_pane, triangles, {}, {}, ORIGIN, assumed=assumed).body
+        body = build_building_model(with_pane, triangles, {}, {}, ORIGIN, has_assumed_roof=assumed).body
         types = {body.surfaces[face.semantic]["type"] for face in body.faces}
         assert (named in types, "Window" in types) == (True, not assumed)
 
 
-def test_a_geometry_indexes_its_tables(drawn: Drawn, coloured: Textured) -> None:
+def test_a_geometry_indexes_its_tables(drawn: PackedCharts, coloured: TexturedMesh) -> None:
     triangles = group_rows(coloured.charts.building[coloured.mesh.chart])
-    pool = Pool(ORIGIN)
-    body = modelled(drawn, triangles[1], {}, {}, ORIGIN).body
-    geometry = geometry_of(body.faces, body.surfaces, pool, "2", "Solid")
+    pool = VertexPool(ORIGIN)
+    body = build_building_model(drawn, triangles[1], {}, {}, ORIGIN).body
+    geometry = build_geometry(body.faces, body.surfaces, pool, "2", "Solid")
     pieces = ground_faces(drawn, triangles[-1], ORIGIN)
-    terrains = [geometry_of(faces, (), pool, "2", "CompositeSurface") for faces in pieces]
+    terrains = [build_geometry(faces, (), pool, "2", "CompositeSurface") for faces in pieces]
     tables = pool.tables(["p.jpg"] * 9)
     assert not any("semantics" in terrain for terrain in terrains)
     assert len(geometry["semantics"]["values"][0]) == len(geometry["boundaries"][0]) == 6
@@ -158,12 +158,12 @@ def test_a_geometry_indexes_its_tables(drawn: Drawn, coloured: Textured) -> None
 
 
 def test_rings_meet_no_corner_twice_and_have_area() -> None:
-    pool = Pool(np.zeros(3))
+    pool = VertexPool(np.zeros(3))
     spike = np.array([[0, 0, 0], [4, 0, 0], [4, 0, 4], [4, 0, 4.0002], [2, 0, 4], [2, 0, 6], [2, 0, 4], [0, 0, 4]])
-    corners, _ = pool.ring(spike, None)
+    corners, _ = pool.add_ring(spike, None)
     assert len(corners) == len(set(corners)) == 5
     line = np.array([[0, 0, 0], [4, 0, 0], [8, 0, 0.0001]])
-    assert pool.ring(line, None) == ([], [])
-    geometry = geometry_of([Face((line,), 0), Face((spike,), 1)], [{"type": "Window"}, {"type": "Door"}], pool, "2")
+    assert pool.add_ring(line, None) == ([], [])
+    geometry = build_geometry([ModelFace((line,), 0), ModelFace((spike,), 1)], [{"type": "Window"}, {"type": "Door"}], pool, "2")
     assert geometry["semantics"] == {"surfaces": [{"type": "Door"}], "values": [0]}
     assert "texture" not in geometry

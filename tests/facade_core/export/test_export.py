@@ -9,14 +9,14 @@ import shapely
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Lattice, Street
-from facade_core.export.models.pages import between_charts
-from facade_core.export.pictures.camera import Camera, aerial
-from facade_core.export.pictures.occlusion_overlay import draw_cut, overlay_hidden
-from facade_core.export.pictures.rendering import aim, draw_facade, perspective
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
-from facade_core.geometry.charts import CORNERS, ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.export.models.pages import fill_between_charts
+from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera
+from facade_core.export.pictures.occlusion_overlay import draw_crop, overlay_occlusion
+from facade_core.export.pictures.rendering import cast_view, draw_parse, render_perspective
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
+from facade_core.geometry.charts import CORNER_SHARES, ChartKind
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sky import backdrop_colour, sky_colour
 
@@ -26,8 +26,8 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
-    charts, mesh, _ = block_surfaces([box], [STREET], terrain=terrain_of([], None), ground_margin=10, largest=90)
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces([box], [STREET], terrain=build_terrain([], None), ground_margin=10, largest=90)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 
@@ -44,7 +44,7 @@ def page_of_kinds(scene: Scene, page: int) -> np.ndarray:
 def test_mipmaps_of_a_page_do_not_bleed(scene: Scene) -> None:
     """No level of a mipmap that touches a chart is darker than the chart's darkest: nothing between charts is black."""
     page = page_of_kinds(scene, 0)
-    filled = between_charts(scene, 0, page).astype(float)
+    filled = fill_between_charts(scene, 0, page).astype(float)
     owned = np.zeros((1024, 1024), bool)
     for c in np.flatnonzero(scene.placement.page == 0):
         y, x = int(scene.placement.y[c]), int(scene.placement.x[c])
@@ -58,8 +58,8 @@ def test_mipmaps_of_a_page_do_not_bleed(scene: Scene) -> None:
 
 
 def test_the_picture_shows_walls_upright_and_sky_above(scene: Scene) -> None:
-    picture = aim(scene, Camera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
-    picture.paint({chart: np.full((3, 5, 3), 9, np.uint8) for chart in picture.seen.tolist()})
+    picture = cast_view(scene, PerspectiveCamera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
+    picture.paint({chart: np.full((3, 5, 3), 9, np.uint8) for chart in picture.visible_charts.tolist()})
     assert (picture.rgb[30, 40] == 9).all()
     assert (picture.rgb[0] > 100).all()
 
@@ -73,31 +73,31 @@ def test_what_is_finer_than_pixels_is_seen_as_its_mean_and_what_is_coarser_witho
         return np.repeat((255 * ((row + column) % 2)).astype(np.uint8)[..., None], 3, axis=2)
 
     for at in ([10.0, -400, 3], [-60.0, -6, 5]):
-        camera = Camera(np.array(at), np.array([10.0, 0, 5]), 2.0, (60, 80))
-        picture = aim(scene, camera, samples=1)
+        camera = PerspectiveCamera(np.array(at), np.array([10.0, 0, 5]), 2.0, (60, 80))
+        picture = cast_view(scene, camera, samples=1)
         walls = scene.charts.kind[picture.chart] == ChartKind.WALL
-        picture.paint({chart: chequered(chart) for chart in picture.seen.tolist()})
+        picture.paint({chart: chequered(chart) for chart in picture.visible_charts.tolist()})
         shown = picture.rgb.reshape(-1, 3)[picture.pixel[walls]]
         assert walls.sum() > 500
         assert 120 < shown.mean() < 135
         assert shown.std() < 30, "by nearest texels it would be 127"
-    near = Camera(np.array([10.0, -3.0, 3]), np.array([10.0, 0, 3]), 4.0, (60, 80))
-    picture = aim(scene, near, samples=1)
-    picture.paint({chart: chequered(chart) for chart in picture.seen.tolist()})
+    near = PerspectiveCamera(np.array([10.0, -3.0, 3]), np.array([10.0, 0, 3]), 4.0, (60, 80))
+    picture = cast_view(scene, near, samples=1)
+    picture.paint({chart: chequered(chart) for chart in picture.visible_charts.tolist()})
     steps = np.abs(np.diff(picture.rgb[..., 0].astype(int), axis=1))
     assert 2 < steps.max() < 60
 
 
 def test_haze_grows_with_distance_and_no_pixel_is_without_colour(scene: Scene) -> None:
     black = {c: np.zeros((2, 2, 3), np.uint8) for c in range(len(scene.charts))}
-    aslant = Camera.towards(np.array([10.0, -30, 3]), heading=30, pitch=0, field_of_view=80, size=(20, 20))
-    picture = aim(scene, aslant, samples=1)
-    hazed = picture.hazed().reshape(-1, 3)[picture.pixel]
+    aslant = PerspectiveCamera.from_heading(np.array([10.0, -30, 3]), heading=30, pitch=0, field_of_view=80, size=(20, 20))
+    picture = cast_view(scene, aslant, samples=1)
+    hazed = picture.apply_haze().reshape(-1, 3)[picture.pixel]
     assert hazed[picture.depth.argmin()].max() == 0, "it begins at what is nearest"
     assert hazed[picture.depth.argmax()].min() > 0
     assert (np.diff(hazed[np.argsort(picture.depth), 0].astype(int)) >= 0).all()
-    up = Camera.towards(np.array([10.0, -30, 3]), heading=180, pitch=40, field_of_view=80, size=(40, 40))
-    drawn = perspective(scene, up, black.__getitem__)
+    up = PerspectiveCamera.from_heading(np.array([10.0, -30, 3]), heading=180, pitch=40, field_of_view=80, size=(40, 40))
+    drawn = render_perspective(scene, up, black.__getitem__)
     assert drawn.min() > 90
     assert drawn[0, 20, 0] < drawn[39, 20, 0], "the sky is deeper above"
 
@@ -116,19 +116,19 @@ def test_streets_end_in_roofs_and_not_in_the_sky() -> None:
 
 
 def test_nothing_that_a_picture_shows_is_said_to_be_out_of_sight(scene: Scene) -> None:
-    corners = scene.charts.at_shares(np.arange(len(scene.charts)), CORNERS)
+    corners = scene.charts.points_at_shares(np.arange(len(scene.charts)), CORNER_SHARES)
     fewest = len(corners)
     for place in ([10.0, -30, 3], [25.0, 5, 6], [10.0, 5, 40], [-8.0, -8, 2]):
         for target in ([10.0, 0, 3], [30.0, 20, 3], [-20.0, -9, 1]):
-            camera = Camera(np.array(place), np.array(target), 60.0, (60, 80))
+            camera = PerspectiveCamera(np.array(place), np.array(target), 60.0, (60, 80))
             may = camera.may_show(corners)
-            assert may[aim(scene, camera, samples=1).seen].all()
+            assert may[cast_view(scene, camera, samples=1).visible_charts].all()
             fewest = min(fewest, int(may.sum()))
     assert fewest < len(corners)
 
 
 def test_the_aerial_camera_sees_the_whole_building(scene: Scene) -> None:
-    camera = aerial(scene, (90, 144))
+    camera = aerial_camera(scene, (90, 144))
     forward = (camera.target - camera.position) / np.linalg.norm(camera.target - camera.position)
     walls = scene.mesh.vertices[scene.charts.kind[scene.mesh.vertex_chart] == ChartKind.WALL]
     right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
@@ -143,13 +143,13 @@ def test_the_aerial_camera_sees_the_whole_building(scene: Scene) -> None:
 
 def test_stage_pictures() -> None:
     labels = np.full((20, 30), FacadeClass.WINDOW, np.uint8)
-    drawn = draw_facade(labels, Lattice((0, 10, 20), (0, 30)))
+    drawn = draw_parse(labels, Lattice((0, 10, 20), (0, 30)))
     assert (drawn[10] == 255).all()
     assert (drawn[5, 5] != 255).any()
     hidden = np.zeros((20, 30), bool)
     hidden[3, 4] = True
     image = np.full((20, 30, 3), 100, np.uint8)
-    tinted = overlay_hidden(image, hidden)
+    tinted = overlay_occlusion(image, hidden)
     assert tinted[3, 4, 0] > 100 > tinted[3, 4, 2]
     assert (tinted[~hidden] == 100).all()
 
@@ -158,11 +158,11 @@ def test_a_cut_is_drawn_with_what_is_left_out_dark_and_what_is_made_anew_tinted(
     image = np.full((200, 100, 3), 100, np.uint8)
     hidden = np.zeros((120, 60), bool)
     hidden[:20] = True
-    drawn = draw_cut(image, hidden, (20, 40, 80, 160))
+    drawn = draw_crop(image, hidden, (20, 40, 80, 160))
     assert drawn.shape == image.shape
     assert (drawn[:40] == 25).all()
     assert (drawn[:, 80:] == 25).all()
     assert (drawn[60:160, 20:80] == 100).all()
     assert (drawn[40:60, 20:80, 0] > 100).all()
     large, unseen = np.zeros((1280, 700, 3), np.uint8), np.zeros((1280, 700), bool)
-    assert draw_cut(large, unseen, (0, 0, 700, 1280)).shape == (640, 350, 3)
+    assert draw_crop(large, unseen, (0, 0, 700, 1280)).shape == (640, 350, 3)

@@ -15,16 +15,28 @@ import pytest
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Ground, Sun, Way
-from facade_core.export.lighting.albedo import shading, without
-from facade_core.export.lighting.ground_materials import Grounds
-from facade_core.export.lighting.height_maps import STEEPEST, SUNK_SEES, heights, normals, sunk
-from facade_core.export.lighting.panes import Chances, glass, glow, openings
-from facade_core.export.lighting.relighting import Lighting, Texels, relit
+from facade_core.export.lighting.albedo import divide_light, estimate_shading
+from facade_core.export.lighting.ground_materials import GroundMaterials
+from facade_core.export.lighting.height_maps import (
+    MAX_SLOPE,
+    MIN_CAVITY_VISIBILITY,
+    cavity_visibility,
+    estimate_heights,
+    normals_from_heights,
+)
+from facade_core.export.lighting.panes import SeededRandom, emitted_light, find_openings, glass_mask
+from facade_core.export.lighting.relighting import ChartTexels, RelightingInputs, relight
 from facade_core.export.lighting.surface_materials import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
 from facade_core.export.models.encoders import ENCODERS
-from facade_core.export.models.glb import glb_bytes
-from facade_core.export.models.gltf_materials import NIGHT, STRENGTH, Time, look_of
-from facade_core.export.models.textured_mesh import Textured, layout_of, local_frame, nodes_of, page_pictures
+from facade_core.export.models.glb import encode_glb
+from facade_core.export.models.gltf_materials import EMISSIVE_STRENGTH, NIGHT, TimeOfDay, encode_textures
+from facade_core.export.models.textured_mesh import (
+    TexturedMesh,
+    build_nodes,
+    draw_page_images,
+    local_frame,
+    pack_charts,
+)
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sun import apply_sunlight as in_light
@@ -52,38 +64,38 @@ def facade(windows: int = 12) -> tuple[np.ndarray, np.ndarray]:
 
 def test_normals_are_those_of_the_heights_differences() -> None:
     height = np.random.default_rng(2).normal(0, 0.02, (9, 7)).astype(np.float32)
-    found = normals(height, DENSITY)
+    found = normals_from_heights(height, DENSITY)
     np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-6)
     for y in range(1, 8):
         for x in range(1, 6):
             right = (height[y, x + 1] - height[y, x - 1]) * DENSITY / 2
             up = (height[y - 1, x] - height[y + 1, x]) * DENSITY / 2
-            slope = np.clip([right, up], -STEEPEST, STEEPEST)
+            slope = np.clip([right, up], -MAX_SLOPE, MAX_SLOPE)
             expected = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + (slope**2).sum())
             np.testing.assert_allclose(found[y, x], expected, atol=1e-6)
 
 
 def test_openings_lie_back_and_see_less_sky() -> None:
     colour, labels = facade()
-    height = heights(labels, np.full(labels.shape, PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0)
+    height = estimate_heights(labels, np.full(labels.shape, PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0)
     assert height[30, 30] == pytest.approx(-OPENING_DEPTH_M)
     assert height[0, 0] == 0
-    found = normals(height, 20.0)
+    found = normals_from_heights(height, 20.0)
     assert found[30, 19, 0] > 0.5, "the left reveal faces right"
     assert found[15, 30, 1] < -0.5, "the head faces down"
-    sky = sunk(height, 20.0)
+    sky = cavity_visibility(height, 20.0)
     assert sky[0, 0] == 1
-    assert SUNK_SEES <= sky[16, 21] < 0.85
+    assert MIN_CAVITY_VISIBILITY <= sky[16, 21] < 0.85
     assert colour.shape[:2] == sky.shape
 
 
 def test_joints_are_where_the_picture_is_dark() -> None:
     grey = np.full((40, 40), 150, np.float32)
     grey[::8] = 100
-    height = heights(None, np.full(grey.shape, BRICK), grey, np.zeros(grey.shape, bool), 50.0)
+    height = estimate_heights(None, np.full(grey.shape, BRICK), grey, np.zeros(grey.shape, bool), 50.0)
     assert height[16].max() < -0.003
     assert height[20].min() > -0.001
-    assert (heights(None, np.full(grey.shape, PLASTER), grey, grey < 0, 50.0)[16] > height[16]).all()
+    assert (estimate_heights(None, np.full(grey.shape, PLASTER), grey, grey < 0, 50.0)[16] > height[16]).all()
 
 
 def test_a_smooth_light_is_taken_out_and_a_dark_plinth_stays() -> None:
@@ -94,20 +106,20 @@ def test_a_smooth_light_is_taken_out_and_a_dark_plinth_stays() -> None:
     labels[20:50, 30:60] = FacadeClass.WINDOW
     ramp = np.exp(np.linspace(-0.3, 0.3, 240))[None, :, None]
     seen = np.clip(wall * ramp, 0, 255).astype(np.uint8)
-    found = shading(seen, labels, 20.0)
+    found = estimate_shading(seen, labels, 20.0)
     assert found is not None
-    flat = without(seen, found).astype(float).mean(axis=2)
+    flat = divide_light(seen, found).astype(float).mean(axis=2)
     before, after = (np.log(one[60:120, 200:].mean() / one[60:120, :40].mean()) for one in (seen.astype(float), flat))
     assert abs(after) < 0.15 * before
     assert flat[140:].mean() / flat[60:120].mean() == pytest.approx(0.6, abs=0.1), "a material is no light"
-    assert shading(seen, np.full(labels.shape, FacadeClass.WINDOW, np.uint8), 20.0) is None
+    assert estimate_shading(seen, np.full(labels.shape, FacadeClass.WINDOW, np.uint8), 20.0) is None
 
 
 def test_panes_lie_within_frames_and_between_bars() -> None:
     colour, labels = facade()
-    found = list(openings(labels))
+    found = list(find_openings(labels))
     assert len(found) == 12
-    clear = glass(found[0], colour[..., 0], 20.0)
+    clear = glass_mask(found[0], colour[..., 0], 20.0)
     assert not clear[:, [0, 11, 12, 23]].any()
     assert clear[10, 5]
     assert clear[10, 18]
@@ -117,17 +129,17 @@ def test_windows_are_lit_by_who_they_are() -> None:
     _, labels = facade()
     everything = {}
     for order in (1, -1):
-        for opening in list(openings(labels))[::order]:
-            light = glow(opening, 20.0, 9.0, Chances(3, 4))
+        for opening in list(find_openings(labels))[::order]:
+            light = emitted_light(opening, 20.0, 9.0, SeededRandom(3, 4))
             was = everything.setdefault((opening.left, opening.top), light)
             assert (was is None) == (light is None)
             assert was is None or np.array_equal(was, light)
     one_less = labels.copy()
     one_less[15:45, 20:44] = FacadeClass.WALL
-    for opening in openings(one_less):
-        was, light = everything[opening.left, opening.top], glow(opening, 20.0, 9.0, Chances(3, 4))
+    for opening in find_openings(one_less):
+        was, light = everything[opening.left, opening.top], emitted_light(opening, 20.0, 9.0, SeededRandom(3, 4))
         assert (was is None) == (light is None), "whatever becomes of its neighbours"
-    lit = [glow(one, 20.0, 9.0, Chances(b, 1)) for b in range(60) for one in openings(labels)]
+    lit = [emitted_light(one, 20.0, 9.0, SeededRandom(b, 1)) for b in range(60) for one in find_openings(labels)]
     shone = [one for one in lit if one is not None]
     assert 0.15 < len(shone) / len(lit) < 0.6
     assert all(0 < one.max() <= 1 for one in shone)
@@ -139,7 +151,7 @@ def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
     charts = houses.charts
     (piece,) = np.flatnonzero(charts.kind == ChartKind.GROUND)[:1]
     way = Way("w", STREET.line, "road", 4.0, "asphalt", pavement=(2.0, 2.0))
-    found = Grounds(Ground((way,))).substance(charts, int(piece), (200, 200))
+    found = GroundMaterials(Ground((way,))).rasterise(charts, int(piece), (200, 200))
     x, y = ((np.arange(200) + 0.5) / 200 * size for size in charts.size[piece])
     world = charts.points(int(piece), x[None, :], y[:, None])
     away = np.abs(world[..., 1] - 6671980)
@@ -149,67 +161,67 @@ def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
     assert (found[along & (away > 4.5)] == GRAVEL).all()
 
 
-def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> Lighting:
+def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> RelightingInputs:
     made = np.array([field.PLASTER, field.SHEET, field.SOIL], np.uint8)[np.minimum(scene.charts.kind, ChartKind.GROUND)]
     place = scene.placement
 
-    def texels(chart: int) -> Texels:
+    def texels(chart: int) -> ChartTexels:
         shape = (int(place.height[chart]), int(place.width[chart]))
         if scene.charts.kind[chart] != ChartKind.WALL or provenance == Provenance.MATERIAL:
-            return Texels(np.full(shape, provenance, np.uint8), None, None)
+            return ChartTexels(np.full(shape, provenance, np.uint8), None, None)
         labels = np.full(shape, FacadeClass.WALL, np.uint8)
         labels[shape[0] // 4 : shape[0] // 2, shape[1] // 4 : shape[1] // 2] = FacadeClass.WINDOW
-        return Texels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
+        return ChartTexels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
 
-    return Lighting(
+    return RelightingInputs(
         scene, Ground(), made, np.zeros(len(scene.charts), bool), list(range(len(scene.charts))), sun, texels
     )
 
 
-def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: Textured) -> None:
-    for chart in coloured.chosen(np.array([0])).tolist()[:6]:
+def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: TexturedMesh) -> None:
+    for chart in coloured.select_charts(np.array([0])).tolist()[:6]:
         raster = np.maximum(coloured.raster(chart) // 2, 20)
         sunny = in_light(raster, sunlight_share(houses, chart, SUN))
         known = lighting(houses, SUN)
-        known = replace(known, texels=lambda c, known=known: known.texels(c)._replace(labels=None, seed=None))
-        found = relit(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
+        known = replace(known, texels=lambda c, known=known: known.texels(c)._replace(labels=None, base_layer=None))
+        found = relight(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
         assert np.abs(found.astype(int) - raster).max() <= 2
-    walls = coloured.chosen(np.array([0]))
+    walls = coloured.select_charts(np.array([0]))
     wall = int(walls[coloured.charts.kind[walls] == ChartKind.WALL][0])
-    assert (relit(coloured, lighting(houses, SUN, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
+    assert (relight(coloured, lighting(houses, SUN, Provenance.SYNTHESISED)).raster(wall) == 90).all(), (
         "as the facade stage left it"
     )
 
 
-def model(source: Textured, time: Time) -> bytes:
-    drawn = layout_of(source, source.chosen(np.array([0, 1, -1])))
-    looks = [look_of(page_pictures(drawn, page), ENCODERS["jpeg"]) for page in range(len(drawn.layout.pages))]
-    return glb_bytes(nodes_of([drawn], {0: "a", 1: "b"}, local_frame(source.mesh))[0], looks, time=time)
+def model(source: TexturedMesh, time: TimeOfDay) -> bytes:
+    drawn = pack_charts(source, source.select_charts(np.array([0, 1, -1])))
+    looks = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in range(len(drawn.layout.pages))]
+    return encode_glb(build_nodes([drawn], {0: "a", 1: "b"}, local_frame(source.mesh))[0], looks, time=time)
 
 
 def document(data: bytes) -> dict[str, Any]:
     return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
 
 
-def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: Textured) -> None:
-    source = relit(coloured, lighting(houses, None))
+def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: TexturedMesh) -> None:
+    source = relight(coloured, lighting(houses, None))
     assert source.maps is not None
-    for chart in source.chosen(np.array([0, -1])).tolist():
+    for chart in source.select_charts(np.array([0, -1])).tolist():
         maps = source.maps(chart)
         width, height = (-(-side // 2) for side in source.texels[chart].tolist())
         assert maps.normal.shape == maps.orm.shape == (height, width, 3)
         assert (maps.orm[..., 2] == 0).all(), "no metal"
         assert all(a is b or np.array_equal(a, b) for a, b in zip(maps, source.maps(chart), strict=True))
-    ground = int(source.chosen(np.array([-1]))[0])
+    ground = int(source.select_charts(np.array([-1]))[0])
     assert (source.maps(ground).orm[..., 1] == round(float(ROUGHNESS[GRAVEL]) * 255)).all()
     assert np.abs(colour_of(ground).astype(int) - source.raster(ground)).max() <= 1
 
 
-def test_a_photographed_wall_that_was_parsed_has_maps_too(houses: Scene, coloured: Textured) -> None:
+def test_a_photographed_wall_that_was_parsed_has_maps_too(houses: Scene, coloured: TexturedMesh) -> None:
     known = lighting(houses, None)
-    source = relit(coloured, replace(known, textured=np.ones(len(houses.charts), bool)))
+    source = relight(coloured, replace(known, has_source_texture=np.ones(len(houses.charts), bool)))
     assert source.maps is not None
-    wall = next(c for c in source.chosen(np.array([0])).tolist() if known.texels(c).labels is not None)
+    wall = next(c for c in source.select_charts(np.array([0])).tolist() if known.texels(c).labels is not None)
     width, height = (-(-side // 2) for side in source.texels[wall].tolist())
     maps = source.maps(wall)
     assert maps.normal.shape == maps.orm.shape == (height, width, 3)
@@ -218,10 +230,10 @@ def test_a_photographed_wall_that_was_parsed_has_maps_too(houses: Scene, coloure
 
 @pytest.mark.parametrize("time", ["day", "night", "day or night", "night or day"])
 def test_lit_models_are_valid_and_have_their_time_of_day(
-    houses: Scene, coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path, time: Time
+    houses: Scene, coloured: TexturedMesh, gltf_issues: Callable[..., list[dict]], tmp_path: Path, time: TimeOfDay
 ) -> None:
-    data = model(relit(coloured, lighting(houses, None)), time)
-    assert data == model(relit(coloured, lighting(houses, None)), time)
+    data = model(relight(coloured, lighting(houses, None)), time)
+    assert data == model(relight(coloured, lighting(houses, None)), time)
     (tmp_path / "lit.glb").write_bytes(data)
     (issues,) = gltf_issues(tmp_path / "lit.glb")
     assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"]
@@ -241,4 +253,4 @@ def test_lit_models_are_valid_and_have_their_time_of_day(
             shown = said["materials"][mapping["material"]]
             assert ("emissiveTexture" in shown) == night
             if night:
-                assert shown["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": STRENGTH}
+                assert shown["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": EMISSIVE_STRENGTH}

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.export.models.page_packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
+from facade_core.export.models.page_packing import (
+    CELL_TEXELS,
+    MAX_PAGE_TEXELS,
+    pack_pages,
+    rasterise_cells,
+    shrink_for_border,
+)
 
 
 def test_pieces_lie_apart_on_few_pages() -> None:
@@ -15,12 +21,12 @@ def test_pieces_lie_apart_on_few_pages() -> None:
     for width, height in size.tolist():
         corners = [[0, 0], [width, 0], [0, height]], [[width, height], [width, 0], [0, height]]
         # every second one is a triangle
-        masks.append(mask_of(np.array(corners[: 1 + len(masks) % 2], float), (width, height)))
+        masks.append(rasterise_cells(np.array(corners[: 1 + len(masks) % 2], float), (width, height)))
     layout = pack_pages(masks, size)
     assert (np.log2(layout.pages) % 1 == 0).all()
-    taken = [np.zeros((height // CELL, width // CELL), int) for width, height in layout.pages.tolist()]
+    taken = [np.zeros((height // CELL_TEXELS, width // CELL_TEXELS), int) for width, height in layout.pages.tolist()]
     for i, mask in enumerate(masks):
-        top, left = layout.y[i] // CELL - 1, layout.x[i] // CELL - 1
+        top, left = layout.y[i] // CELL_TEXELS - 1, layout.x[i] // CELL_TEXELS - 1
         taken[layout.page[i]][top : top + mask.shape[0], left : left + mask.shape[1]] += mask
     assert max(int(page.max()) for page in taken) == 1, "no cell has two"
     assert sum(int(page.sum()) for page in taken) == sum(int(mask.sum()) for mask in masks), (
@@ -30,22 +36,22 @@ def test_pieces_lie_apart_on_few_pages() -> None:
 
 
 def test_a_mask_holds_its_triangles_and_a_border() -> None:
-    mask = mask_of(np.array([[[0, 0], [40, 0], [0, 40.0]]]), (40, 40))
+    mask = rasterise_cells(np.array([[[0, 0], [40, 0], [0, 40.0]]]), (40, 40))
     assert mask.shape == (12, 12)
     assert mask[:10, 0].all()
     assert not mask[-4:, -4:].any()
     for x, y in ((0.5, 0.5), (38, 1), (1, 38), (19.5, 19.5)):
-        at = (slice(int(y) // CELL, int(y) // CELL + 3), slice(int(x) // CELL, int(x) // CELL + 3))
+        at = (slice(int(y) // CELL_TEXELS, int(y) // CELL_TEXELS + 3), slice(int(x) // CELL_TEXELS, int(x) // CELL_TEXELS + 3))
         assert mask[at].all(), "the cell of a place, and those around it"
 
 
 def test_a_side_that_just_fits_a_page_makes_room_for_its_border() -> None:
-    assert room(np.array([[1024, 1016], [1020, 30], [12, 4096]])).tolist() == [[1016, 1016], [1016, 30], [12, 4088]]
+    assert shrink_for_border(np.array([[1024, 1016], [1020, 30], [12, 4096]])).tolist() == [[1016, 1016], [1016, 30], [12, 4088]]
 
 
 def test_what_is_larger_than_a_page_is_refused() -> None:
     with pytest.raises(ValueError, match="larger than a page"):
-        pack_pages([np.ones((3, LARGEST_PAGE // CELL + 1), bool)], np.array([[LARGEST_PAGE, 4]]))
+        pack_pages([np.ones((3, MAX_PAGE_TEXELS // CELL_TEXELS + 1), bool)], np.array([[MAX_PAGE_TEXELS, 4]]))
 
 
 def test_nothing_takes_no_page() -> None:

@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import FacadeClass
-from facade_core.export.lighting.panes import Chances, glass, glow, openings, squared, through
-from facade_core.export.lighting.shop_interiors import interior
+from facade_core.export.lighting.panes import (
+    SeededRandom,
+    emitted_light,
+    find_openings,
+    glass_mask,
+    modulate_by_picture,
+    snap_to_boxes,
+)
+from facade_core.export.lighting.shop_interiors import shop_interior_light
 
 DENSITY = 20.0
 
@@ -26,12 +33,12 @@ def shop_front() -> np.ndarray:
 
 
 def test_a_shop_has_the_box_of_what_hangs_together_whatever_its_rim() -> None:
-    found = sorted(openings(squared(shop_front())), key=lambda one: one.left)
+    found = sorted(find_openings(snap_to_boxes(shop_front())), key=lambda one: one.left)
     assert [one.label for one in found] == [FacadeClass.SHOP] * 3
     assert [(one.left, one.right, one.bottom) for one in found] == [(20, 80, 138), (100, 160, 138), (180, 240, 138)]
     assert all(60 <= one.top <= 64 for one in found)
     for one in found:
-        clear = glass(one, np.full((140, 320), 90, np.uint8), DENSITY)
+        clear = glass_mask(one, np.full((140, 320), 90, np.uint8), DENSITY)
         rows, columns = np.flatnonzero(clear.any(axis=1)), np.flatnonzero(clear.any(axis=0))
         assert clear[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].all(), "its panes are a rectangle"
 
@@ -41,19 +48,19 @@ def test_what_is_no_shop_is_its_box_and_specks_stay() -> None:
     labels[20:40, 100:124] = FacadeClass.WINDOW
     labels[20:24, 100:104] = FacadeClass.WALL
     labels[5, 5] = FacadeClass.WINDOW
-    found = squared(labels)
+    found = snap_to_boxes(labels)
     assert (found[20:40, 100:124] == FacadeClass.WINDOW).all()
     assert found[5, 5] == FacadeClass.WINDOW
     assert (found[70:138, 270:300] == FacadeClass.DOOR).all()
-    assert (found == squared(found)).all(), "boxes stay"
-    assert (1, 5, 5) in {(one.label, one.left, one.top) for one in openings(found)}
+    assert (found == snap_to_boxes(found)).all(), "boxes stay"
+    assert (1, 5, 5) in {(one.label, one.left, one.top) for one in find_openings(found)}
 
 
 def test_a_window_that_holds_a_patch_of_shop_stays_a_window() -> None:
     labels = np.full((60, 80), FacadeClass.WALL, np.uint8)
     labels[10:50, 20:60] = FacadeClass.WINDOW
     labels[20:35, 30:44] = FacadeClass.SHOP
-    (found,) = openings(squared(labels))
+    (found,) = find_openings(snap_to_boxes(labels))
     assert (found.label, found.left, found.top, found.right, found.bottom) == (FacadeClass.WINDOW, 20, 10, 60, 50)
 
 
@@ -64,13 +71,13 @@ def test_shops_are_no_more_than_twice_as_light_as_flats_warm_and_uneven() -> Non
     means: dict[int, list[float]] = {FacadeClass.SHOP: [], FacadeClass.WINDOW: []}
     red, blue, uneven = 0.0, 0.0, []
     for labels, kind in ((shops, FacadeClass.SHOP), (windows, FacadeClass.WINDOW)):
-        (one,) = openings(labels)
-        clear = glass(one, picture, DENSITY)
+        (one,) = find_openings(labels)
+        clear = glass_mask(one, picture, DENSITY)
         for building in range(120):
-            light = glow(one, DENSITY, 4.0 if kind == FacadeClass.SHOP else 9.0, Chances(building, 1))
+            light = emitted_light(one, DENSITY, 4.0 if kind == FacadeClass.SHOP else 9.0, SeededRandom(building, 1))
             if light is None:
                 continue
-            shown = through(one, light, picture, clear)[clear]
+            shown = modulate_by_picture(one, light, picture, clear)[clear]
             means[kind].append(float(shown.mean()))
             assert shown.max() <= 1.3
             if kind == FacadeClass.SHOP and shown.mean() > 0.08:
@@ -86,12 +93,12 @@ def test_shops_are_no_more_than_twice_as_light_as_flats_warm_and_uneven() -> Non
 
 
 def test_an_interior_is_the_same_at_half_the_texels_darker_below_and_has_goods_on_shelves() -> None:
-    chances = Chances(5, 6)
-    fine, coarse = (interior((80 * k, 96 * k), 20.0 * k, 0.1, lambda *what: chances.of_wall(1, *what)) for k in (2, 1))
+    chances = SeededRandom(5, 6)
+    fine, coarse = (shop_interior_light((80 * k, 96 * k), 20.0 * k, 0.1, lambda *what: chances.of_wall(1, *what)) for k in (2, 1))
     half = fine.reshape(80, 2, 96, 2, 3).mean(axis=(1, 3))
     assert np.abs(half - coarse).mean() < 0.03
     assert fine[20:60].mean() > 1.3 * fine[-20:].mean()
-    plain = interior((160, 192), 40.0, 0.9, lambda *what: chances.of_wall(1, *what))
+    plain = shop_interior_light((160, 192), 40.0, 0.9, lambda *what: chances.of_wall(1, *what))
     assert np.ptp(fine[60:120], axis=1).mean() > 3 * np.ptp(plain[70:105], axis=1).mean(), (
         "goods are many, a wall is one"
     )

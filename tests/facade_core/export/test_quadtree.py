@@ -6,23 +6,23 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.export.models.textured_mesh import Textured
-from facade_core.export.tiles.quadtree import LARGEST_M, Leaf, Members, grid_leaves, members_of
+from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.export.tiles.quadtree import MAX_CELL_M, GridLeaf, QuadtreeMembers, collect_members, divide_grid
 
 places = st.lists(
     st.tuples(st.floats(-3000, 3000), st.floats(-3000, 3000), st.integers(1, 100)), min_size=1, max_size=40
 )
 
 
-def members(things: list[tuple[float, float, int]]) -> Members:
+def members(things: list[tuple[float, float, int]]) -> QuadtreeMembers:
     """Half of the things are buildings, the rest ground."""
     half = len(things) // 2
     points = np.array([thing[:2] for thing in things])
     weight = np.array([thing[2] for thing in things])
-    return Members(np.arange(half), 500 + np.arange(len(things) - half), points, weight)
+    return QuadtreeMembers(np.arange(half), 500 + np.arange(len(things) - half), points, weight)
 
 
-def held(leaf: Leaf, of: Members) -> list[int]:
+def held(leaf: GridLeaf, of: QuadtreeMembers) -> list[int]:
     return [*leaf.buildings.tolist(), *(len(of.buildings) + leaf.ground - 500).tolist()]
 
 
@@ -30,13 +30,13 @@ def held(leaf: Leaf, of: Members) -> list[int]:
 @given(places, st.integers(1, 300))
 def test_everything_lies_in_one_leaf_within_the_bound(things: list[tuple[float, float, int]], most: int) -> None:
     of = members(things)
-    leaves = grid_leaves(of, most)
+    leaves = divide_grid(of, most)
     assert sorted(one for leaf in leaves for one in held(leaf, of)) == list(range(len(things)))
     assert [leaf.path for leaf in leaves] == sorted({leaf.path for leaf in leaves})
     for leaf in leaves:
         mine = held(leaf, of)
-        side = LARGEST_M / 2 ** len(leaf.path.partition("_")[2].partition("_")[2])
-        assert of.weight[mine].sum() <= most or len(mine) == 1 or side <= 1
+        side = MAX_CELL_M / 2 ** len(leaf.path.partition("_")[2].partition("_")[2])
+        assert of.texel_counts[mine].sum() <= most or len(mine) == 1 or side <= 1
         assert (of.points[mine] >= leaf.corner).all()
         assert (of.points[mine] < leaf.corner + side).all()
         assert (leaf.corner % side == 0).all(), "the grid is the frame's"
@@ -48,25 +48,25 @@ def test_cells_without_a_change_stay_as_they_were(
     things: list[tuple[float, float, int]], most: int, others: list[tuple[float, float, int]]
 ) -> None:
     """What comes lies east of all that was there."""
-    others = [(x + 3 * LARGEST_M + 6000, y, weight) for x, y, weight in others]
+    others = [(x + 3 * MAX_CELL_M + 6000, y, weight) for x, y, weight in others]
     before, after = members(things), members(things)
-    more = Members(
+    more = QuadtreeMembers(
         before.buildings,
         np.append(before.ground, 9000 + np.arange(len(others))),
         np.concatenate([before.points, [other[:2] for other in others]]),
-        np.append(before.weight, [other[2] for other in others]),
+        np.append(before.texel_counts, [other[2] for other in others]),
     )
-    kept = {leaf.path: held(leaf, after) for leaf in grid_leaves(more, most) if not (leaf.ground >= 9000).any()}
-    assert kept == {leaf.path: held(leaf, before) for leaf in grid_leaves(before, most)}
+    kept = {leaf.path: held(leaf, after) for leaf in divide_grid(more, most) if not (leaf.ground >= 9000).any()}
+    assert kept == {leaf.path: held(leaf, before) for leaf in divide_grid(before, most)}
 
 
-def test_members_are_buildings_and_pieces_of_ground(coloured: Textured) -> None:
+def test_members_are_buildings_and_pieces_of_ground(coloured: TexturedMesh) -> None:
     charts = coloured.charts
     drawn = np.unique(coloured.mesh.chart)
     texels = coloured.texels.prod(axis=1)
-    of = members_of(charts, texels, drawn)
+    of = collect_members(charts, texels, drawn)
     assert of.buildings.tolist() == [0, 1]
     assert of.ground.tolist() == drawn[charts.building[drawn] < 0].tolist()
-    assert of.weight.sum() == texels[drawn].sum()
+    assert of.texel_counts.sum() == texels[drawn].sum()
     np.testing.assert_allclose(of.points[0], [386010, 6671995], atol=0.5)
     np.testing.assert_allclose(of.points[1], [386026, 6671995], atol=0.5)

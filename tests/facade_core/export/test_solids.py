@@ -10,21 +10,29 @@ import shapely
 
 from facade_core.core.grouping import group_rows
 from facade_core.core.types import Building, Roof, Street
-from facade_core.export.bodies.building_body import body_of
-from facade_core.export.bodies.curtains import curtained
-from facade_core.export.bodies.patches import Patch, Patches, components, flattened, is_closed, joined, open_edges
-from facade_core.export.bodies.recess import cut, meets_box
-from facade_core.export.models.textured_mesh import Textured
-from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.export.bodies.building_body import build_body
+from facade_core.export.bodies.curtains import add_curtain_walls
+from facade_core.export.bodies.patches import (
+    Patch,
+    PolygonMesh,
+    connected_patches,
+    is_closed,
+    make_planar,
+    open_edges,
+    weld_polygons,
+)
+from facade_core.export.bodies.recess import intersects_box, recess_opening
+from facade_core.export.models.textured_mesh import TexturedMesh
+from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 
 ORIGIN = np.array([386000.0, 6671900.0, 0.0])
 
 
-def of(polygons: Sequence[Sequence[Sequence[float]]]) -> Patches:
+def of(polygons: Sequence[Sequence[Sequence[float]]]) -> PolygonMesh:
     rings = [[ORIGIN + np.array(polygon, float)] for polygon in polygons]
-    return joined(rings, [0] * len(rings), [0] * len(rings), ORIGIN)
+    return weld_polygons(rings, [0] * len(rings), [0] * len(rings), ORIGIN)
 
 
 def test_corners_that_pass_by_millimetres_are_one_and_edges_have_the_corners_on_them() -> None:
@@ -53,7 +61,7 @@ def test_what_is_not_planar_is_cut_into_triangles_and_stays_closed() -> None:
     sides = [[foot[(k + 1) % 4], foot[k], top[-k], top[-k - 1]] for k in range(4)]
     body = of([top, foot, *sides])
     assert is_closed(body.patches)
-    flat = flattened(body)
+    flat = make_planar(body)
     assert is_closed(flat.patches)
     assert len(flat.patches) == len(body.patches) + 1
 
@@ -67,13 +75,13 @@ def test_a_model_without_its_party_wall_gets_one() -> None:
     west = [[0.0, 4, 0], [0, 0, 0], [0, 0, 3], [0, 2, 5], [0, 4, 3]]
     shell = of([foot, north, south, *slopes, west])
     assert not is_closed(shell.patches)
-    closed = curtained(shell, ORIGIN)
+    closed = add_curtain_walls(shell, ORIGIN)
     assert is_closed(closed.patches)
     (added,) = (patch for patch in closed.patches if patch.chart < 0)
-    np.testing.assert_allclose(closed.normal(added), [4 * 3 + 4, 0, 0], atol=1e-6)
-    with_gable = curtained(of([foot, north, south, *slopes, west, gable]), ORIGIN)
+    np.testing.assert_allclose(closed.area_vector(added), [4 * 3 + 4, 0, 0], atol=1e-6)
+    with_gable = add_curtain_walls(of([foot, north, south, *slopes, west, gable]), ORIGIN)
     (below,) = (patch for patch in with_gable.patches if patch.chart < 0)
-    np.testing.assert_allclose(with_gable.normal(below), [12, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(with_gable.area_vector(below), [12, 0, 0], atol=1e-6)
     assert is_closed(with_gable.patches)
 
 
@@ -84,32 +92,32 @@ def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) 
     roof = Roof(shape, 4.0, confidence=0.5)
     buildings = [Building("a", outline, 12.0, "height", roof=roof)]
     street = Street("s", None, shapely.LineString([(x - 20, y - 10), (x + 60, y - 10)]))
-    charts, mesh, _ = block_surfaces(buildings, [street], terrain=terrain_of([], None), ground_margin=10, largest=20)
-    source = Textured(charts, mesh, charts.size, np.ones((len(charts), 2), np.int64), lambda chart: np.zeros(0))
+    charts, mesh, _ = build_block_surfaces(buildings, [street], terrain=build_terrain([], None), ground_margin=10, largest=20)
+    source = TexturedMesh(charts, mesh, charts.size, np.ones((len(charts), 2), np.int64), lambda chart: np.zeros(0))
     triangles = group_rows(charts.building[mesh.chart])[0]
     semantics = dict.fromkeys(np.unique(mesh.chart[triangles]).tolist(), 0)
-    body = body_of(source, triangles, semantics, 1, ORIGIN)
-    assert body.closed
+    body = build_body(source, triangles, semantics, 1, ORIGIN)
+    assert body.is_closed
     assert is_closed(body.shell.patches)
-    assert len(components(body.shell.patches)) == 1
+    assert len(connected_patches(body.shell.patches)) == 1
     down = [patch for patch in body.shell.patches if patch.semantic == 1]
-    area = sum(float(body.shell.normal(patch)[2]) for patch in down)
+    area = sum(float(body.shell.area_vector(patch)[2]) for patch in down)
     assert area == pytest.approx(-outline.area, abs=0.1), "the ground below, facing down"
-    assert body.beside, "eaves or a parapet"
+    assert body.attachments, "eaves or a parapet"
 
 
-def test_openings_are_as_deep_as_there_is_room(coloured: Textured) -> None:
+def test_openings_are_as_deep_as_there_is_room(coloured: TexturedMesh) -> None:
     charts = coloured.charts
     chart = int(np.flatnonzero((charts.building == 0) & (charts.kind == ChartKind.WALL))[0])
-    wall = charts.at_shares(np.array([chart]), np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]]))[0]
+    wall = charts.points_at_shares(np.array([chart]), np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]]))[0]
     opening = shapely.orient_polygons(shapely.box(1, 2, 2.5, 4), exterior_cw=True)
-    out = charts.normal()[chart]
+    out = charts.normals()[chart]
     for gap, depth in ((0.3, 0.15), (0.1, 0.05), (0.04, 0.0)):
         behind = wall - gap * out
         triangles = behind[[[0, 1, 2], [0, 2, 3]]]
-        found = cut(opening, charts, chart, wall, [triangles])
+        found = recess_opening(opening, charts, chart, wall, [triangles])
         assert found.depth == depth
-        np.testing.assert_allclose((wall[0] - found.pane) @ out, depth, atol=1e-9)
+        np.testing.assert_allclose((wall[0] - found.pane_ring) @ out, depth, atol=1e-9)
         assert len(found.reveals()) == (4 if depth else 0)
 
 
@@ -122,10 +130,10 @@ def test_triangles_meet_a_box_or_pass_it() -> None:
             [[2.0, 2, 2], [3, 2, 2], [2, 3, 2]],
         ]
     )
-    assert meets_box(triangles, np.zeros(3), np.ones(3)).tolist() == [True, False, True, False]
+    assert intersects_box(triangles, np.zeros(3), np.ones(3)).tolist() == [True, False, True, False]
 
 
 def test_pieces_hang_together_over_edges() -> None:
     patches = [Patch(((0, 1, 2),)), Patch(((5, 6, 7),)), Patch(((2, 1, 3),)), Patch(((3, 8, 9),))]
-    assert components(patches) == [[0, 2], [1], [3]]
-    assert components([]) == []
+    assert connected_patches(patches) == [[0, 2], [1], [3]]
+    assert connected_patches([]) == []

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import zarr
 
-from facade_core.atlas.stored_files import stored_file_digest, unit_files, hierarchy_path, write_stored_file
+from facade_core.atlas.stored_files import hierarchy_path, stored_file_digest, write_stored_file
 from facade_core.core.errors import StoreError
 from facade_core.core.types import Element
 from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.facade.variation.encoding import encode
+from tasks.stages.facades.stage import FACADES
 
 
 def stored(group: Any, record: dict[str, Any]) -> StoredFacade:
@@ -32,8 +33,8 @@ def test_a_store_has_the_file_as_it_is() -> None:
         "variation_digest": stored_file_digest(coded.to_bytes()),
     }
     assert group[path][:].tobytes() == coded.to_bytes()
-    assert unit_files("facades", 0, record) == {path: record["variation_digest"]}
-    np.testing.assert_array_equal(stored(group, record).level(0), coded.photo)
+    assert FACADES.unit_files(0, record) == {path: record["variation_digest"]}
+    np.testing.assert_array_equal(stored(group, record).reconstruct_level(0), coded.photo)
     group[path][3] ^= 1
     with pytest.raises(StoreError, match="the next run makes it again"):
         _ = stored(group, record).hierarchy
@@ -41,6 +42,6 @@ def test_a_store_has_the_file_as_it_is() -> None:
 
 def test_variations_of_an_earlier_version_are_made_again() -> None:
     record: Any = {"status": "done", "variation_levels": 3}
-    assert unit_files("facades", 0, record) == {}
+    assert FACADES.unit_files(0, record) == {}
     with pytest.raises(StoreError, match="an earlier version made the variations of this facade"):
-        stored(None, record).level(0)
+        stored(None, record).reconstruct_level(0)

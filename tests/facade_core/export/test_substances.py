@@ -9,25 +9,25 @@ from facade_core.core.types import SURFACES
 from facade_core.export.lighting import surface_materials
 from facade_core.export.lighting.surface_materials import (
     BRICK,
+    CHART_MATERIALS,
     FRAME,
     GLASS,
-    OF_MATERIAL,
-    OF_SURFACE,
+    GROUND_MATERIALS,
     RAILING,
     ROUGHNESS,
-    of_labels,
+    classify_facade,
 )
 from facade_core.street.materials import field_kernels as field
 
 
 def test_every_label_material_and_surface_is_of_something() -> None:
     labels = np.array([[*range(len(CLASSES)), UNKNOWN]], np.uint8)
-    found = of_labels(labels, BRICK, np.zeros(labels.shape, bool))
+    found = classify_facade(labels, BRICK, np.zeros(labels.shape, bool))
     assert found[0, FacadeClass.WALL] == found[0, -1] == BRICK
     assert found[0, FacadeClass.WINDOW] == FRAME
     assert found[0, FacadeClass.BALCONY] == RAILING
-    assert len(OF_SURFACE) == len(SURFACES)
-    assert set(OF_MATERIAL) == set(range(field.FITTING + 1)), "all that charts are made of"
+    assert len(GROUND_MATERIALS) == len(SURFACES)
+    assert set(CHART_MATERIALS) == set(range(field.FITTING + 1)), "all that charts are made of"
     assert len(surface_materials.SUBSTANCES) == len({one.name for one in surface_materials.SUBSTANCES})
 
 
@@ -35,6 +35,6 @@ def test_panes_are_glass_and_smoother_than_all_but_water() -> None:
     labels = np.full((3, 3), FacadeClass.WINDOW, np.uint8)
     panes = np.zeros((3, 3), bool)
     panes[1, 1] = True
-    found = of_labels(labels, BRICK, panes)
+    found = classify_facade(labels, BRICK, panes)
     assert (found == GLASS).sum() == 1
     assert np.sort(ROUGHNESS)[1] == ROUGHNESS[GLASS]

@@ -15,19 +15,26 @@ import pytest
 import trimesh
 
 from facade_core.export.models import pages
-from facade_core.export.models.glb_merge import join_glbs, part_of_file
-from facade_core.export.models.textured_mesh import Textured, local_frame
+from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
+from facade_core.export.models.textured_mesh import TexturedMesh, local_frame
 from facade_core.export.tiles import overview
-from facade_core.export.tiles.overview import overview_glb, scale_afar, shown_afar
-from facade_core.export.tiles.tile_model import COARSER, Earlier, TileModel, coarse_rasters, coarse_size, tile_model
+from facade_core.export.tiles.overview import encode_overview, overview_scale, select_overview_charts
+from facade_core.export.tiles.tile_model import (
+    COARSE_DIVISOR,
+    EarlierTile,
+    TileModel,
+    build_tile_model,
+    coarse_rasters,
+    coarse_size,
+)
 from facade_core.geometry.charts import ChartKind
 from tests.facade_core.export.conftest import colour_of
 
 NAMES = {0: "a", 1: "b"}
 
 
-def tile(source: Textured, building: int, origin: list[float]) -> tuple[np.ndarray, TileModel]:
-    charts = source.chosen(np.array([building]))
+def tile(source: TexturedMesh, building: int, origin: list[float]) -> tuple[np.ndarray, TileModel]:
+    charts = source.select_charts(np.array([building]))
     read: list[int] = []
 
     def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
@@ -35,18 +42,18 @@ def tile(source: Textured, building: int, origin: list[float]) -> tuple[np.ndarr
         return {chart: source.raster(chart) for chart in chosen.tolist()}
 
     digests = [str(chart) for chart in charts.tolist()]
-    made = tile_model(source, charts, digests, NAMES, rasters, {"origin": origin, "crs": "EPSG:32635"})
+    made = build_tile_model(source, charts, digests, NAMES, rasters, {"origin": origin, "crs": "EPSG:32635"})
     assert sorted(read) == charts.tolist(), "each chart is read once"
     return charts, made
 
 
 @pytest.mark.parametrize("changed", [None, 0, -1])
 def test_pictures_of_which_no_chart_changed_are_taken_from_the_tile_of_before(
-    coloured: Textured, monkeypatch: pytest.MonkeyPatch, changed: int | None
+    coloured: TexturedMesh, monkeypatch: pytest.MonkeyPatch, changed: int | None
 ) -> None:
-    monkeypatch.setattr(pages, "LARGEST_PAGE", 256)
-    monkeypatch.setattr(pages.lay_out, "__kwdefaults__", {"largest": 256})
-    charts = coloured.chosen(np.array([0, 1]))
+    monkeypatch.setattr(pages, "MAX_SHELF_PAGE_TEXELS", 256)
+    monkeypatch.setattr(pages.lay_out_shelves, "__kwdefaults__", {"largest": 256})
+    charts = coloured.select_charts(np.array([0, 1]))
     extras = {"origin": [0.0, 0.0, 0.0]}
     read: list[int] = []
     other = set() if changed is None else {int(charts[changed])}
@@ -62,19 +69,19 @@ def test_pictures_of_which_no_chart_changed_are_taken_from_the_tile_of_before(
         return of
 
     digests = [str(chart) for chart in charts.tolist()]
-    before = tile_model(coloured, charts, digests, NAMES, rasters(False), extras)
-    assert len(before.made_of) > 2
+    before = build_tile_model(coloured, charts, digests, NAMES, rasters(False), extras)
+    assert len(before.picture_digests) > 2
     now = [f"{digest} again" if int(digest) in other else digest for digest in digests]
-    fresh = tile_model(coloured, charts, now, NAMES, rasters(True), extras)
+    fresh = build_tile_model(coloured, charts, now, NAMES, rasters(True), extras)
     read.clear()
-    again = tile_model(
-        coloured, charts, now, NAMES, rasters(True), extras, Earlier(before.glb, before.coarse, before.made_of)
+    again = build_tile_model(
+        coloured, charts, now, NAMES, rasters(True), extras, EarlierTile(before.glb, before.coarse, before.picture_digests)
     )
     assert other <= set(read)
     assert len(read) < len(charts)
     assert bool(read) == bool(other)
     assert again.glb == fresh.glb
-    assert again.made_of == fresh.made_of
+    assert again.picture_digests == fresh.picture_digests
     np.testing.assert_array_equal(again.coarse, fresh.coarse)
 
 
@@ -89,7 +96,7 @@ def pictures(data: bytes) -> list[bytes]:
     return [data[start + view["byteOffset"] :][: view["byteLength"]] for view in views]
 
 
-def test_every_triangle_of_a_tile_shows_its_own_chart(coloured: Textured) -> None:
+def test_every_triangle_of_a_tile_shows_its_own_chart(coloured: TexturedMesh) -> None:
     origin = [385024.0, 6671360.0, 0.0]
     charts, made = tile(coloured, 0, origin)
     model = trimesh.load(io.BytesIO(made.glb), file_type="glb")
@@ -103,7 +110,7 @@ def test_every_triangle_of_a_tile_shows_its_own_chart(coloured: Textured) -> Non
             x, y, z = part.vertices[face].mean(axis=0)
             point = np.array([x, -z, y]) + origin
             on = [c for c in charts.tolist() if np.abs(colour_of(c).astype(int) - pixel).max() <= 4]
-            normal = coloured.charts.normal()
+            normal = coloured.charts.normals()
             assert any(abs((point - coloured.charts.origin[c]) @ normal[c]) < 0.01 for c in on)
             checked += 1
     assert checked == np.isin(coloured.mesh.chart, charts).sum()
@@ -112,18 +119,18 @@ def test_every_triangle_of_a_tile_shows_its_own_chart(coloured: Textured) -> Non
     assert made.box[1] == pytest.approx([386020, 6672000, coloured.charts.size[walls, 1].max()], abs=0.01)
 
 
-def test_coarse_rasters_are_those_of_the_charts(coloured: Textured) -> None:
+def test_coarse_rasters_are_those_of_the_charts(coloured: TexturedMesh) -> None:
     charts, made = tile(coloured, 1, [0.0, 0.0, 0.0])
     found = coarse_rasters(coloured.texels, charts, made.coarse)
     assert list(found) == charts.tolist()
     for chart, raster in found.items():
         width, height = coloured.texels[chart].tolist()
-        assert raster.shape[:2] == (-(-height // COARSER), -(-width // COARSER))
+        assert raster.shape[:2] == (-(-height // COARSE_DIVISOR), -(-width // COARSE_DIVISOR))
         assert np.abs(raster.astype(int) - colour_of(chart)).max() <= 1
 
 
 def test_joined_tiles_are_the_block(
-    coloured: Textured, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+    coloured: TexturedMesh, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     parts = []
     for building, origin in ((0, [385024.0, 6671360.0, 0.0]), (1, [386048.0, 6671360.0, -3.0]), (-1, [0.0, 0.0, 0.0])):
@@ -131,13 +138,13 @@ def test_joined_tiles_are_the_block(
         parts.append(tmp_path / f"{building}.glb")
     origin = local_frame(coloured.mesh).origin.tolist()
     whole = tmp_path / "block.glb"
-    size = join_glbs(whole, list(map(part_of_file, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B")
+    size = merge_glbs(whole, list(map(read_glb_file, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B")
     assert size == whole.stat().st_size == struct.unpack_from("<I", whole.read_bytes(), 8)[0]
     assert pictures(whole.read_bytes()) == [one for part in parts for one in pictures(part.read_bytes())]
     said = document(whole.read_bytes())
     assert said["asset"]["copyright"] == "© A; © B"
     again = tmp_path / "twice.glb"
-    join_glbs(again, [part_of_file(whole)] * 2, origin, extras={}, copyright="© B; © C")
+    merge_glbs(again, [read_glb_file(whole)] * 2, origin, extras={}, copyright="© B; © C")
     assert document(again.read_bytes())["asset"]["copyright"] == "© B; © C; © A"
     assert [node["name"] for node in said["nodes"]] == ["a", "b", "ground"]
     assert said["scenes"][0]["extras"] == {"origin": origin, "crs": "EPSG:32635"}
@@ -146,13 +153,13 @@ def test_joined_tiles_are_the_block(
     # the ground's own origin is so far away that its coordinates are rounded to half a metre
     np.testing.assert_allclose([low[0], -high[2]], [points[:, 0].min(), points[:, 1].min()], atol=0.6)
     only = tmp_path / "walls.glb"
-    join_glbs(only, list(map(part_of_file, parts[:2])), origin, extras={})
+    merge_glbs(only, list(map(read_glb_file, parts[:2])), origin, extras={})
     low, high = trimesh.load(only).bounds
     built = coloured.mesh.vertices[coloured.charts.building[coloured.mesh.vertex_chart] >= 0] - origin
     np.testing.assert_allclose(low, [built[:, 0].min(), built[:, 2].min(), -built[:, 1].max()], atol=1e-3)
     np.testing.assert_allclose(high, [built[:, 0].max(), built[:, 2].max(), -built[:, 1].min()], atol=1e-3)
     empty = tmp_path / "empty.glb"
-    join_glbs(empty, [], origin, extras={})
+    merge_glbs(empty, [], origin, extras={})
     for path, issues in zip([whole, *parts, empty], gltf_issues(whole, *parts, empty), strict=True):
         assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), (path.name, issues["messages"][:3])
 
@@ -160,21 +167,21 @@ def test_joined_tiles_are_the_block(
 def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.glb").write_bytes(b"glTF")
     with pytest.raises(ValueError, match="no GLB file"):
-        part_of_file(tmp_path / "cut.glb")
+        read_glb_file(tmp_path / "cut.glb")
 
 
 @pytest.mark.parametrize("most", [8_000_000, 40_000, 12_000, 5_000])
-def test_an_overview_is_as_small_as_it_must_be(coloured: Textured, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    overview_bytes = overview.OVERVIEW_BYTES
-    monkeypatch.setattr(overview, "OVERVIEW_BYTES", most)
-    charts = shown_afar(coloured)
-    size = np.maximum(1, np.ceil(coarse_size(coloured.texels) * scale_afar(coarse_size(coloured.texels)[charts])))
+def test_an_overview_is_as_small_as_it_must_be(coloured: TexturedMesh, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    overview_bytes = overview.MAX_OVERVIEW_BYTES
+    monkeypatch.setattr(overview, "MAX_OVERVIEW_BYTES", most)
+    charts = select_overview_charts(coloured)
+    size = np.maximum(1, np.ceil(coarse_size(coloured.texels) * overview_scale(coarse_size(coloured.texels)[charts])))
     size = size.astype(np.int64)
 
     def raster(chart: int) -> np.ndarray:
-        return pages.scaled(coloured.raster(chart), tuple(size[chart].tolist()))
+        return pages.downscale(coloured.raster(chart), tuple(size[chart].tolist()))
 
-    data = overview_glb(replace(coloured, texels=size, raster=raster), charts, {"origin": [386000.0, 6671990.0, 0.0]})
+    data = encode_overview(replace(coloured, texels=size, raster=raster), charts, {"origin": [386000.0, 6671990.0, 0.0]})
     assert len(data) <= most
     model = trimesh.load(io.BytesIO(data), file_type="glb")
     shown = sum(len(part.faces) for part in model.geometry.values())

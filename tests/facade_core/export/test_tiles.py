@@ -16,25 +16,25 @@ from PIL import Image
 from pyproj import Transformer
 
 from facade_core.core.errors import InputError
-from facade_core.export.city_models.attribution import Attribution, Source
-from facade_core.export.lighting.relighting import relit
+from facade_core.export.city_models.attribution import Attribution, DataSource
+from facade_core.export.lighting.relighting import relight
 from facade_core.export.models.encoders import MIPMAP_FACTOR, texture_encoder
-from facade_core.export.models.features import Features, Property
-from facade_core.export.models.glb import header_of, pictures_of
-from facade_core.export.models.gltf_materials import Time
-from facade_core.export.models.textured_mesh import Textured, local_frame
+from facade_core.export.models.features import FeatureTable, MetadataProperty
+from facade_core.export.models.glb import embedded_images, read_glb_header
+from facade_core.export.models.gltf_materials import TimeOfDay
+from facade_core.export.models.textured_mesh import TexturedMesh, local_frame
 from facade_core.export.tiles import cells
-from facade_core.export.tiles.cells import COARSE, quadtree
+from facade_core.export.tiles.cells import COARSE_SCALE, build_quadtree
 from facade_core.export.tiles.earth import earth_frame
-from facade_core.export.tiles.far_shells import simplified_shells
-from facade_core.export.tiles.tileset import Tiled, count_tiles, scale_of_view, write_tileset
+from facade_core.export.tiles.far_shells import build_shells
+from facade_core.export.tiles.tileset import WrittenTileset, count_tiles, view_scale, write_tileset
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from tests.facade_core.export.conftest import colour_of
 from tests.facade_core.export.test_lit import lighting
 
 CRS = "EPSG:32635"
-OF = Attribution((Source("buildings.path", "a.pbf", "Mappers, ODbL 1.0"),))
+OF = Attribution((DataSource("buildings.path", "a.pbf", "Mappers, ODbL 1.0"),))
 
 
 @pytest.mark.parametrize("crs", [CRS, "EPSG:28992"])
@@ -55,10 +55,10 @@ def test_the_frame_puts_points_where_they_are_on_the_earth(crs: str) -> None:
     np.testing.assert_allclose(north, (model[2] - model[0]) / np.linalg.norm(model[2] - model[0]), atol=1e-3)
 
 
-def test_shells_look_like_their_buildings(coloured: Textured) -> None:
-    shells = simplified_shells(coloured, 2.5)
-    shown = shells.textured
-    assert shells.kept.size == 0
+def test_shells_look_like_their_buildings(coloured: TexturedMesh) -> None:
+    shells = build_shells(coloured, 2.5)
+    shown = shells.textured_mesh
+    assert shells.without_shell.size == 0
     assert (np.bincount(shown.charts.kind, minlength=2)[[ChartKind.WALL, ChartKind.ROOF]] == [8, 2]).all()
     for chart in range(len(shown.charts)):
         raster = shown.raster(chart).astype(int)
@@ -72,24 +72,24 @@ def test_shells_look_like_their_buildings(coloured: Textured) -> None:
         assert np.abs(raster - colour_of(nearest)).max() <= 1
 
 
-COLUMNS = (Property("id", "string", "", "which"), Property("floors", "int32", "", "storeys"))
+COLUMNS = (MetadataProperty("id", "string", "", "which"), MetadataProperty("floors", "int32", "", "storeys"))
 
 
-def features(source: Textured) -> Features:
+def features(source: TexturedMesh) -> FeatureTable:
     """A row for every chart, and one for every building."""
     charts = len(source.charts)
     rows = [{"id": f"chart-{chart}", "floors": chart} for chart in range(charts)]
     rows += [{"id": name} for name in "ab"]
     own = np.arange(charts)
-    return Features(COLUMNS, rows, own, np.where(source.charts.building >= 0, charts + source.charts.building, own))
+    return FeatureTable(COLUMNS, rows, own, np.where(source.charts.building >= 0, charts + source.charts.building, own))
 
 
 def written(
-    source: Textured, scale: float = 1.0, textures: str = "jpeg", time: Time = "day"
-) -> tuple[Tiled, dict[str, bytes], int]:
+    source: TexturedMesh, scale: float = 1.0, textures: str = "jpeg", time: TimeOfDay = "day"
+) -> tuple[WrittenTileset, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
-    cells = quadtree(source)
-    shells = simplified_shells(source, 10 * COARSE)
+    cells = build_quadtree(source)
+    shells = build_shells(source, 10 * COARSE_SCALE)
     frame = earth_frame(CRS, local_frame(source.mesh).origin)
     made = write_tileset(
         source,
@@ -109,7 +109,7 @@ def written(
 
 def table_of(glb: bytes) -> list[dict[str, Any]]:
     """The rows of a tile's property table."""
-    document, start = header_of(io.BytesIO(glb))
+    document, start = read_glb_header(io.BytesIO(glb))
     metadata = document["extensions"]["EXT_structural_metadata"]
     (table,) = metadata["propertyTables"]
 
@@ -130,7 +130,7 @@ def table_of(glb: bytes) -> list[dict[str, Any]]:
 
 def drawn_ids(glb: bytes) -> set[str]:
     """The ids that a tile's vertices name."""
-    document, start = header_of(io.BytesIO(glb))
+    document, start = read_glb_header(io.BytesIO(glb))
     rows = table_of(glb)
     found = set()
     for primitive in document["meshes"][0]["primitives"]:
@@ -141,15 +141,15 @@ def drawn_ids(glb: bytes) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("texels", [cells.TILE_TEXELS, 60_000, 3_000])
+@pytest.mark.parametrize("texels", [cells.MAX_COARSE_TILE_TEXELS, 60_000, 3_000])
 def test_tiles_nest_and_hold_every_building_at_both_levels(
-    coloured: Textured, texels: int, monkeypatch: pytest.MonkeyPatch
+    coloured: TexturedMesh, texels: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cells, "TILE_TEXELS", texels)
+    monkeypatch.setattr(cells, "MAX_COARSE_TILE_TEXELS", texels)
     made, files, counted = written(coloured)
     value = made.tilesets["tileset.json"]
     assert value["asset"]["version"] == "1.1"
-    assert value["asset"]["extras"] == {"k": 1, "attribution": OF.value()}
+    assert value["asset"]["extras"] == {"k": 1, "attribution": OF.to_json()}
     assert len(value["root"]["transform"]) == 16
     finest: list[str] = []
     seen: list[str] = []
@@ -166,7 +166,7 @@ def test_tiles_nest_and_hold_every_building_at_both_levels(
         seen.append(uri)
         box = np.array(tile["boundingVolume"]["box"])
         corners = np.stack([box[:3] - box[[3, 7, 11]], box[:3] + box[[3, 7, 11]]])
-        document = header_of(io.BytesIO(files[uri]))[0]
+        document = read_glb_header(io.BytesIO(files[uri]))[0]
         assert document["asset"]["copyright"] == OF.line
         drawn = document["meshes"][0]["primitives"]
         assert len(drawn) == len(document["images"]), "one draw call a picture"
@@ -201,15 +201,15 @@ def test_tiles_nest_and_hold_every_building_at_both_levels(
     assert sorted(seen) == sorted(files)
     assert len(files) == counted >= 2
     assert sum(map(len, files.values())) == made.bytes
-    assert primitives == made.draws
+    assert primitives == made.draw_calls
     assert sorted(name for name in finest if name in "ab") == ["a", "b"], "each building in one finest tile"
-    assert 0 < made.used < made.texels
+    assert 0 < made.used_texels < made.page_texels
 
 
-def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Textured) -> None:
+def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: TexturedMesh) -> None:
     _, files, _ = written(coloured)
     glb = files["tiles/full.glb"]
-    document, start = header_of(io.BytesIO(glb))
+    document, start = read_glb_header(io.BytesIO(glb))
     rows = table_of(glb)
     node = document["nodes"][0]
 
@@ -220,7 +220,7 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
         return np.frombuffer(glb, kind, one["count"] * stride // size, at).reshape(one["count"], -1)[:, :width]
 
     checked = set()
-    images = pictures_of(glb)
+    images = embedded_images(glb)
     for primitive in document["meshes"][0]["primitives"]:
         image = np.asarray(Image.open(io.BytesIO(images[primitive["material"]]))).astype(int)
         attributes = primitive["attributes"]
@@ -239,21 +239,21 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
     assert checked == set(np.unique(coloured.mesh.chart).tolist())
 
 
-def fitting(source: Textured, most: float, time: Time = "day") -> float:
-    shells = simplified_shells(source, 10 * COARSE)
-    return scale_of_view(source, shells, quadtree(source), texture_encoder("jpeg"), most, time)
+def fitting(source: TexturedMesh, most: float, time: TimeOfDay = "day") -> float:
+    shells = build_shells(source, 10 * COARSE_SCALE)
+    return view_scale(source, shells, build_quadtree(source), texture_encoder("jpeg"), most, time)
 
 
-def test_a_view_takes_no_more_of_a_graphics_card_than_asked(coloured: Textured) -> None:
-    whole = written(coloured)[0].texels * 4 * MIPMAP_FACTOR
+def test_a_view_takes_no_more_of_a_graphics_card_than_asked(coloured: TexturedMesh) -> None:
+    whole = written(coloured)[0].page_texels * 4 * MIPMAP_FACTOR
     assert fitting(coloured, whole) == 1.0, "coarse tiles are counted, and nothing else"
     assert fitting(coloured, whole - 1) < 1
     scale = fitting(coloured, whole / 3)
     assert 0.25 < scale < 1
-    assert whole / 6 < written(coloured, scale)[0].texels * 4 * MIPMAP_FACTOR <= whole / 3
+    assert whole / 6 < written(coloured, scale)[0].page_texels * 4 * MIPMAP_FACTOR <= whole / 3
 
 
-def test_tiles_are_valid(coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path) -> None:
+def test_tiles_are_valid(coloured: TexturedMesh, gltf_issues: Callable[..., list[dict]], tmp_path: Path) -> None:
     _, files, _ = written(coloured)
     for uri, data in files.items():
         (tmp_path / posixpath.basename(uri)).write_bytes(data)
@@ -267,14 +267,14 @@ OF_KTX2 = {"IMAGE_UNRECOGNIZED_FORMAT", "VALUE_NOT_IN_LIST"}
 
 @pytest.mark.parametrize("textures", ["jpeg", "webp", "ktx2"])
 def test_lit_tiles_are_valid_and_shine_from_afar_too(
-    houses: Scene, coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path, textures: str
+    houses: Scene, coloured: TexturedMesh, gltf_issues: Callable[..., list[dict]], tmp_path: Path, textures: str
 ) -> None:
     if textures == "ktx2":
         pytest.importorskip("alktx2", reason="no encoder of KTX2; `make ktx2-setup` installs it")
-    _, files, _ = written(relit(coloured, lighting(houses, None)), textures=textures, time="night")
+    _, files, _ = written(relight(coloured, lighting(houses, None)), textures=textures, time="night")
     for uri, data in files.items():
         (tmp_path / posixpath.basename(uri)).write_bytes(data)
-        said, start = header_of(io.BytesIO(data))
+        said, start = read_glb_header(io.BytesIO(data))
         assert any("emissiveTexture" in one for one in said["materials"]), "windows of shells too"
         assert all("TANGENT" in one["attributes"] for one in said["meshes"][0]["primitives"])
         if textures == "ktx2":
@@ -293,10 +293,10 @@ def test_lit_tiles_are_valid_and_shine_from_afar_too(
         )
 
 
-def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: Textured) -> None:
-    most = written(coloured)[0].texels * 4 * MIPMAP_FACTOR
+def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: TexturedMesh) -> None:
+    most = written(coloured)[0].page_texels * 4 * MIPMAP_FACTOR
     assert fitting(coloured, most) == 1
-    source = relit(coloured, lighting(houses, None))
+    source = relight(coloured, lighting(houses, None))
     day, night = (fitting(source, most, time) for time in ("day", "night"))
     assert night <= day < 1
 

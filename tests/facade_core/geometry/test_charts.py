@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.geometry.charts import CORNERS, ChartKind, Charts, Mesh, Pieces, frames
+from facade_core.geometry.charts import CORNER_SHARES, ChartBuilder, ChartKind, Charts, Mesh, chart_axes
 from facade_core.geometry.cutting import cut_triangles
 
 
@@ -13,7 +13,7 @@ def test_frames_are_right_handed_level_and_point_down() -> None:
     rng = np.random.default_rng(3)
     normal = np.concatenate([rng.normal(size=(50, 3)), [[0, 0, 1], [0, 0, -1], [0.01, 0.02, 1], [0, -1, 0]]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    u, v = frames(normal)
+    u, v = chart_axes(normal)
     np.testing.assert_allclose(np.cross(v, u), normal, atol=1e-12)
     tilted = np.hypot(*normal[:, :2].T) > 0.04
     np.testing.assert_allclose(u[tilted, 2], 0, atol=1e-12)
@@ -27,18 +27,18 @@ def test_pieces_split_shared_vertices_and_start_at_zero() -> None:
     triangles = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 2]])
     second = np.cross(vertices[4] - vertices[1], vertices[2] - vertices[1])
     normal = np.array([[0, 0, 1], second / np.linalg.norm(second)])
-    pieces = Pieces()
+    pieces = ChartBuilder()
     for _ in range(2):
-        pieces.add(
+        pieces.add_surfaces(
             np.array([ChartKind.ROOF, ChartKind.ROOF]),
             np.arange(2),
             0,
-            *frames(normal),
+            *chart_axes(normal),
             vertices,
             triangles,
             np.array([0, 0, 1]),
         )
-    charts, mesh = pieces.values()
+    charts, mesh = pieces.build()
     assert charts.surface.tolist() == [0, 1, 2, 3]
     assert mesh.vertex_chart.tolist() == [0] * 4 + [1] * 3 + [2] * 4 + [3] * 3
     np.testing.assert_array_equal(mesh.vertices[mesh.triangles], np.tile(vertices[triangles], (2, 1, 1)))
@@ -56,18 +56,18 @@ def test_points_of_charts_and_their_coordinates() -> None:
     normal = rng.normal(size=(5, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     zeros = np.zeros(5, np.int32)
-    charts = Charts(zeros, zeros, zeros, rng.normal(size=(5, 3)) * 1e5, *frames(normal), rng.uniform(1, 20, (5, 2)))
-    np.testing.assert_allclose(charts.normal(), normal, atol=1e-12)
+    charts = Charts(zeros, zeros, zeros, rng.normal(size=(5, 3)) * 1e5, *chart_axes(normal), rng.uniform(1, 20, (5, 2)))
+    np.testing.assert_allclose(charts.normals(), normal, atol=1e-12)
     with pytest.raises(ValueError, match="read-only"):
-        charts.normal()[0] = 0
+        charts.normals()[0] = 0
     chart, place = rng.integers(0, 5, 40), rng.uniform(-30, 30, (40, 2))
     points = charts.points(chart, *place.T)
     np.testing.assert_allclose(charts.coordinates(chart, points), place, atol=1e-9)
     np.testing.assert_array_equal(charts.points(int(chart[7]), *place[7]), points[7])
     raster = charts.points(2, np.arange(4.0), np.arange(3.0)[:, None])
     np.testing.assert_array_equal(raster[1, 3], charts.points(2, np.array(3.0), np.array(1.0)))
-    corners = charts.at_shares(np.array([3, 1]), CORNERS)
-    np.testing.assert_allclose(charts.coordinates(np.full(4, 1), corners[1]), CORNERS * charts.size[1], atol=1e-9)
+    corners = charts.points_at_shares(np.array([3, 1]), CORNER_SHARES)
+    np.testing.assert_allclose(charts.coordinates(np.full(4, 1), corners[1]), CORNER_SHARES * charts.size[1], atol=1e-9)
 
 
 def test_a_mesh_may_have_no_pictures() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import Building, Roof
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.ground.terrain import build_terrain
 
 OUTLINE = shapely.box(0, 0, 40, 12)
 HOUSE = Building("w1", OUTLINE, 9.0, "levels", roof=Roof("gabled", 3.0, pitch=26.0, confidence=0.5))
@@ -17,7 +17,7 @@ HOUSE = Building("w1", OUTLINE, 9.0, "levels", roof=Roof("gabled", 3.0, pitch=26
 
 def tops(*buildings: Building) -> np.ndarray:
     """What stands out over 12 m, the ridge, (k, 3)."""
-    mesh = block_surfaces(buildings, [], terrain=terrain_of([], None), ground_margin=20, largest=100)[1]
+    mesh = build_block_surfaces(buildings, [], terrain=build_terrain([], None), ground_margin=20, largest=100)[1]
     return mesh.vertices[mesh.vertices[:, 2] > 12.01]
 
 

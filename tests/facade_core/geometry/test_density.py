@@ -36,7 +36,7 @@ def densities(plan: Plan, building: str, kind: int) -> dict[tuple[int, int], flo
     """By the outward normal's sides, rounded."""
     charts, placement = plan.scene.charts, plan.scene.placement
     own = (charts.building == plan.scene.names.index(building)) & (charts.kind == kind)
-    normal = np.round(charts.normal()[:, :2]).astype(int)
+    normal = np.round(charts.normals()[:, :2]).astype(int)
     return {tuple(normal[c].tolist()): float(placement.texels_per_metre[c]) for c in np.flatnonzero(own)}
 
 
@@ -88,7 +88,7 @@ def test_ids_tell_densities_apart() -> None:
             for number, density, normal, kind in zip(
                 plan.ids,
                 plan.scene.placement.texels_per_metre,
-                plan.scene.charts.normal(),
+                plan.scene.charts.normals(),
                 plan.scene.charts.kind,
                 strict=True,
             )

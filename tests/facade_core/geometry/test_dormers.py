@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 from facade_core.core.types import Building, Roof, Street
-from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 
 OUTLINE = shapely.box(0, 0, 30, 14)
 STREET = Street("s", None, shapely.LineString([(-20, -8), (60, -8)]))
@@ -24,7 +24,7 @@ ROOFS = {
 
 def surfaces(id: str, roof: Roof) -> tuple[Charts, Mesh]:
     house = Building(id, OUTLINE, 9.0, "levels", roof=roof)
-    return block_surfaces([house], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)[:2]
+    return build_block_surfaces([house], [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)[:2]
 
 
 def panes(charts: Charts) -> np.ndarray:
@@ -39,11 +39,11 @@ def test_they_stand_over_the_street_and_on_the_roof(shape: str) -> None:
     for id in map(str, range(16)):
         charts, mesh = surfaces(id, ROOFS[shape])
         found = panes(charts)
-        upright = np.abs(charts.normal()[found, 2]) < 0.01
+        upright = np.abs(charts.normals()[found, 2]) < 0.01
         assert upright.all() or not upright.any(), "a house has the ones or the others"
         kinds.add("none" if not len(found) else "dormers" if upright.all() else "rooflights")
         corners = mesh.vertices[np.isin(mesh.vertex_chart, found)]
-        assert (charts.normal()[found, 1] < 0.1).all(), "nobody sees the back"
+        assert (charts.normals()[found, 1] < 0.1).all(), "nobody sees the back"
         assert shapely.contains_xy(OUTLINE, corners[:, 0], corners[:, 1]).all()
         assert len(corners) == 0 or (corners[:, 2].min() > 9 and corners[:, 2].max() < 9 + ROOFS[shape].height)
         metal = int((charts.kind[mesh.chart] == ChartKind.METAL).sum())
@@ -59,19 +59,19 @@ def test_cheeks_end_on_the_roof_and_all_lies_on_its_chart(shape: str) -> None:
     for id in map(str, range(8)):
         charts, mesh = surfaces(id, ROOFS[shape])
         a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-        assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normal()[mesh.chart]) > 0).all()
+        assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normals()[mesh.chart]) > 0).all()
         own = np.isin(charts.kind[mesh.vertex_chart], (ChartKind.WALL, ChartKind.WINDOW))
         off = np.einsum(
-            "ij,ij->i", mesh.vertices - charts.origin[mesh.vertex_chart], charts.normal()[mesh.vertex_chart]
+            "ij,ij->i", mesh.vertices - charts.origin[mesh.vertex_chart], charts.normals()[mesh.vertex_chart]
         )
         assert np.abs(off[own]).max() < 1e-6
         found = panes(charts)
-        front = (np.abs(charts.normal()[found, 2]) < 0.01) & (charts.normal()[found, 1] < -0.99)
-        aside = (charts.kind == ChartKind.WALL) & (np.abs(charts.normal()[:, 0]) > 0.99) & (charts.size[:, 1] < 1.7)
+        front = (np.abs(charts.normals()[found, 2]) < 0.01) & (charts.normals()[found, 1] < -0.99)
+        aside = (charts.kind == ChartKind.WALL) & (np.abs(charts.normals()[:, 0]) > 0.99) & (charts.size[:, 1] < 1.7)
         cheeks = [
-            mesh.vertices[mesh.triangles[mesh.triangles_of(chart)[0]]]
+            mesh.vertices[mesh.triangles[mesh.chart_triangles(chart)[0]]]
             for chart in np.flatnonzero(aside).tolist()
-            if len(mesh.triangles_of(chart)) == 1 and charts.size[chart, 0] > 0.5
+            if len(mesh.chart_triangles(chart)) == 1 and charts.size[chart, 0] > 0.5
         ]
         assert len(cheeks) == 2 * front.sum()
         for corners in cheeks:

@@ -6,18 +6,18 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import Building, Roof, Street
-from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.buildings.eaves import OVERHANG_M, PARAPET_M
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 
 HOUSE = Building("a", shapely.box(0, 0, 20, 10), 9.0, "levels", roof=Roof("gabled", 2.0, pitch=25.0))
 STREET = Street("s", None, shapely.LineString([(-20, -8), (60, -8)]))
 
 
 def surfaces(*buildings: Building) -> tuple[Charts, Mesh]:
-    terrain = terrain_of(buildings, None)
-    charts, mesh, refused = block_surfaces(buildings, [STREET], terrain=terrain, ground_margin=20, largest=100)
+    terrain = build_terrain(buildings, None)
+    charts, mesh, refused = build_block_surfaces(buildings, [STREET], terrain=terrain, ground_margin=20, largest=100)
     assert not refused
     return charts, mesh
 
@@ -35,18 +35,18 @@ def test_eaves_stand_out_towards_the_street_only() -> None:
     assert 8.5 < roof[:, 2].min() < 9.0, "the slope goes on"
     below = corners(charts, mesh, 0, ChartKind.CEILING)
     assert len(below)
-    assert (charts.normal()[charts.kind == ChartKind.CEILING][:, 2] < 0).all()
+    assert (charts.normals()[charts.kind == ChartKind.CEILING][:, 2] < 0).all()
     assert below[:, 2].min() > 8.3
 
 
 def test_what_is_drawn_lies_on_its_chart() -> None:
     charts, mesh = surfaces(HOUSE)
-    off = np.einsum("ij,ij->i", mesh.vertices - charts.origin[mesh.vertex_chart], charts.normal()[mesh.vertex_chart])
+    off = np.einsum("ij,ij->i", mesh.vertices - charts.origin[mesh.vertex_chart], charts.normals()[mesh.vertex_chart])
     bent = charts.kind[mesh.vertex_chart] == ChartKind.METAL
     assert np.abs(off[~bent]).max() < 1e-3
     assert 0 < np.abs(off[bent]).max() < 0.09, "gutters and pipes bend about theirs"
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normal()[mesh.chart]) > 0).all()
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normals()[mesh.chart]) > 0).all()
 
 
 def test_no_eaves_over_a_neighbour_that_is_as_high_but_over_a_lower_one() -> None:
@@ -75,7 +75,7 @@ def test_a_flat_roof_has_a_parapet_but_at_its_neighbour() -> None:
     assert shapely.box(0, 0, 20, 10).buffer(1e-6).covers(shapely.multipoints(top[:, :2]))
     upper = top[top[:, 2] > 9.1]
     assert set(np.unique(upper[:, 0]).tolist()) == {0.0, 20.0}
-    east = (charts.building == 0) & (charts.normal()[:, 0] > 0.9) & (charts.size[:, 0] > 9)
+    east = (charts.building == 0) & (charts.normals()[:, 0] > 0.9) & (charts.size[:, 0] > 9)
     assert east.sum() == 1, "only the wall"
 
 

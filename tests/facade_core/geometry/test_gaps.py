@@ -14,18 +14,18 @@ from shapely import Polygon, box
 
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Street
-from facade_core.geometry.ground.street_gaps import CLEARANCE, PLACE, streets_between
+from facade_core.geometry.ground.street_gaps import MIN_CLEARANCE_M, MIN_SQUARE_M2, derive_streets
 
 TERRACES = [box(6 * i, y, 6 * i + 6, y + 10) for i in range(10) for y in (0, 22)]
 
 
 def lines_of(footprints: Sequence[Polygon], **options: float) -> np.ndarray:
-    streets = streets_between(footprints, **options)
+    streets = derive_streets(footprints, **options)
     assert [street.id for street in streets] == [f"g{index}" for index in range(len(streets))]
     lines = np.array([street.line for street in streets], dtype=object)
     assert all(street.name is None and street.line.is_simple for street in streets)
     if len(lines):
-        assert shapely.distance(shapely.union_all(footprints), shapely.union_all(lines)) >= CLEARANCE
+        assert shapely.distance(shapely.union_all(footprints), shapely.union_all(lines)) >= MIN_CLEARANCE_M
     return lines
 
 
@@ -78,7 +78,7 @@ def test_yards_are_no_streets_but_what_a_gate_opens_is() -> None:
 
 
 def test_a_large_place_without_an_entrance_is_still_a_street() -> None:
-    side = np.sqrt(PLACE) + 10
+    side = np.sqrt(MIN_SQUARE_M2) + 10
     walls = box(0, 0, side + 20, side + 20).difference(box(10, 10, side + 10, side + 10))
     assert any(box(10, 10, side + 10, side + 10).contains(line) for line in lines_of([walls]))
 
@@ -102,10 +102,10 @@ def test_touching_and_overlapping_buildings_are_one() -> None:
 def test_order_of_footprints_and_place_on_earth_do_not_matter() -> None:
     shuffled = list(TERRACES)
     random.Random(3).shuffle(shuffled)
-    assert streets_between(shuffled) == streets_between(TERRACES)
+    assert derive_streets(shuffled) == derive_streets(TERRACES)
     shift = np.array([385_000.0, 6_671_000.0])
-    moved = streets_between([shapely.transform(footprint, lambda xy: xy + shift) for footprint in TERRACES])
-    for here, there in zip(streets_between(TERRACES), moved, strict=True):
+    moved = derive_streets([shapely.transform(footprint, lambda xy: xy + shift) for footprint in TERRACES])
+    for here, there in zip(derive_streets(TERRACES), moved, strict=True):
         back = shapely.transform(there.line, lambda xy: xy - shift)
         assert shapely.equals_exact(here.line, back, tolerance=2e-3)
 
@@ -122,14 +122,14 @@ def test_wider_reach_stands_farther_off() -> None:
 
 
 def test_nothing_and_what_cannot_be_used() -> None:
-    assert streets_between([]) == ()
-    assert streets_between([Polygon()]) == ()
+    assert derive_streets([]) == ()
+    assert derive_streets([Polygon()]) == ()
     with np.errstate(invalid="ignore"):
         broken = Polygon([(0, 0), (1, 0), (1, np.nan)])
     with pytest.raises(GeometryError, match=r"footprint 2 .*not finite"):
-        streets_between([Polygon(), box(0, 0, 9, 9), broken])
+        derive_streets([Polygon(), box(0, 0, 9, 9), broken])
     with pytest.raises(GeometryError, match=r"reach 2 m"):
-        streets_between([box(0, 0, 9, 9)], reach=2.0)
+        derive_streets([box(0, 0, 9, 9)], reach=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -153,13 +153,13 @@ def delfshaven(data: Path) -> list[Polygon]:
 
 @pytest.mark.realdata
 def test_real_terraces_have_streets_along_their_fronts(delfshaven: list[Polygon]) -> None:
-    streets: tuple[Street, ...] = streets_between(delfshaven)
+    streets: tuple[Street, ...] = derive_streets(delfshaven)
     length = sum(street.line.length for street in streets)
     lines = shapely.union_all([street.line for street in streets])
     built = shapely.union_all(delfshaven)
     assert len(delfshaven) > 700
     assert 10_000 < length < 16_000
-    assert built.distance(lines) >= CLEARANCE
+    assert built.distance(lines) >= MIN_CLEARANCE_M
     # Whatever lies 8 m in front of a building, and not in a yard, has a street within 30 m.
     open_ground = built.buffer(8).difference(shapely.union_all([Polygon(p.exterior) for p in built.buffer(1.3).geoms]))
     assert open_ground.difference(lines.buffer(30)).area < 0.01 * open_ground.area

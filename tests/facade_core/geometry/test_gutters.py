@@ -9,10 +9,10 @@ import pytest
 import shapely
 
 from facade_core.core.types import SEMANTICS, Building, Roof, Shell, Street
-from facade_core.geometry.block_surfaces import block_surfaces
+from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.buildings.eaves import OVERHANG_M
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 
 OUTLINE = shapely.box(0, 0, 30, 12)
 STATED = Roof("hipped", 3.0, pitch=27.0)
@@ -23,7 +23,9 @@ FLAT = Roof("flat", 0.0, confidence=0.5)
 
 
 def surfaces(*buildings: Building, street: Street = STREET) -> tuple[Charts, Mesh]:
-    return block_surfaces(buildings, [street], terrain=terrain_of(buildings, None), ground_margin=20, largest=100)[:2]
+    return build_block_surfaces(
+        buildings, [street], terrain=build_terrain(buildings, None), ground_margin=20, largest=100
+    )[:2]
 
 
 def metal(charts: Charts, mesh: Mesh, building: int = 0) -> np.ndarray:
@@ -58,7 +60,7 @@ def test_gutters_face_outwards_and_meet_at_a_corner() -> None:
     house = with_gutters()
     charts, mesh = surfaces(house, street=corner)
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normal()[mesh.chart]) > 0).all()
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), charts.normals()[mesh.chart]) > 0).all()
     corners = metal(charts, mesh).reshape(-1, 3)
     reach = OVERHANG_M + 0.11
     assert np.hypot(*(corners[:, :2] + reach).T).min() < 1e-6, "one rim for both"

@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.geometry.chart_packing import Placement, Places, pack
+from facade_core.geometry.chart_packing import Placement, PreviousPlacement, pack_charts
 
 PAGE, CHUNK, GUTTER = 512, 128, 2
 
 
-def place(texels: list[tuple[int, int]], owner: list[int], ids: list[int], last: Places | None = None) -> Places:
+def place(
+    texels: list[tuple[int, int]], owner: list[int], ids: list[int], last: PreviousPlacement | None = None
+) -> PreviousPlacement:
     numbers = np.array(ids, np.uint64)
     sizes = np.array(texels, np.int64).reshape(-1, 2)
-    found = pack(sizes, 1.0, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, last=last)
-    return Places(numbers, found)
+    found = pack_charts(sizes, 1.0, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, last=last)
+    return PreviousPlacement(numbers, found)
 
 
-def spots(places: Places) -> dict[int, tuple[int, int, int]]:
+def spots(places: PreviousPlacement) -> dict[int, tuple[int, int, int]]:
     placement = places.placement
     rows = zip(placement.page.tolist(), placement.x.tolist(), placement.y.tolist(), strict=True)
     return dict(zip(places.ids.tolist(), rows, strict=True))

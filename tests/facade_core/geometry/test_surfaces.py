@@ -13,10 +13,10 @@ import trimesh
 
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import Building, Elevation, Roof, Shell, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.buildings.roof_shapes import roof_shell
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.buildings.roof_shapes import build_roof_shell
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 
 BOX = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
 STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))
@@ -24,8 +24,8 @@ SLOPE = Elevation(-200.0, 200.0, 10.0, np.add.outer(np.zeros(41), np.arange(41))
 
 
 def surfaces(buildings, streets=(), elevation=None, largest=100.0) -> tuple[Charts, Mesh]:
-    terrain = terrain_of(buildings, elevation)
-    charts, mesh, refused = block_surfaces(buildings, streets, terrain=terrain, ground_margin=20, largest=largest)
+    terrain = build_terrain(buildings, elevation)
+    charts, mesh, refused = build_block_surfaces(buildings, streets, terrain=terrain, ground_margin=20, largest=largest)
     assert refused == ()
     return charts, mesh
 
@@ -60,7 +60,7 @@ def test_what_begins_above_the_ground_is_closed_below_and_the_ground_goes_on() -
     low = mesh.vertices[own][..., 2].min()
     assert low == pytest.approx(20.0 + 4.0), "from the lowest ground of both"
     ceiling = (charts.kind == ChartKind.CEILING) & (charts.building == 1)
-    np.testing.assert_allclose(charts.normal()[ceiling], [[0, 0, -1]])
+    np.testing.assert_allclose(charts.normals()[ceiling], [[0, 0, -1]])
     under = mesh.vertices[mesh.triangles[charts.kind[mesh.chart] == ChartKind.GROUND]][..., :2]
     covered = shapely.union_all(shapely.polygons(under), grid_size=1e-6)
     assert covered.covers(shapely.box(12, 2, 18, 8))
@@ -74,7 +74,7 @@ def test_ground_follows_the_terrain_and_stays_closed() -> None:
     x = mesh.vertices[own, 0]
     np.testing.assert_allclose(mesh.vertices[own, 2], 0.1 * (x + 200), atol=1e-5)
     assert len(set(charts.surface[ground])) == 1
-    assert (charts.normal()[ground, 2] > 0.99).all()
+    assert (charts.normals()[ground, 2] > 0.99).all()
     plan = shapely.union_all(
         [shapely.Polygon(t) for t in mesh.vertices[mesh.triangles[ground[mesh.chart]]][..., :2]], grid_size=1e-6
     )
@@ -119,13 +119,13 @@ def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
     whole = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
     edges = trimesh.grouping.group_rows(whole.edges_sorted, require_count=1)
     assert (whole.vertices[whole.edges[edges]][..., 2] < 23 + 1e-6).all(), "open below only"
-    normals = charts.normal()[charts.kind == ChartKind.ROOF]
+    normals = charts.normals()[charts.kind == ChartKind.ROOF]
     assert sorted(np.sign(normals[:, 1]).tolist()) == [-1, 1]
 
 
 def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
     long = replace(BOX, footprint=shapely.box(5, 0, 155, 10), roof=Roof("gabled", 4.0))
-    shell = roof_shell(long, 7.0)
+    shell = build_roof_shell(long, 7.0)
     assert shell is not None
     rng = np.random.default_rng(0)
     painted = Shell(shell.vertices, shell.triangles, shell.semantic, np.full(len(shell.triangles), 3, np.int32),
@@ -156,19 +156,19 @@ def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
 def test_a_building_without_surfaces_is_left_out_by_name(broken: Building, reason: str) -> None:
     beside = replace(BOX, id="b", footprint=shapely.box(100, 0, 120, 10))
     buildings = [broken, beside]
-    charts, _, refused = block_surfaces(
-        buildings, [STREET], terrain=terrain_of([beside], None), ground_margin=20, largest=100
+    charts, _, refused = build_block_surfaces(
+        buildings, [STREET], terrain=build_terrain([beside], None), ground_margin=20, largest=100
     )
     assert set(charts.building.tolist()) == {-1, 1}
     ((id, why),) = refused
     assert id == "a"
     assert re.search(reason, why)
     with pytest.raises(GeometryError, match="a: "):
-        block_surfaces([broken], [], terrain=terrain_of([], None), ground_margin=20, largest=100)
+        build_block_surfaces([broken], [], terrain=build_terrain([], None), ground_margin=20, largest=100)
 
 
 def test_the_ground_goes_on_under_a_canopy() -> None:
-    house = roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
+    house = build_roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
     assert house is not None
     z = house.vertices[house.triangles][..., 2]
     canopy = Shell(
@@ -187,7 +187,7 @@ def test_the_ground_goes_on_under_a_canopy() -> None:
 
 def test_a_shell_begins_at_the_ground_that_it_states() -> None:
     """As in models whose walls go down to height 0, whatever the ground's."""
-    shell = roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
+    shell = build_roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
     assert shell is not None
     charts, mesh = surfaces([replace(BOX, shell=shell, base=3.4)], [STREET])
     own = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
@@ -202,7 +202,8 @@ def test_a_shell_begins_at_the_ground_that_it_states() -> None:
 
 def test_a_shell_may_stand_in_two_parts() -> None:
     halves = [
-        roof_shell(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0) for x in (0, 20)
+        build_roof_shell(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0)
+        for x in (0, 20)
     ]
     one, two = (half for half in halves if half is not None)
     both = Shell(
@@ -215,7 +216,7 @@ def test_a_shell_may_stand_in_two_parts() -> None:
     middle = charts.origin + (charts.axis_u * charts.size[:, :1] + charts.axis_v * charts.size[:, 1:]) / 2
     wall = charts.kind == ChartKind.WALL
     assert wall.sum() == 12, "eight walls and four gables"
-    outside = shapely.points((middle + 0.5 * charts.normal())[wall, :2])
+    outside = shapely.points((middle + 0.5 * charts.normals())[wall, :2])
     assert not shapely.intersects(house.footprint, outside).any(), "walls of both parts face outward"
 
 
@@ -230,7 +231,7 @@ def test_lyon_roofs_face_up_and_walls_stand_up(data: Path) -> None:
     shell = Shell(vertices, index.reshape(-1, 3).astype(np.int32), np.full(n, 6, np.uint8), np.full(n, -1, np.int32),
                   np.zeros((n, 3, 2), np.float32))  # fmt: skip
     charts, mesh = surfaces([replace(BOX, footprint=outline.convex_hull, shell=shell)])
-    normal = charts.normal()
+    normal = charts.normals()
     assert (normal[charts.kind == ChartKind.ROOF, 2] > 0).all()
     assert (np.abs(normal[charts.kind == ChartKind.WALL, 2]) < 0.7).all()
     tri = mesh.vertices[mesh.triangles]

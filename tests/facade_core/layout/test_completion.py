@@ -7,14 +7,14 @@ from facade_core.core.errors import LayoutError, ModelError
 from facade_core.core.labels import CLASSES
 from facade_core.core.types import Element, Parsing
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.floor_hypotheses import floor_progressions, extrapolate_floors
+from facade_core.facade.layout.floor_hypotheses import extrapolate_floors, floor_progressions
 from facade_core.facade.layout.gap_filling import find_gaps_and_strays
 from facade_core.facade.layout.grids import box_array, fit_grids
 from facade_core.facade.layout.model import shipped_layout_model
 from facade_core.facade.layout.proposals import Proposals, propose_elements
 from facade_core.facade.layout.rectangles import pairwise_iou
-from facade_core.facade.layout.rows import find_missing_windows, min_window_gap
 from facade_core.facade.layout.shop_floor import select_shop_row
+from facade_core.facade.layout.window_rows import find_missing_windows, min_window_gap
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 LEFT = [(0.0, 0.0, 100.0, 160.0)]
@@ -157,7 +157,9 @@ def test_a_row_goes_on_in_the_rhythm_of_the_one_beside_it_and_no_floor_is_left_o
     fill = find_missing_windows(found, kept, likely, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.3)
     assert np.flatnonzero(fill).tolist() == [7, 9, 10], "the ground floor is too unlikely"
     denied = np.where(np.arange(18) == 9, 0.0, likely)
-    assert not find_missing_windows(found, kept, denied, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.1)[9], "what the picture denies"
+    assert not find_missing_windows(
+        found, kept, denied, things, clear, apart, row_threshold=0.1, ground_row_threshold=0.1
+    )[9], "what the picture denies"
 
 
 def test_windows_keep_their_distance():

@@ -7,7 +7,13 @@ from facade_core.core.errors import LayoutError, ModelError
 from facade_core.core.types import Element
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.completion import complete
-from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL, LayoutModel, load_layout_model, save_layout_model, shipped_layout_model
+from facade_core.facade.layout.model import (
+    SHIPPED_LAYOUT_MODEL,
+    LayoutModel,
+    load_layout_model,
+    save_layout_model,
+    shipped_layout_model,
+)
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 
@@ -36,9 +42,9 @@ def test_what_is_learned(trained):
     assert trained.labels[0] > 0.8
     assert trained.labels.sum() == pytest.approx(1)
     assert trained.training_set == tuple(str(k) for k in range(12))
-    assert trained.usual.floors.shape[1] == 4
+    assert trained.priors.floor_progressions.shape[1] == 4
     assert ((trained.likely >= 0.05) & (trained.likely <= 0.5)).all()
-    assert trained.usual.door[0, 0] == pytest.approx(20 / 16, rel=0.05)
+    assert trained.priors.door_sizes[0, 0] == pytest.approx(20 / 16, rel=0.05)
 
 
 def test_a_saved_model_completes_alike(trained, tmp_path):

@@ -3,7 +3,7 @@ import numpy as np
 from facade_core.core.types import Element
 from facade_core.facade.layout.model import shipped_layout_model
 from facade_core.facade.layout.policy import POLICY_LENGTH, roll_out
-from facade_core.facade.layout.policy_optimisation import sample_policies, optimise_policy, initial_layout
+from facade_core.facade.layout.policy_optimisation import initial_layout, optimise_policy, sample_policies
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
 REGION = np.array([[0.0, 0.0, 100.0, 160.0]])
@@ -65,7 +65,7 @@ def test_observed_elements_are_hard_constraints_for_any_policy():
 def test_search_is_deterministic_improves_and_can_be_replayed():
     model = shipped_layout_model()
     given = start(windows((20, 60), (30, 70, 110)))
-    arguments = (model.policies, given, model.densities, model.weights, model.mean, 6, 2)
+    arguments = (model.policies, given, model.densities, model.weights, model.averages_termsages_terms, 6, 2)
     used, seeds, scores = optimise_policy(*arguments, 3)
     again = optimise_policy(*arguments, 3)
     assert (again[2] == scores).all()

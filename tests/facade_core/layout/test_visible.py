@@ -1,7 +1,7 @@
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.observed import dilate_by_window, visible_boxes
+from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
 
 
 def test_visible_boxes_leave_out_the_holes() -> None:

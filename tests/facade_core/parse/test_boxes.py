@@ -4,7 +4,7 @@ import pytest
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Element, Parsing
-from facade_core.parsing.elements import elements, per_window
+from facade_core.parsing.elements import elements, split_balconies
 
 
 def wall(height=200, width=160):
@@ -138,10 +138,10 @@ def test_per_window_gives_each_window_its_part_of_a_balcony():
     windows = [Element("window", x, 40, x + 20, 80) for x in (20, 65, 110)]
     below = Element("window", 20, 120, 40, 160)
     shared, own = Element("balcony", 15, 70, 135, 90, 0.8), Element("balcony", 15, 150, 45, 170)
-    parts = [e for e in per_window([*windows, below, shared, own]) if e.label == "balcony"]
+    parts = [e for e in split_balconies([*windows, below, shared, own]) if e.label == "balcony"]
     assert [(e.x0, e.x1) for e in parts] == [(15, 52.5), (52.5, 97.5), (97.5, 135), (15, 45)]
     assert [e.confidence for e in parts] == [0.8, 0.8, 0.8, 1.0]
-    assert per_window(windows) == windows
+    assert split_balconies(windows) == windows
 
 
 def test_confidence_is_the_mean_over_the_box():

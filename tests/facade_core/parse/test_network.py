@@ -22,13 +22,13 @@ def tiny_network(inputs=("image", "place"), steep=1.0):
     across speaks for sky, weakly and only so that it is used."""
     outputs = len(CLASSES) + 2
     weights = np.zeros((outputs, 3, 1, 1), np.float32)
-    weights[FacadeClass.WALL, 0], weights[[FacadeClass.ROOF, network.OUTSIDE], 1], weights[network.IN_FRONT, 2] = (
+    weights[FacadeClass.WALL, 0], weights[[FacadeClass.ROOF, network.OUTSIDE_OUTPUT], 1], weights[network.OCCLUDER_OUTPUT, 2] = (
         steep,
         steep,
         steep,
     )
     bias = np.zeros(outputs, np.float32)
-    bias[[network.IN_FRONT, network.OUTSIDE]] = -128 * steep
+    bias[[network.OCCLUDER_OUTPUT, network.OUTSIDE_OUTPUT]] = -128 * steep
     aside = np.zeros((outputs, 2, 1, 1), np.float32)
     nodes = [
         helper.make_node("AveragePool", [inputs[0]], ["half"], kernel_shape=[2, 2], strides=[2, 2]),
@@ -147,5 +147,5 @@ def test_networks_of_other_versions_and_shapes_are_refused(tmp_path, model):
 
 
 def test_threads_of_the_network_do_not_spin_while_they_wait() -> None:
-    options = network.load(network.SHIPPED).session.get_session_options()
+    options = network.load(network.SHIPPED_NETWORK).session.get_session_options()
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"

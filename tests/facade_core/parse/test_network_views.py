@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import UNKNOWN
-from facade_core.parsing.training_views import ANY_CLASS, VIEW, Cutout, counted_in_front, cutouts, view
+from facade_core.parsing.training_views import (
+    ANY_CLASS,
+    VIEW_SIDE,
+    Cutout,
+    extract_cutouts,
+    occluder_weights,
+    sample_view,
+)
 
 
 @dataclass(frozen=True)
@@ -29,10 +36,10 @@ def gradient(height, width):
 @pytest.mark.parametrize("shape", [(541, 328), (1024, 1024), (60, 2000), (7, 3)])
 def test_views_have_one_size_and_keep_the_values(shape):
     for seed in range(12):
-        shown = view(gradient(*shape), [], np.random.default_rng(seed))
-        assert shown.image.shape == (VIEW, VIEW, 3)
-        assert shown.possible.shape == shown.occluder.shape == (VIEW, VIEW)
-        assert shown.place.shape == (2, VIEW // 8, VIEW // 8)
+        shown = sample_view(gradient(*shape), [], np.random.default_rng(seed))
+        assert shown.image.shape == (VIEW_SIDE, VIEW_SIDE, 3)
+        assert shown.possible.shape == shown.occluder.shape == (VIEW_SIDE, VIEW_SIDE)
+        assert shown.place.shape == (2, VIEW_SIDE // 8, VIEW_SIDE // 8)
         assert set(np.unique(shown.possible)) <= {0b1, 0b110, ANY_CLASS}
         assert ((shown.possible == ANY_CLASS) == (shown.occluder == UNKNOWN)).all()
         assert ((shown.possible == 0b110) == (shown.outside == 1)).all()
@@ -43,7 +50,7 @@ def test_views_have_one_size_and_keep_the_values(shape):
 def test_labels_follow_the_place_in_the_photo():
     compared = 0
     for seed in range(60):
-        shown = view(gradient(900, 700), [], np.random.default_rng(seed))
+        shown = sample_view(gradient(900, 700), [], np.random.default_rng(seed))
         across, down = shown.place
         assert (np.diff(across, axis=1) > 0).all()  # also in a mirrored view, which is one of a mirrored photo
         if down[0, 0] < -0.9:
@@ -56,7 +63,7 @@ def test_labels_follow_the_place_in_the_photo():
 
 def test_equal_seeds_give_equal_views():
     photo, piece = gradient(300, 200), Cutout(np.full((40, 30, 4), 255, np.uint8), 0.2)
-    first, second = (view(photo, [[], [piece]], np.random.default_rng(3)) for _ in range(2))
+    first, second = (sample_view(photo, [[], [piece]], np.random.default_rng(3)) for _ in range(2))
     assert (first.image == second.image).all()
     assert (first.place == second.place).all()
 
@@ -64,7 +71,7 @@ def test_equal_seeds_give_equal_views():
 def test_a_cut_out_hides_the_image_but_not_the_class():
     photo = gradient(320, 320)
     piece = Cutout(np.dstack([np.full((50, 50, 3), 7, np.uint8), np.full((50, 50), 255, np.uint8)]), 0.2)
-    hidden = [view(photo, [[piece]], np.random.default_rng(seed)) for seed in range(40)]
+    hidden = [sample_view(photo, [[piece]], np.random.default_rng(seed)) for seed in range(40)]
     hidden = [shown for shown in hidden if (shown.occluder == 1).any()]
     assert len(hidden) > 4
     for shown in hidden:
@@ -79,7 +86,7 @@ def test_cut_outs_are_the_things_in_front():
     photo.occluder[100:101, 100:102] = 1  # too small
     photo.occluder[150:160, 150:180] = UNKNOWN
     photo.occluder[100:120, 40:70] = 1
-    (cutout,), (other,) = cutouts([photo])
+    (cutout,), (other,) = extract_cutouts([photo])
     assert other.piece.shape == (20, 30, 4), "a car is not upright"
     assert cutout.share == 40 / 200
     assert cutout.piece.shape == (40, 20, 4)
@@ -92,7 +99,7 @@ def test_things_mostly_stand_at_the_photos_foot_as_high_as_in_their_own():
     piece = Cutout(np.full((20, 20, 4), 255, np.uint8), 0.1)
     heights = []
     for seed in range(300):
-        shown = view(photo, [[piece]], np.random.default_rng(seed))
+        shown = sample_view(photo, [[piece]], np.random.default_rng(seed))
         known = shown.possible != ANY_CLASS
         foot = np.flatnonzero(known.any(1))[-1]
         hidden = np.flatnonzero((shown.occluder == 1).any(1))
@@ -109,10 +116,10 @@ def test_a_small_thing_counts_nearly_as_much_as_a_large_one():
     occluder[200:250, 60:80] = 1
     occluder[100:300, 120:320] = 1
     occluder[5, 300] = 1
-    count = counted_in_front(occluder)
+    count = occluder_weights(occluder)
     assert (count[occluder == UNKNOWN] == 0).all()
     assert (count[occluder == 0] == 1).all()
     assert count[5, 300] == 4
     assert np.unique(count[200:250, 60:80]) == np.float32(np.sqrt(0.06 * 320**2 / 1000))
     assert (count[100:300, 120:320] == 1).all()
-    assert (counted_in_front(np.full((9, 9), UNKNOWN, np.uint8)) == 0).all()
+    assert (occluder_weights(np.full((9, 9), UNKNOWN, np.uint8)) == 0).all()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import FacadeClass
-from facade_core.parsing.regularity import _groups, draw_windows, window_boxes
+from facade_core.parsing.regularity import _group_intervals, draw_windows, window_boxes
 
 
 def facade():
@@ -111,4 +111,4 @@ def test_tiny_maps(shape):
 
 def test_groups_are_floors():
     low, high = np.array([0, 50, 2, 52, 20]), np.array([30, 80, 32, 82, 60])
-    assert _groups(low, high) == [[0, 2], [4], [1, 3]]
+    assert _group_intervals(low, high) == [[0, 2], [4], [1, 3]]

@@ -34,10 +34,10 @@ def test_elements_are_paired_one_to_one_at_half_overlap():
 
 
 def test_facades_trained_on_are_left_out():
-    from facade_core.core.model_file import read_record
-    from facade_core.parsing.segmenter import SHIPPED
+    from facade_core.core.model_file import read_model_record
+    from facade_core.parsing.segmenter import DEFAULT_MODEL
 
-    trained_on = next(name for name in read_record(SHIPPED)["training_set"] if name.startswith("ecp/"))
+    trained_on = next(name for name in read_model_record(DEFAULT_MODEL)["training_set"] if name.startswith("ecp/"))
     empty = np.zeros((2, 2), np.uint8)
     facades = [LabelledFacade(name, empty, empty, empty, empty, empty) for name in (trained_on[4:], "new")]
     assert [facade.name for facade in unseen(facades, "ecp", None)] == ["new"]

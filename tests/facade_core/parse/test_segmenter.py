@@ -6,7 +6,7 @@ import pytest
 from facade_core.core.errors import ImageError, ModelError
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.elements import elements
-from facade_core.parsing.segmenter import _in_front, parse
+from facade_core.parsing.segmenter import _occluder_regions, parse
 
 COLOURS = {
     FacadeClass.WALL: (205, 190, 165),
@@ -78,7 +78,7 @@ def test_what_stands_at_the_foot_goes_on_a_little_where_the_network_doubts():
     likely[150:, 150:160] = 0.35  # doubtful alone
     expected = np.zeros(likely.shape, bool)
     expected[142:, 40:60] = expected[190:, 60:66] = expected[20:60, 100:120] = True
-    np.testing.assert_array_equal(_in_front(likely), expected)
+    np.testing.assert_array_equal(_occluder_regions(likely), expected)
 
 
 def test_alpha_hides_pixels():
@@ -183,11 +183,11 @@ def test_held_out_facades_and_their_lower_storeys(data):
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes
     from catalogs.learning.datasets import CMP, read, split
-    from facade_core.parsing.segmenter import seen_outside
+    from facade_core.parsing.segmenter import outside_mask
 
     _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
     much = [facade for facade in held_out if (facade.outside == 1).mean() > 0.1][:6]
-    found = measure_boxes(much, lambda image: seen_outside(image, np.zeros(image.shape[:2], bool)))
+    found = measure_boxes(much, lambda image: outside_mask(image, np.zeros(image.shape[:2], bool)))
     assert found["outside_after"] < 0.5 * found["outside_before"]
     assert found["facade_lost"] < 0.05
 

@@ -12,11 +12,11 @@ import torch
 
 from facade_core.parsing import network, network_export, network_training
 from facade_core.parsing.network_architecture import ParserNetwork
-from facade_core.parsing.network_training import Course
+from facade_core.parsing.network_training import TrainingSchedule
 from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
 
-COURSE = Course(steps=4, per_step={"facades": 2})
+COURSE = TrainingSchedule(steps=4, per_step={"facades": 2})
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def copy(weights):
 
 
 def train(start, course=COURSE, **options):
-    return network_training.train({"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options)
+    return network_training.train_parser_network({"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options)
 
 
 @pytest.fixture(scope="module")
@@ -77,23 +77,23 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights,
     with pytest.raises(KeyboardInterrupt):
         train(start, state=state, progress=interrupt)
     with pytest.raises(ModelError, match="2 of 4 steps"):
-        network_training.finished(state)
+        network_training.read_finished_weights(state)
     told = []
     resumed = train(start, state=state, progress=lambda *step: told.append(step))
     assert told == [("network", 2, 4), ("network", 3, 4)]
     assert all(torch.equal(weights[name], resumed[name]) for name in weights)
-    assert all(torch.equal(weights[name], value) for name, value in network_training.finished(state).items())
+    assert all(torch.equal(weights[name], value) for name, value in network_training.read_finished_weights(state).items())
 
 
 def test_the_state_of_another_run_is_refused(start, tmp_path):
     state = tmp_path / "network.state"
     with pytest.raises(ModelError, match="no such file"):
-        network_training.finished(state)
+        network_training.read_finished_weights(state)
     train(start, state=state)
     with pytest.raises(ModelError, match="another training run"):
-        train(start, Course(4, {"facades": 3}), state=state)
+        train(start, TrainingSchedule(4, {"facades": 3}), state=state)
     with pytest.raises(ModelError, match="another training run"):
-        train(start, Course(9, {"facades": 2}), state=state)  # the rate has fallen already
+        train(start, TrainingSchedule(9, {"facades": 2}), state=state)  # the rate has fallen already
     state.write_bytes(b"nothing")
     with pytest.raises(ModelError, match="not the state"):
         train(start, state=state)
@@ -101,7 +101,7 @@ def test_the_state_of_another_run_is_refused(start, tmp_path):
 
 def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path, monkeypatch):
     monkeypatch.setattr(network_training, "_SAVE_EVERY", 1)
-    state, long = tmp_path / "network.state", Course(10, {"facades": 2})
+    state, long = tmp_path / "network.state", TrainingSchedule(10, {"facades": 2})
 
     def interrupt(name, done, total):
         if done == 3:
@@ -110,9 +110,9 @@ def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path,
     with pytest.raises(KeyboardInterrupt):
         train(start, long, state=state, progress=interrupt)
     with pytest.raises(ModelError, match="another training run"):
-        train(start, Course(3, {"facades": 2}), state=state)  # there the rate would have fallen
+        train(start, TrainingSchedule(3, {"facades": 2}), state=state)  # there the rate would have fallen
     told = []
-    train(start, Course(8, {"facades": 2}), state=state, progress=lambda *step: told.append(step))
+    train(start, TrainingSchedule(8, {"facades": 2}), state=state, progress=lambda *step: told.append(step))
     assert told[0] == ("network", 3, 8)
 
 
@@ -125,7 +125,7 @@ def test_a_plateau_does_not_depend_on_the_number_of_steps():
 
 def test_the_file_computes_what_the_network_does(weights, tmp_path):
     path = tmp_path / "own.onnx"
-    network_export.save(weights, path, training_set=["facades/a"], seed=5)
+    network_export.save_network(weights, path, training_set=["facades/a"], seed=5)
     image = np.random.default_rng(2).uniform(0, 255, (1, 3, 128, 96)).astype(np.float32)
     place = network.place_planes(128, 96, np.array([-1, -1, 1, 1]))[None]
     trained = ParserNetwork()
@@ -141,7 +141,7 @@ def test_the_file_computes_what_the_network_does(weights, tmp_path):
 def test_it_learns(start):
     """A few steps on one photo bring the loss down, though one class is told as one of two."""
     shown = {"facades": [photo(0, ((FacadeClass.WALL,), (FacadeClass.WINDOW, FacadeClass.WALL), (FacadeClass.SKY,)))]}
-    course, losses = Course(12, {"facades": 2}, rate=5e-3), []
+    course, losses = TrainingSchedule(12, {"facades": 2}, rate=5e-3), []
     backward = network_training._backward
 
     def noted(part, views):
@@ -150,7 +150,7 @@ def test_it_learns(start):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(network_training, "_backward", noted)
-        network_training.train(shown, course, seed=1, start=copy(start))
+        network_training.train_parser_network(shown, course, seed=1, start=copy(start))
     assert np.mean(losses[-4:]) < 0.7 * np.mean(losses[:4])
 
 
@@ -165,10 +165,10 @@ class Fixed:
 
 
 def loss(logits, possible, occluder, outside=UNKNOWN):
-    from facade_core.parsing.training_views import View
+    from facade_core.parsing.training_views import TrainingView
 
     maps = [np.full((8, 8), value, np.uint8) for value in (possible, occluder, outside)]
-    view = View(np.zeros((8, 8, 3), np.uint8), *maps, np.zeros((2, 1, 1), np.float32))
+    view = TrainingView(np.zeros((8, 8, 3), np.uint8), *maps, np.zeros((2, 1, 1), np.float32))
     return network_training._loss(Fixed(logits), [view]).item()
 
 
@@ -213,24 +213,24 @@ def test_refuses_unusable_photos(start, change, message):
         **{name: change.get(name, getattr(photo(0), name)) for name in ("image", "possible", "occluder", "outside")}
     )
     with pytest.raises(ImageError, match=f"facades 0.*{message}"):
-        network_training.train({"facades": [broken]}, COURSE, seed=0, start=copy(start))
+        network_training.train_parser_network({"facades": [broken]}, COURSE, seed=0, start=copy(start))
 
 
 def test_refuses_a_set_without_photos(start):
     with pytest.raises(ImageError, match="set facades"):
-        network_training.train({"facades": []}, COURSE, seed=0, start=copy(start))
+        network_training.train_parser_network({"facades": []}, COURSE, seed=0, start=copy(start))
 
 
 def test_weights_come_back_from_the_file_of_a_network(weights, tmp_path):
-    network_export.save(weights, tmp_path / "one.onnx", training_set=[], seed=5)
-    back = network_export.weights_of(tmp_path / "one.onnx")
+    network_export.save_network(weights, tmp_path / "one.onnx", training_set=[], seed=5)
+    back = network_export.read_weights(tmp_path / "one.onnx")
     assert back.keys() == weights.keys()
-    network_export.save(back, tmp_path / "two.onnx", training_set=[], seed=5)
+    network_export.save_network(back, tmp_path / "two.onnx", training_set=[], seed=5)
     one, two = (parse(photo(2).image, model=tmp_path / f"{name}.onnx").confidence for name in ("one", "two"))
     assert np.allclose(one, two, atol=1e-4)
 
 
 def test_with_fixed_norms_what_is_normalised_by_stays(start):
-    fixed = train(start, Course(steps=2, per_step={"facades": 2}, fixed_norms=True))
+    fixed = train(start, TrainingSchedule(steps=2, per_step={"facades": 2}, fixed_norms=True))
     assert torch.equal(fixed["norms.0.running_mean"], start["norms.0.running_mean"])
     assert not torch.equal(fixed["head.weight"], start["head.weight"])

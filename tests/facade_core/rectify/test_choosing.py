@@ -13,8 +13,8 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import SIDE, STREET
 from facade_core.imagery.rectify.fisheye import is_fisheye
-from facade_core.imagery.rectify.panorama import points_shown
-from facade_core.plan.panorama_choice import COVERED, GOOD_ENOUGH, fewest
+from facade_core.imagery.rectify.panorama import point_visibility
+from facade_core.plan.panorama_choice import MIN_COVERED_SHARE, MIN_RELATIVE_QUALITY, choose_panoramas
 from tests.facade_core.rectify.test_panorama import scene_of
 
 SIZE = (2048, 4096)
@@ -32,25 +32,25 @@ def facades_of(scene: Scene, roles: list[str] | None = None) -> Any:
 
 
 def is_covered(scene: Scene, poses: list[Pose], chosen: tuple[int, ...]) -> bool:
-    """Whether of every wall that some panorama shows COVERED is shown well enough, worked out anew."""
+    """Whether of every wall that some panorama shows MIN_COVERED_SHARE is shown well enough, worked out anew."""
     for chart in range(len(scene.charts.size)):
-        shown = points_shown(scene, chart, poses, [SIZE] * len(poses))
+        shown = point_visibility(scene, chart, poses, [SIZE] * len(poses))
         best = shown.max(axis=0)
-        good = (shown >= GOOD_ENOUGH * best) & (shown > 0)
-        if good[list(chosen)].any(axis=0).sum() < COVERED * (best > 0).sum():
+        good = (shown >= MIN_RELATIVE_QUALITY * best) & (shown > 0)
+        if good[list(chosen)].any(axis=0).sum() < MIN_COVERED_SHARE * (best > 0).sum():
             return False
     return True
 
 
 def test_all_facades_are_covered_by_as_few_as_can_be() -> None:
     scene, poses = scene_of(*ROW), [at(x) for x in np.arange(96.0, 166.0, 5.0)]
-    found = fewest(scene, facades_of(scene), poses, [SIZE] * len(poses))
+    found = choose_panoramas(scene, facades_of(scene), poses, [SIZE] * len(poses))
     assert is_covered(scene, poses, found.chosen)
     least = next(k for k in range(1, 9) if any(is_covered(scene, poses, some) for some in combinations(range(14), k)))
     assert len(found.chosen) <= least + 1
     assert 1 < len(found.chosen) < len(poses)
     assert (found.facades, found.facades_shown) == (6, 6)
-    assert COVERED * found.shown <= found.reached <= found.shown <= 6 * 80 + 1e-6
+    assert MIN_COVERED_SHARE * found.shown <= found.reached <= found.shown <= 6 * 80 + 1e-6
 
 
 def test_what_only_one_shows_is_taken_and_what_none_shows_asks_for_nothing() -> None:
@@ -58,11 +58,11 @@ def test_what_only_one_shows_is_taken_and_what_none_shows_asks_for_nothing() -> 
     lonely = ((500.0, 200.0), (510.0, 200.0), 0.0, 8.0)
     scene = scene_of(*ROW, behind, lonely)
     poses = [at(x) for x in (110.0, 130.0, 150.0)] + [at(505.0), at(900.0)]
-    found = fewest(scene, facades_of(scene), poses, [SIZE] * 5)
+    found = choose_panoramas(scene, facades_of(scene), poses, [SIZE] * 5)
     assert 3 in found.chosen
     assert 4 not in found.chosen
-    assert (found.facades, found.facades_shown, found.covering) == (8, 7, 4)
-    only = fewest(scene, facades_of(scene, [STREET] * 6 + [SIDE] * 2), poses, [SIZE] * 5)
+    assert (found.facades, found.facades_shown, found.covering_panoramas) == (8, 7, 4)
+    only = choose_panoramas(scene, facades_of(scene, [STREET] * 6 + [SIDE] * 2), poses, [SIZE] * 5)
     assert 3 not in only.chosen, "a wall at no street asks for no picture"
 
 
@@ -70,15 +70,15 @@ def test_what_stands_before_a_wall_hides_it_from_a_panorama() -> None:
     screen = ((99.0, 194.0), (112.0, 194.0), 0.0, 20.0)
     poses = [at(105.0, 188.0), at(105.0, 197.0)]
     scene = scene_of(ROW[0], screen)
-    assert set(fewest(scene, facades_of(scene, [STREET, SIDE]), poses, [SIZE] * 2).chosen) == {1}
+    assert set(choose_panoramas(scene, facades_of(scene, [STREET, SIDE]), poses, [SIZE] * 2).chosen) == {1}
 
 
 def test_of_two_that_show_the_same_the_first_is_taken() -> None:
     scene = scene_of(*ROW[:1])
     poses = [at(105.0)] * 3
-    assert fewest(scene, facades_of(scene), poses, [SIZE] * 3).chosen == (0,)
-    assert fewest(scene, facades_of(scene), [], []).chosen == ()
-    assert fewest(scene_of(*ROW[:1]), facades_of(scene_of(*ROW[:1])), [at(900.0)], [SIZE]).chosen == ()
+    assert choose_panoramas(scene, facades_of(scene), poses, [SIZE] * 3).chosen == (0,)
+    assert choose_panoramas(scene, facades_of(scene), [], []).chosen == ()
+    assert choose_panoramas(scene_of(*ROW[:1]), facades_of(scene_of(*ROW[:1])), [at(900.0)], [SIZE]).chosen == ()
 
 
 @pytest.mark.parametrize("circles", [1, 2])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.imagery.rectify import crop
-from facade_core.imagery.rectify.crop import below_foot, cut_to_facade, facade_box
+from facade_core.imagery.rectify.crop import crop_to_facade, find_facade_box, street_mask
 
 
 def test_the_box_is_the_best_of_all():
@@ -14,7 +14,7 @@ def test_the_box_is_the_best_of_all():
         value = np.where(hidden, 0, np.where(outside, -1, 1))
         boxes = itertools.product(itertools.combinations(range(8), 2), itertools.combinations(range(7), 2))
         best = max(value[slice(*rows), slice(*columns)].sum() for rows, columns in boxes)
-        box = facade_box(outside, hidden)
+        box = find_facade_box(outside, hidden)
         if box is not None:
             x0, y0, x1, y1 = box
             assert value[y0:y1, x0:x1].sum() == best
@@ -25,7 +25,7 @@ def test_a_facade_may_be_narrower_or_lower_than_half_its_picture(box):
     outside = np.ones((100, 100), bool)
     x0, y0, x1, y1 = box
     outside[y0:y1, x0:x1] = False
-    assert facade_box(outside, np.zeros_like(outside)) == box
+    assert find_facade_box(outside, np.zeros_like(outside)) == box
 
 
 def test_a_box_leaves_out_sky_street_and_neighbours():
@@ -33,14 +33,14 @@ def test_a_box_leaves_out_sky_street_and_neighbours():
     outside[:12], outside[90:] = True, True
     outside[20:, :9] = True  # a lower neighbour
     outside[12:20, 30:34] = True  # beside a dormer
-    assert facade_box(outside, np.zeros_like(outside)) == (9, 12, 80, 90)
+    assert find_facade_box(outside, np.zeros_like(outside)) == (9, 12, 80, 90)
 
 
 def test_in_large_pictures_sides_are_found_within_a_part():
     outside = np.zeros((2000, 3100), bool)
     outside[:301] = outside[1802:] = True
     outside[:, :205] = True
-    box = facade_box(outside, np.zeros_like(outside))
+    box = find_facade_box(outside, np.zeros_like(outside))
     assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / crop.PARTS
 
 
@@ -50,15 +50,15 @@ def test_noise_at_the_border_and_panes_within_do_not_decide():
     outside[:20] = True
     noise = outside ^ (rng.random(outside.shape) < 0.1)
     noise[60:70, 30:50] = True
-    assert facade_box(noise, np.zeros_like(noise)) == (0, 20, 90, 120)
+    assert find_facade_box(noise, np.zeros_like(noise)) == (0, 20, 90, 120)
 
 
 def test_what_is_hidden_is_neither_cut_nor_kept_for_its_own_sake():
     outside, hidden = np.zeros((2, 60, 50), bool)
     hidden[40:] = True
-    assert facade_box(outside, hidden) == (0, 0, 50, 60)
+    assert find_facade_box(outside, hidden) == (0, 0, 50, 60)
     outside[:40, :10] = True
-    assert facade_box(outside, hidden) == (10, 0, 50, 60)
+    assert find_facade_box(outside, hidden) == (10, 0, 50, 60)
 
 
 def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPatch):
@@ -69,7 +69,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(crop, "seen_outside", lambda image, hidden, model: outside)
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
-    found = cut_to_facade(image, hidden)
+    found = crop_to_facade(image, hidden)
     assert found.found
     assert found.box == (0, 10, 50, 60)
     assert (found.image == image[10:]).all()
@@ -82,16 +82,16 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
 def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.MonkeyPatch):
     outside = np.ones((60, 50), bool)
     nothing = np.zeros_like(outside)
-    assert facade_box(outside, nothing) is None
+    assert find_facade_box(outside, nothing) is None
     outside[20:30, 10:20] = False
-    assert facade_box(outside, nothing) is None
+    assert find_facade_box(outside, nothing) is None
     monkeypatch.setattr(crop, "seen_outside", lambda image, hidden, model: outside)
     image = np.zeros((60, 50, 3), np.uint8)
-    found = cut_to_facade(image, nothing)
+    found = crop_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)
     assert not found.found
     assert not found.outside.any()
-    assert cut_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"
+    assert crop_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"
 
 
 def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest.MonkeyPatch):
@@ -106,12 +106,12 @@ def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest
     image = np.zeros((100, 90, 3), np.uint8)
     street = np.zeros_like(outside)
     street[88:, 30:] = True
-    assert (below_foot(image, hidden) == (street & ~hidden)).all()
+    assert (street_mask(image, hidden) == (street & ~hidden)).all()
     # a plinth that is taken for street here and there is none
     outside[:] = False
     outside[96:, 10:30] = True
-    assert not below_foot(image, hidden).any()
+    assert not street_mask(image, hidden).any()
     outside[:5] = True  # sky; a car before every other column is no street
     hidden[90:, 30:80] = True
-    assert not below_foot(image, hidden).any()
-    assert not below_foot(image, np.ones_like(hidden)).any()
+    assert not street_mask(image, hidden).any()
+    assert not street_mask(image, np.ones_like(hidden)).any()

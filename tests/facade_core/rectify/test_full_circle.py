@@ -10,7 +10,7 @@ from PIL import Image
 
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Pose
-from facade_core.imagery.rectify.full_circle import check_full
+from facade_core.imagery.rectify.full_circle import check_full_panorama
 from facade_core.synth.street_truth import panorama, synthetic_street
 
 
@@ -30,28 +30,28 @@ def fisheye(image: np.ndarray, middles: tuple[float, ...]) -> np.ndarray:
 
 
 def test_a_panorama_is_one(whole: np.ndarray) -> None:
-    check_full(whole)
-    check_full(np.roll(whole, 300, axis=1))
+    check_full_panorama(whole)
+    check_full_panorama(np.roll(whole, 300, axis=1))
     night = whole // 12
-    check_full(night)
+    check_full_panorama(night)
 
 
 def test_one_that_is_cut_off_is_none(whole: np.ndarray) -> None:
     height, width = whole.shape[:2]
     low = whole[height // 4 : height // 4 * 3, width // 5 : width // 5 + width // 2]
     with pytest.raises(ImageError, match=r"is cut off, or no panorama: .*GPano tags, or remove it"):
-        check_full(low)
+        check_full_panorama(low)
     with pytest.raises(ImageError, match="its first row, which is one point of the sky, varies by"):
-        check_full(np.roll(whole, height // 2, axis=0))
+        check_full_panorama(np.roll(whole, height // 2, axis=0))
 
 
 def test_a_fisheye_picture_is_none(whole: np.ndarray) -> None:
     with pytest.raises(
         ImageError, match="is a fisheye picture, not an equirectangular panorama: stitch it, or remove it"
     ):
-        check_full(fisheye(whole, (0.25, 0.75)))
+        check_full_panorama(fisheye(whole, (0.25, 0.75)))
     with pytest.raises(ImageError, match=r"or no panorama: .*, or remove it"):
-        check_full(fisheye(whole, (0.5,)))
+        check_full_panorama(fisheye(whole, (0.5,)))
 
 
 @pytest.mark.realdata
@@ -61,4 +61,4 @@ def test_real_panoramas_are_whole(data: Path) -> None:
     for path in paths:
         with Image.open(path) as image:
             image.draft("RGB", (1024, 512))
-            check_full(np.asarray(image.convert("RGB")))
+            check_full_panorama(np.asarray(image.convert("RGB")))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ImageError
-from facade_core.imagery.rectify.fusion import View, fuse_views
+from facade_core.imagery.rectify.fusion import ChartView, fuse_views
 
 SHAPE = (120, 200)
 
@@ -17,10 +17,10 @@ def wall() -> np.ndarray:
     return np.stack([120 + 50 * np.sin(x / 9), 120 + 50 * np.cos(y / 7), 110 + 40 * np.sin((x + y) / 13)], axis=-1)
 
 
-def view(rgb: np.ndarray | None = None, *, quality: float | np.ndarray = 0.5, seen=None, occluded=None) -> View:
+def view(rgb: np.ndarray | None = None, *, quality: float | np.ndarray = 0.5, seen=None, occluded=None) -> ChartView:
     seen = np.ones(SHAPE, bool) if seen is None else seen
     rgb = np.round(np.clip(wall() if rgb is None else rgb, 0, 255)).astype(np.uint8) * seen[..., None]
-    return View(rgb, seen, np.broadcast_to(np.float32(quality), SHAPE), occluded)
+    return ChartView(rgb, seen, np.broadcast_to(np.float32(quality), SHAPE), occluded)
 
 
 def box(top: int, bottom: int, left: int, right: int) -> np.ndarray:
@@ -118,10 +118,10 @@ def test_the_same_views_give_the_same_bits() -> None:
 def test_views_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ImageError, match="give 1 to 127"):
         fuse_views([])
-    small = View(np.zeros((4, 4, 3), np.uint8), np.ones((4, 4), bool), np.ones((4, 4), np.float32))
+    small = ChartView(np.zeros((4, 4, 3), np.uint8), np.ones((4, 4), bool), np.ones((4, 4), np.float32))
     with pytest.raises(ImageError, match="differ in size"):
         fuse_views([view(), small])
     with pytest.raises(ImageError, match="occluded"):
         view(occluded=np.zeros((4, 4), bool))
     with pytest.raises(ImageError, match="uint8"):
-        View(np.zeros((4, 4, 3)), np.ones((4, 4), bool), np.ones((4, 4), np.float32))
+        ChartView(np.zeros((4, 4, 3)), np.ones((4, 4), bool), np.ones((4, 4), np.float32))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.imagery.rectify.no_data import RIM, no_data
+from facade_core.imagery.rectify.no_data import NO_DATA_RIM, no_data_mask
 from facade_core.synth.facade import facade
 from facade_core.synth.styles import STYLES
 
@@ -32,27 +32,27 @@ def warped(lean: float) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(("lean", "share"), [(12.0, 0.75), (30.0, 0.97), (60.0, 0.97)])
 def test_what_a_warp_left_black_is_found(lean: float, share: float) -> None:
     image, beside = warped(lean)
-    found = no_data(image)
+    found = no_data_mask(image)
     assert found[beside].mean() > share
-    reach = 2 * (RIM + 3) + 1
+    reach = 2 * (NO_DATA_RIM + 3) + 1
     assert not found[cv2.dilate(beside.astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0].any()
 
 
 @pytest.mark.parametrize("style", STYLES)
 def test_nothing_of_a_whole_picture_is_taken_for_a_corner(style: str) -> None:
     image = facade((10.0, 14.0), floors=3, columns=4, style=style, metres_per_pixel=0.05, seed=4).image
-    assert not no_data(image).any()
+    assert not no_data_mask(image).any()
 
 
 def test_what_is_dark_at_the_border_is_kept() -> None:
     image = np.full((200, 300, 3), 150, np.uint8)
     image[120:, 100:160] = 4
-    assert not no_data(image).any()
+    assert not no_data_mask(image).any()
     image[100:, 230:] = 4  # in a corner at the foot, and upright
-    assert not no_data(image).any()
+    assert not no_data_mask(image).any()
     image[:60, :90] = 0  # in a corner above
-    assert no_data(image)[:60, :90].all()
-    assert not no_data(image)[100:].any()
+    assert no_data_mask(image)[:60, :90].all()
+    assert not no_data_mask(image)[100:].any()
     image[:, 280:] = 0  # along a whole side
-    assert no_data(image)[:, 280:].all()
-    assert not no_data(np.zeros_like(image)).any()
+    assert no_data_mask(image)[:, 280:].all()
+    assert not no_data_mask(np.zeros_like(image)).any()

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import GeometryError, ImageError
 from facade_core.core.types import Pose
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.rectify.fusion import fuse_views
-from facade_core.imagery.rectify.panorama import rectify_view, sightings
+from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
 
 DENSITY = 10.0
 # left end, right end (as seen from outside), bottom and top in metres
@@ -52,7 +52,7 @@ def scene_of(*walls) -> Scene:
     )
     triangles = (np.array([[0, 1, 2], [0, 2, 3]]) + 4 * each[:, None, None]).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(np.array(vertices), triangles, np.repeat(each, 2), np.repeat(each, 4))
-    placement = pack(charts.size, DENSITY, each, page=1024, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, DENSITY, each, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 
@@ -162,7 +162,7 @@ def test_nothing_is_seen_from_behind_or_at_a_grazing_angle() -> None:
         rgb, seen = seen_from(scene, 0, photograph(pose), pose, (80, 100))
         assert not seen.any()
         assert not rgb.any()
-        assert sightings(scene, 0, [pose], [(1024, 2048)]) == []
+        assert find_sightings(scene, 0, [pose], [(1024, 2048)]) == []
 
 
 def test_a_picture_that_holds_a_part_shows_a_part() -> None:
@@ -180,7 +180,7 @@ def test_sightings_rank_frontal_near_pictures_first() -> None:
         Pose(104.0, 196.0, 2.5, 0.0),  # past the occluder, too near for the wall's ends
         Pose(105.0, 30.0, 2.5, 0.0),  # out of reach
     ]
-    found = sightings(scene, 0, poses, [(1024, 2048)] * 4)
+    found = find_sightings(scene, 0, poses, [(1024, 2048)] * 4)
     assert found[0].panorama == 1
     assert {s.panorama for s in found} == {0, 1, 2}
     best = found[0]
@@ -195,7 +195,7 @@ def test_sightings_rank_frontal_near_pictures_first() -> None:
 def test_a_pose_without_height_and_a_grey_image_are_refused() -> None:
     scene, pose = scene_of(WALL), Pose(104.0, 190.0, None, 0.0)
     with pytest.raises(GeometryError, match="no height"):
-        sightings(scene, 0, [pose], [(1024, 2048)])
+        find_sightings(scene, 0, [pose], [(1024, 2048)])
     with pytest.raises(ImageError, match="uint8 RGB"):
         seen_from(scene, 0, np.zeros((4, 8)), Pose(104.0, 190.0, 2.0, 0.0), (80, 100))
 

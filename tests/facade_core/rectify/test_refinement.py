@@ -9,7 +9,7 @@ import pytest
 
 from facade_core.core.errors import GeometryError, ImageError
 from facade_core.core.types import Pose
-from facade_core.imagery.poses.panorama_camera import camera_from_world, position, turned
+from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position, rotate_pose
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 
@@ -39,23 +39,23 @@ def test_a_pose_that_is_off_comes_back(street: SyntheticStreet, shot: tuple[Pose
     refined = refine_pose(street.scene, image, given)
     assert refined.reasons == ()
     assert angle(refined.pose, pose) < 0.25
-    assert np.linalg.norm(position(refined.pose) - position(pose)) < 0.1
+    assert np.linalg.norm(camera_position(refined.pose) - camera_position(pose)) < 0.1
     assert refined.residual_degrees < 0.5 < refined.given_degrees
     assert refined.fit > refined.given_fit
     assert refined.turned_deg == pytest.approx(1.08, abs=0.3)
     assert refined.moved_m == pytest.approx(0.30, abs=0.1)
-    assert refined.spread is not None
-    assert np.sqrt(np.diag(refined.spread)).max() < 0.15, "outlines all around tell place and heading"
+    assert refined.covariance is not None
+    assert np.sqrt(np.diag(refined.covariance)).max() < 0.15, "outlines all around tell place and heading"
     again = refine_pose(street.scene, image, given)
     assert again.pose == refined.pose
-    assert np.array_equal(again.spread, refined.spread)
+    assert np.array_equal(again.covariance, refined.covariance)
 
 
 def test_an_exact_pose_stays_within_its_resolution(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:
     pose, image = shot
     refined = refine_pose(street.scene, image, pose)
     assert angle(refined.pose, pose) < 0.25
-    assert np.linalg.norm(position(refined.pose) - position(pose)) < 0.08
+    assert np.linalg.norm(camera_position(refined.pose) - camera_position(pose)) < 0.08
 
 
 def test_a_picture_of_something_else_changes_nothing(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:
@@ -73,9 +73,9 @@ def test_a_height_is_mended_where_it_is_stated_and_held_where_it_is_carried(
     pose, image = shot
     given = replace(pose, z=4.4)
     found = refine_pose(street.scene, image, given)
-    assert np.linalg.norm(position(found.pose) - position(pose)) < 0.1
-    held = refine_pose(street.scene, image, given, carried=True)
-    assert position(held.pose)[2] > 3.5, "half a metre, and a little by the simplex"
+    assert np.linalg.norm(camera_position(found.pose) - camera_position(pose)) < 0.1
+    held = refine_pose(street.scene, image, given, height_is_assumed=True)
+    assert camera_position(held.pose)[2] > 3.5, "half a metre, and a little by the simplex"
 
 
 def test_far_from_all_buildings_there_is_no_evidence(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:
@@ -98,7 +98,7 @@ def test_unusable_input_is_refused(street: SyntheticStreet, shot: tuple[Pose, np
 def test_a_turned_pose_sees_the_turned_world() -> None:
     pose = Pose(1.0, 2.0, 3.0, 310.0, pitch=-7.0, roll=4.0, view=(0.1, 0.2, 0.5, 0.5))
     turn = camera_from_world(Pose(0, 0, 0, 12.0, pitch=1.0, roll=-2.0))
-    after = turned(pose, turn)
+    after = rotate_pose(pose, turn)
     assert camera_from_world(after) == pytest.approx(camera_from_world(pose) @ turn.T)
     assert after.view == pose.view
-    assert turned(pose, np.eye(3)).heading == pytest.approx(310.0)
+    assert rotate_pose(pose, np.eye(3)).heading == pytest.approx(310.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import FacadeClass
-from facade_core.imagery.rectify.shadow import shaded_share
+from facade_core.imagery.rectify.shadow import shadow_share
 from facade_core.synth.facade import facade as paint
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.04, seed=2)
@@ -19,9 +19,9 @@ def shadowed(part: np.ndarray, left: float = 0.4) -> np.ndarray:
 
 
 def test_a_wall_lit_alike_has_no_shadow() -> None:
-    assert shaded_share(PAINTED.image, PAINTED.labels) < 0.1
+    assert shadow_share(PAINTED.image, PAINTED.labels) < 0.1
     dim = shadowed(np.ones(PAINTED.labels.shape, bool))
-    assert shaded_share(dim, PAINTED.labels) < 0.1, "all in the shade"
+    assert shadow_share(dim, PAINTED.labels) < 0.1, "all in the shade"
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5])
@@ -30,12 +30,12 @@ def test_a_slanting_shadow_is_measured(share: float) -> None:
     y, x = np.mgrid[0:height, 0:width]
     part = y > height * (1 - share) + 0.2 * (x - width / 2)
     true = (part & (PAINTED.labels == FacadeClass.WALL)).sum() / (PAINTED.labels == FacadeClass.WALL).sum()
-    assert shaded_share(shadowed(part), PAINTED.labels) == pytest.approx(true, abs=0.08)
-    assert shaded_share(shadowed(part, left=0.85), PAINTED.labels) < 0.1, "hardly darker"
+    assert shadow_share(shadowed(part), PAINTED.labels) == pytest.approx(true, abs=0.08)
+    assert shadow_share(shadowed(part, left=0.85), PAINTED.labels) < 0.1, "hardly darker"
 
 
 def test_where_hardly_any_wall_is_seen_nothing_is_said() -> None:
     labels = np.full(PAINTED.labels.shape, FacadeClass.WINDOW, np.uint8)
-    assert shaded_share(PAINTED.image, labels) == 0
+    assert shadow_share(PAINTED.image, labels) == 0
     labels[:10, :10] = FacadeClass.WALL
-    assert shaded_share(PAINTED.image, labels) == 0
+    assert shadow_share(PAINTED.image, labels) == 0

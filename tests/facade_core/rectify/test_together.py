@@ -9,9 +9,9 @@ import pytest
 
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
-from facade_core.imagery.poses.joint_refinement import Alone, Together, refine_together
-from facade_core.imagery.poses.panorama_camera import position
-from facade_core.imagery.poses.shared_walls import Steep, _agreement, _patches, _shift
+from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
+from facade_core.imagery.poses.panorama_camera import camera_position
+from facade_core.imagery.poses.shared_walls import GradientImage, _find_shift, _gradient_correlation, _match_patches
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 
 WIDTH = 2048
@@ -35,25 +35,25 @@ def shots(street: SyntheticStreet) -> list[tuple[Pose, np.ndarray]]:
     return found
 
 
-def refined(street: SyntheticStreet, images: list[np.ndarray], alone: list[Alone]) -> list[Together]:
+def refined(street: SyntheticStreet, images: list[np.ndarray], alone: list[PriorPose]) -> list[JointPose]:
     surfaces = np.flatnonzero(np.isin(street.scene.charts.kind, (ChartKind.WALL, ChartKind.GROUND))).tolist()
-    return refine_together(street.scene, surfaces, iter(images), alone)
+    return refine_jointly(street.scene, surfaces, iter(images), alone)
 
 
 def off(pose: Pose, true: Pose) -> float:
-    return float(np.linalg.norm(position(pose) - position(true)))
+    return float(np.linalg.norm(camera_position(pose) - camera_position(true)))
 
 
 def test_a_height_that_was_stated_wrong_is_found_by_what_neighbours_show(
     street: SyntheticStreet, shots: list[tuple[Pose, np.ndarray]]
 ) -> None:
     (first, *_), (wrong, *_), (third, *_) = shots
-    alone = [Alone(first, TOLD), Alone(replace(wrong, z=4.1, x=wrong.x + 0.2), None), Alone(third, TOLD)]
+    alone = [PriorPose(first, TOLD), PriorPose(replace(wrong, z=4.1, x=wrong.x + 0.2), None), PriorPose(third, TOLD)]
     found = refined(street, [image for _, image in shots], alone)
     assert [one.reason for one in found] == ["", "", ""]
     assert off(found[1].pose, wrong) < 0.15
     assert max(off(found[0].pose, first), off(found[2].pose, third)) < 0.05, "their own outlines told them"
-    assert found[1].apart_before > 0.5 > 0.1 > found[1].apart
+    assert found[1].distance_before > 0.5 > 0.1 > found[1].distance_after
     assert found[1].surfaces >= 2
 
 
@@ -61,33 +61,33 @@ def test_a_picture_of_something_else_pulls_nobody(
     street: SyntheticStreet, shots: list[tuple[Pose, np.ndarray]]
 ) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (WIDTH // 2, WIDTH, 3), dtype=np.uint8)
-    alone = [Alone(pose, TOLD) for pose, _ in shots]
+    alone = [PriorPose(pose, TOLD) for pose, _ in shots]
     found = refined(street, [shots[0][1], noise, shots[2][1]], alone)
     assert found[1].reason.startswith("alone: ")
     assert found[1].pose == alone[1].pose
     assert max(off(one.pose, pose) for one, (pose, _) in zip(found, shots, strict=True)) < 0.05
 
 
-def wall(right: int, down: int, bay: int = 200) -> Steep:
+def wall(right: int, down: int, bay: int = 200) -> GradientImage:
     """A wall of 20 x 16 m, moved by texels; bay: after so many it repeats."""
     whole = np.random.default_rng(1).integers(10, 256, (160, 200)).astype(np.float32)
     whole = np.tile(whole[:, :bay], (1, 200 // bay + 1))[:, :200]
     rows, columns = (at - by for at, by in zip(np.indices(whole.shape), (down, right), strict=True))
     inside = (rows >= 0) & (rows < 160) & (columns >= 0) & (columns < 200)
-    return Steep(np.where(inside, whole[rows % 160, columns % 200], 0.0).astype(np.float32), inside)
+    return GradientImage(np.where(inside, whole[rows % 160, columns % 200], 0.0).astype(np.float32), inside)
 
 
 def test_patches_lie_as_far_off_as_the_wall_was_moved() -> None:
     one, other = wall(0, 0), wall(-9, 14)
-    assert _shift(one, other, 2.6) == (9, -14)
-    found = _patches(one, other, (9, -14))
+    assert _find_shift(one, other, 2.6) == (9, -14)
+    found = _match_patches(one, other, (9, -14))
     assert len(found) > 30
     for (x, y), (u, v) in found:
         assert (x - u, y - v) == pytest.approx((9, -14), abs=0.3)
 
 
 def test_a_wall_that_repeats_does_not_tell_where_it_is() -> None:
-    assert _shift(wall(0, 0), wall(0, 0), 2.6) == (0, 0)
-    assert _shift(wall(0, 0, bay=14), wall(0, 0, bay=14), 2.6) is None
-    assert _agreement(wall(0, 0), wall(1, 0)) == pytest.approx(1.0, abs=1e-3)
-    assert _agreement(wall(0, 0), wall(8, 0)) < 0.2
+    assert _find_shift(wall(0, 0), wall(0, 0), 2.6) == (0, 0)
+    assert _find_shift(wall(0, 0, bay=14), wall(0, 0, bay=14), 2.6) is None
+    assert _gradient_correlation(wall(0, 0), wall(1, 0)) == pytest.approx(1.0, abs=1e-3)
+    assert _gradient_correlation(wall(0, 0), wall(8, 0)) < 0.2

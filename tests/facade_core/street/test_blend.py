@@ -22,7 +22,7 @@ def direct(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray)
 
 
 def blended(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:
-    state = BlendState.empty(1)
+    state = BlendState.allocate(1)
     add_views(state, np.zeros(len(d), np.int64), d, proper, view, rgb)
     colour, views = blend_views(state)
     assert views[0] == (proper.sum() or 1)
@@ -49,7 +49,7 @@ def test_equals_the_direct_formula_in_any_order(seed: int, n: int, largest: int,
 
 
 def test_distances_beyond_16_bits_have_room() -> None:
-    state = BlendState.empty(1, farthest=200_000)
+    state = BlendState.allocate(1, max_distance_mm=200_000)
     rgb = np.array([[9, 9, 9], [5, 5, 5]], np.uint8)
     texel = np.zeros(2, np.int64)
     add_views(state, texel, np.array([150_000, 90_000]), np.zeros(2, bool), np.array([1, 2]), rgb)
@@ -58,7 +58,7 @@ def test_distances_beyond_16_bits_have_room() -> None:
 
 
 def test_a_texel_takes_33_bytes() -> None:
-    assert sum(a.nbytes for a in BlendState.empty(1000)) == 33_000
+    assert sum(a.nbytes for a in BlendState.allocate(1000)) == 33_000
 
 
 def test_all_distances_zero_is_the_plain_average() -> None:
@@ -73,7 +73,7 @@ def test_two_views_far_one_eliminated() -> None:
 
 
 def test_stand_in_goes_when_a_proper_view_comes() -> None:
-    state = BlendState.empty(1)
+    state = BlendState.allocate(1)
     rgb = np.array([[9, 9, 9], [5, 5, 5], [200, 100, 0]], np.uint8)
     zero = np.zeros(1, np.int64)
     add_views(state, zero, np.array([9000]), np.array([False]), np.array([1]), rgb[:1])
@@ -84,7 +84,7 @@ def test_stand_in_goes_when_a_proper_view_comes() -> None:
 
 
 def test_unseen_texel_has_no_views() -> None:
-    colour, views = blend_views(BlendState.empty(2))
+    colour, views = blend_views(BlendState.allocate(2))
     assert views.tolist() == [0, 0]
     assert colour.max() == 0
 

@@ -8,10 +8,10 @@ import shapely
 
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Ground, Street, Way
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.example_fill import MAX_FILL_M, fill_by_example
 from facade_core.street.materials.field import MaterialField
@@ -79,20 +79,20 @@ def test_without_an_example_or_a_hole_nothing_changes(seen: int) -> None:
 def test_kinds_lie_where_the_map_has_them() -> None:
     """A road 6 m wide with a pavement of 2 m at its left."""
     road = Way("r", shapely.LineString([(-40, -10), (60, -10)]), "road", 6.0, "asphalt", pavement=(2.0, 0.0))
-    charts, mesh, _ = block_surfaces(
+    charts, mesh, _ = build_block_surfaces(
         [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")],
         [Street("r", None, road.line)],
-        terrain=terrain_of([], None),
+        terrain=build_terrain([], None),
         ground_margin=30,
         largest=32,
         grid=32,
     )
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
     materials = MaterialField(scene, [], seed=1, ground=Ground((road,)))
     found = set()
     for chart in np.flatnonzero(charts.kind == ChartKind.GROUND).tolist():
-        kinds = materials.kinds(chart, 12)
+        kinds = materials.ground_kinds(chart, 12)
         height, width = int(placement.height[chart]), int(placement.width[chart])
         assert kinds.shape == (height + 24, width + 24)
         x, y = np.meshgrid(np.arange(-12, width + 12) + 0.5, np.arange(-12, height + 12) + 0.5)

@@ -11,18 +11,26 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street, Sun
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import hemisphere
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.daylight import hemisphere_directions
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting import ambient as around
 from facade_core.street.lighting.ambient import ambient_light
 from facade_core.street.lighting.facade_light import apply_facade_light
-from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sun_direction, apply_sunlight, sunlight_share
+from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, apply_sunlight, sun_direction, sunlight_share
 from facade_core.street.materials.field import MaterialField
-from facade_core.street.materials.stains import NOISE_CELLS_M, STAIN_DENSITY, NOISE_DEVIATIONS, PHOTO_DEVIATIONS, wall_deviations, stain_tones, stain_weights
+from facade_core.street.materials.stains import (
+    NOISE_CELLS_M,
+    NOISE_DEVIATIONS,
+    PHOTO_DEVIATIONS,
+    STAIN_DENSITY,
+    stain_tones,
+    stain_weights,
+    wall_deviations,
+)
 from facade_core.street.surfaces import KnownTexture, finish_chart
 
 STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
@@ -37,8 +45,8 @@ def scene() -> Scene:
         Building("south", shapely.box(0, -22, 40, -12), 15.0, "height"),
         Building("alone", shapely.box(140, 0, 180, 10), 15.0, "height"),
     ]
-    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=60, largest=200)
-    placement = pack(charts.size, 16.0, charts.building, page=2048, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=60, largest=200)
+    placement = pack_charts(charts.size, 16.0, charts.building, page=2048, chunk=128, gutter=2)
     return Scene(
         mesh, charts, placement, AtlasSpec(placement.pages, 16.0, page=2048), names=("north", "south", "alone")
     )
@@ -47,7 +55,7 @@ def scene() -> Scene:
 def side(scene: Scene, building: int, north: float) -> int:
     charts = scene.charts
     (found,) = np.flatnonzero(
-        (charts.kind == ChartKind.WALL) & (charts.building == building) & (charts.normal()[:, 1] * north > 0.9)
+        (charts.kind == ChartKind.WALL) & (charts.building == building) & (charts.normals()[:, 1] * north > 0.9)
     )
     return int(found)
 
@@ -61,13 +69,13 @@ def test_light_is_that_of_single_rays(scene: Scene) -> None:
     """Each place and ray by itself, in the order in which one would say it."""
     chart = side(scene, 1, 1)
     above, back = ambient_light(scene, chart, NOON)
-    charts, normals, towards = scene.charts, scene.charts.normal(), sun_direction(NOON)
+    charts, normals, towards = scene.charts, scene.charts.normals(), sun_direction(NOON)
     row, column = 2, 4
     share = np.array([[column / (above.shape[1] - 1), row / (above.shape[0] - 1)]])
-    place = charts.at_shares(np.array([chart]), share)[0, 0] + around.LIFT_M * normals[chart]
-    place += around.ASIDE_M * (charts.axis_u[chart] + charts.axis_v[chart])
+    place = charts.points_at_shares(np.array([chart]), share)[0, 0] + around.RAY_LIFT_M * normals[chart]
+    place += around.RAY_SHIFT_M * (charts.axis_u[chart] + charts.axis_v[chart])
     sky, thrown = [], []
-    for x, y, z in hemisphere():
+    for x, y, z in hemisphere_directions():
         ray = x * charts.axis_u[chart] + y * charts.axis_v[chart] + z * normals[chart]
         (depth,), (met,) = scene.caster.cast(place, ray[None])
         if depth > around.OCCLUDER_RANGE_M and ray[2] >= 0:

@@ -11,10 +11,10 @@ import shapely
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Building, Finish, Ground, Roof, Street, Way
 from facade_core.facade.wall_material import WallMaterial
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MATERIAL_GRAINS, MaterialField
 from facade_core.street.materials.field_kernels import BALLAST, BRICK, FELT, SHEET, SLATE, TILE, colour_points
@@ -29,8 +29,8 @@ def scene() -> Scene:
         Building("flat", shapely.box(0, 0, 20, 10), 12.0, "height"),
         Building("gabled", shapely.box(0, 14, 20, 20), 6.0, "height", roof=Roof("gabled", 4.0)),
     ]
-    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=32)
-    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=32)
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 
@@ -41,12 +41,12 @@ def of_kind(scene: Scene, kind: int) -> int:
 @pytest.mark.parametrize("kind", [ChartKind.GROUND, ChartKind.ROOF, ChartKind.WALL])
 def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> None:
     chart, rng = of_kind(scene, kind), np.random.default_rng(kind)
-    whole = MaterialField(scene, [STREET], seed=1).raster(chart)
+    whole = MaterialField(scene, [STREET], seed=1).chart_raster(chart)
     assert whole.shape == (scene.placement.height[chart], scene.placement.width[chart], 3)
     assert whole.std() > 1
     rows, columns = rng.integers(0, whole.shape[0], 500), rng.integers(0, whole.shape[1], 500)
     other = MaterialField(scene, [STREET], seed=1)
-    np.testing.assert_array_equal(other.texels(chart, rows, columns), whole[rows, columns])
+    np.testing.assert_array_equal(other.texel_colours(chart, rows, columns), whole[rows, columns])
     points = scene.charts.points(chart, (columns + 0.5) * (1 / DENSITY), (rows + 0.5) * (1 / DENSITY))
     coloured = other.colour(np.full(500, chart), points, np.full(500, 1 / DENSITY))
     np.testing.assert_array_equal(coloured, whole[rows, columns])
@@ -57,18 +57,18 @@ def test_a_roof_as_steep_as_a_wall_is_of_what_its_walls_are(scene: Scene) -> Non
     kinds = scene.charts.kind.copy()
     kinds[chart] = ChartKind.ROOF
     called_roof = replace(scene, charts=replace(scene.charts, kind=kinds))
-    of_wall, of_roof = (MaterialField(one, [STREET], seed=1).field.charts for one in (scene, called_roof))
-    assert of_roof.made[chart] == of_wall.made[chart] != of_wall.made[of_kind(scene, ChartKind.ROOF)]
+    of_wall, of_roof = (MaterialField(one, [STREET], seed=1).arrays.charts for one in (scene, called_roof))
+    assert of_roof.material[chart] == of_wall.material[chart] != of_wall.material[of_kind(scene, ChartKind.ROOF)]
     np.testing.assert_array_equal(of_roof.tint[chart], of_wall.tint[chart])
 
 
 def test_texels_that_lie_otherwise_in_memory_are_painted_by_the_same_kernel(scene: Scene) -> None:
     chart, materials = of_kind(scene, ChartKind.WALL), MaterialField(scene, [STREET], seed=1)
-    whole = materials.raster(chart)
+    whole = materials.chart_raster(chart)
     kernels = set(colour_points.signatures)
     chosen = np.zeros(whole.shape[:2], bool)
     chosen[::7, ::5] = True
-    np.testing.assert_array_equal(materials.texels(chart, *np.nonzero(chosen)), whole[chosen])
+    np.testing.assert_array_equal(materials.texel_colours(chart, *np.nonzero(chosen)), whole[chosen])
     assert set(colour_points.signatures) == kernels
 
 
@@ -78,7 +78,7 @@ def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
     for kind, place in ((ChartKind.ROOF, 0), (ChartKind.WALL, 2)):
         for building in (0, 1):
             chart = int(np.flatnonzero((scene.charts.kind == kind) & (scene.charts.building == building))[0])
-            bare, tinted = (MaterialField(one, [STREET], seed=1).raster(chart).astype(float) for one in (scene, painted))
+            bare, tinted = (MaterialField(one, [STREET], seed=1).chart_raster(chart).astype(float) for one in (scene, painted))
             if building == 0:
                 np.testing.assert_array_equal(bare, tinted)
             else:
@@ -89,20 +89,20 @@ def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
     gabled = int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == 1))[0])
 
     def made(finish: Finish) -> int:
-        return int(MaterialField(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).field.charts.made[gabled])
+        return int(MaterialField(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).arrays.charts.material[gabled])
 
     stated = {"slate": SLATE, "metal": SHEET, "zinc": SHEET, "roof_tiles": TILE, "tar_paper": FELT, "thatch": TILE}
     assert {name: made(Finish(roof_material=name)) for name in stated} == stated
     assert made(Finish(roof_colour=(122, 156, 138))) == SHEET
     assert made(Finish(roof_colour=(158, 66, 50))) == TILE
     metal = replace(scene, finishes=(Finish(), Finish(roof_material="metal")))
-    raster = MaterialField(metal, [STREET], seed=1).raster(gabled).astype(float).mean(axis=2)
+    raster = MaterialField(metal, [STREET], seed=1).chart_raster(gabled).astype(float).mean(axis=2)
     across, down = (np.abs(np.diff(raster.mean(axis=axis))).mean() for axis in (0, 1))
     assert across > 2 * down, "seams run down the slope"
     looks = set()
     for name in ("slate", "metal", "roof_tiles", "tar_paper"):
         painted = replace(scene, finishes=(Finish(), Finish(roof_colour=(120, 120, 120), roof_material=name)))
-        raster = MaterialField(painted, [STREET], seed=1).raster(gabled)
+        raster = MaterialField(painted, [STREET], seed=1).chart_raster(gabled)
         assert 50 < raster.mean() < 130
         looks.add(raster.tobytes())
     assert len(looks) == 4
@@ -113,33 +113,33 @@ def test_a_level_roof_is_of_felt_or_under_gravel_as_a_rule(scene: Scene) -> None
         int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == building))[0])
         for building in (0, 1)
     )
-    made = [MaterialField(scene, [STREET], seed=seed).field.charts.made for seed in range(60)]
+    made = [MaterialField(scene, [STREET], seed=seed).arrays.charts.material for seed in range(60)]
     counts = [sum(one[level] == of for one in made) for of in (FELT, BALLAST, SHEET)]
     assert counts[0] > counts[1] > counts[2] > 0 == 60 - sum(counts)
     assert {int(one[leaning]) for one in made} == {TILE}
     stated = replace(scene, finishes=(Finish(roof_material="gravel"), Finish()))
-    assert MaterialField(stated, [STREET], seed=1).field.charts.made[level] == BALLAST
+    assert MaterialField(stated, [STREET], seed=1).arrays.charts.material[level] == BALLAST
 
 
 @pytest.mark.parametrize("brick", [False, True])
 def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> None:
     """What a building alone knows of its walls changes no other chart, and costs no copy of the tables of all."""
     plain = MaterialField(scene, [STREET], seed=1)
-    surfaces, charts = plain.field.charts, np.flatnonzero(scene.charts.building == 1).tolist()
+    surfaces, charts = plain.arrays.charts, np.flatnonzero(scene.charts.building == 1).tolist()
     facade = next(one for one in charts if scene.charts.kind[one] == ChartKind.WALL)
     wall = WallMaterial(np.array([150.0, 90.0, 70.0]), brick)
-    changed, own = plain.with_wall(charts, wall, facade)
+    changed, own = plain.with_facade_material(charts, wall, facade)
     assert own.tolist() == [one for one in charts if scene.charts.kind[one] == ChartKind.WALL]
-    assert changed.field.charts is surfaces
-    made, tint, example = (part.copy() for part in (surfaces.made, surfaces.tint, surfaces.grain))
+    assert changed.arrays.charts is surfaces
+    made, tint, example = (part.copy() for part in (surfaces.material, surfaces.tint, surfaces.grain))
     tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
     if brick:
         made[own], example[own] = BRICK, MATERIAL_GRAINS[BRICK]
     whole = MaterialField(scene, [STREET], seed=1)
-    whole.field = whole.field._replace(charts=surfaces._replace(made=made, tint=tint, grain=example))
+    whole.arrays = whole.arrays._replace(charts=surfaces._replace(made=made, tint=tint, grain=example))
     for chart in (facade, of_kind(scene, ChartKind.WALL), of_kind(scene, ChartKind.ROOF)):
-        np.testing.assert_array_equal(changed.raster(chart), whole.raster(chart))
-    assert (changed.raster(facade) != plain.raster(facade)).any()
+        np.testing.assert_array_equal(changed.chart_raster(chart), whole.chart_raster(chart))
+    assert (changed.chart_raster(facade) != plain.chart_raster(facade)).any()
 
 
 def test_the_order_in_which_charts_are_asked_for_changes_nothing(scene: Scene) -> None:
@@ -167,17 +167,17 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
         Way("t", line, "tram", 1.0, "asphalt"),
         Way("c", shapely.LineString([(10, 10), (10, -12)]), "crossing", 3.0, "asphalt"),
     )
-    charts, mesh, _ = block_surfaces(
-        [], [Street("s", None, line)], terrain=terrain_of([], None), ground_margin=9, largest=8
+    charts, mesh, _ = build_block_surfaces(
+        [], [Street("s", None, line)], terrain=build_terrain([], None), ground_margin=9, largest=8
     )
-    placement = pack(charts.size, density, charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, density, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=2048))
     middle = charts.points(np.arange(len(charts)), charts.size[:, 0] / 2, charts.size[:, 1] / 2)
     chart = int(np.argmin(shapely.distance(line, shapely.points(middle[:, :2]))))
     rng = np.random.default_rng(0)
     rows, columns = (rng.integers(0, side[chart], 1500) for side in (placement.height, placement.width))
     materials = MaterialField(scene, [], seed=1, ground=Ground(ways))
-    found = materials.texels(chart, rows, columns).astype(float)
+    found = materials.texel_colours(chart, rows, columns).astype(float)
 
     def points(right: float, down: float) -> np.ndarray:
         places = charts.points(chart, (columns + 0.5 + right) / density, (rows + 0.5 + down) / density)
@@ -192,10 +192,10 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
 
 def test_leaves_lie_by_kerbs_and_few() -> None:
     ways = (Way("s", shapely.LineString([(-30, 0), (50, 0)]), "road", 7.0, "asphalt", pavement=(4.0, 4.0)),)
-    charts, mesh, _ = block_surfaces(
-        [], [Street("s", None, ways[0].line)], terrain=terrain_of([], None), ground_margin=9, largest=100
+    charts, mesh, _ = build_block_surfaces(
+        [], [Street("s", None, ways[0].line)], terrain=build_terrain([], None), ground_margin=9, largest=100
     )
-    placement = pack(charts.size, DENSITY, charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=2048, chunk=128, gutter=2)
     materials = MaterialField(
         Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=2048)), [], seed=1, ground=Ground(ways)
     )
@@ -214,7 +214,7 @@ def test_leaves_lie_by_kerbs_and_few() -> None:
 
 def test_rain_leaves_streaks_under_the_upper_edge_of_a_wall(scene: Scene) -> None:
     wall = of_kind(scene, ChartKind.WALL)
-    whole = MaterialField(scene, [STREET], seed=1).raster(wall).astype(float).mean(axis=2)
+    whole = MaterialField(scene, [STREET], seed=1).chart_raster(wall).astype(float).mean(axis=2)
     top, middle = (whole[rows].mean(axis=0) for rows in (slice(0, 12), slice(60, 72)))
     assert top.std() > 1.5 * middle.std()
 
@@ -222,8 +222,8 @@ def test_rain_leaves_streaks_under_the_upper_edge_of_a_wall(scene: Scene) -> Non
 def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
     court = shapely.box(0, 0, 30, 30).difference(shapely.box(9, 9, 21, 21))
     house = Building("court", court, 15.0, "height")
-    charts, mesh, _ = block_surfaces([house], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=32)
-    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces([house], [STREET], terrain=build_terrain([], None), ground_margin=20, largest=32)
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     materials = MaterialField(
         Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024)), [STREET], seed=1
     )
@@ -253,29 +253,29 @@ def test_detail_is_what_a_coarse_picture_lacks(scene: Scene, kind: int) -> None:
     import cv2
 
     chart, materials = of_kind(scene, kind), MaterialField(scene, [STREET], seed=1)
-    whole = materials.raster(chart)
+    whole = materials.chart_raster(chart)
     rows, columns = (a.ravel() for a in np.mgrid[10 : whole.shape[0] - 10, 10 : whole.shape[1] - 10])
-    detail = materials.detail(chart, rows, columns, np.full(len(rows), 7 / DENSITY))
+    detail = materials.fine_detail(chart, rows, columns, np.full(len(rows), 7 / DENSITY))
     assert np.abs(detail.mean(axis=0)).max() < 0.5
     blurred = cv2.blur(whole.astype(np.float32), (7, 7))[rows, columns]
     truth = whole[rows, columns].astype(float)
     assert np.mean((blurred + detail - truth) ** 2) < 0.15 * np.mean((blurred - truth) ** 2)
-    fine = materials.detail(chart, rows, columns, np.full(len(rows), 0.5 / DENSITY))
+    fine = materials.fine_detail(chart, rows, columns, np.full(len(rows), 0.5 / DENSITY))
     assert not fine.any()  # a picture finer than texels lacks nothing
 
 
 def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_foot_of_the_walls() -> None:
     """A roofed house on a hill: tiles run along the slope, walls are darker at their foot, 30 m up."""
     house = Building("h", shapely.box(0, 0, 20, 10), 6.0, "height", base=30.0, roof=Roof("gabled", 4.0))
-    charts, mesh, _ = block_surfaces(
-        [house], [STREET], terrain=terrain_of([house], None), ground_margin=20, largest=100
+    charts, mesh, _ = build_block_surfaces(
+        [house], [STREET], terrain=build_terrain([house], None), ground_margin=20, largest=100
     )
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
 
     def materials(charts: Charts) -> MaterialField:
         return MaterialField(Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024)), [STREET], seed=1)
 
-    wall = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9))[0]
+    wall = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normals()[:, 1] < -0.9))[0]
     x = np.linspace(0.5, 19.5, 200)
     foot, high = (
         materials(charts).colour(np.full(200, wall), np.column_stack([x, 0 * x, 0 * x + z]), np.full(200, 0.1))

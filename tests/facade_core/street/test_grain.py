@@ -10,8 +10,23 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import ModelError
-from facade_core.street.materials.grain import GRAIN_LEVELS, EXAMPLE_NAMES, TILE_PIXELS, DEFAULT_EXAMPLES, Grain, add_grain, build_grain_tables, learn_grain
-from facade_core.street.materials.grain_file import SHIPPED_EXAMPLES, load_examples, save_examples, load_shipped_grains, load_grains
+from facade_core.street.materials.grain import (
+    DEFAULT_EXAMPLES,
+    EXAMPLE_NAMES,
+    GRAIN_LEVELS,
+    TILE_PIXELS,
+    Grain,
+    add_grain,
+    build_grain_tables,
+    learn_grain,
+)
+from facade_core.street.materials.grain_file import (
+    SHIPPED_EXAMPLES,
+    load_examples,
+    load_grains,
+    load_shipped_grains,
+    save_examples,
+)
 from tasks.training.materials import train_materials
 
 # Each that is shipped, as it is.

@@ -9,8 +9,8 @@ import shapely
 
 from facade_core.core.types import Area, Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.marks import EDGE_M, LINE_M, PAINT, STOP_M, marks
-from facade_core.geometry.ground.shapes import SQUARE_M, Squares
+from facade_core.geometry.ground.marks import EDGE_LINE_OFFSET_M, LINE_HALF_WIDTH_M, GroundMark, STOP_LINE_HALF_WIDTH_M, ground_marks
+from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTiles
 from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.street.materials.ground_kernels import COLOURS, GRASS, ground_colour
 
@@ -20,21 +20,21 @@ PARK = Area("park", shapely.box(-60, -60, 60, 2), "grass")
 GROUND_OF = Ground((MAIN, SIDE), (PARK,))
 
 
-def squares(ground: Ground, *places: tuple[int, int]) -> Squares:
+def squares(ground: Ground, *places: tuple[int, int]) -> GroundTiles:
     """Ground charts that are whole squares of the world grid."""
     count = len(places)
     own = np.arange(count, dtype=np.int32)
-    origin = np.array([(x * SQUARE_M, (y + 1) * SQUARE_M, 0.0) for x, y in places])
+    origin = np.array([(x * GROUND_TILE_M, (y + 1) * GROUND_TILE_M, 0.0) for x, y in places])
     east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
-    size = np.full((count, 2), SQUARE_M)
-    return Squares(
+    size = np.full((count, 2), GROUND_TILE_M)
+    return GroundTiles(
         ground, Charts(np.full(count, ChartKind.GROUND, np.uint8), own, own * 0 - 1, origin, east, south, size)
     )
 
 
 def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
     out = np.empty((len(x), 3), np.uint8)
-    ground_colour(0, x, y, np.full(len(x), side), squares(ground, square).of([0]), load_shipped_grains(), 1, np.ones(len(x)), 1.0, out)
+    ground_colour(0, x, y, np.full(len(x), side), squares(ground, square).build_arrays([0]), load_shipped_grains(), 1, np.ones(len(x)), 1.0, out)
     return out.astype(float)
 
 
@@ -89,7 +89,7 @@ def test_a_road_between_places_for_cars_has_its_line_in_the_middle() -> None:
     """Its offset is what rounding leaves of nothing: 4.4e-16 of these widths, by which GEOS fails."""
     bent = shapely.LineString([(0, 0), (14, 8), (22, 12), (63, 35)])
     way = Way("b", bent, "road", 10.2, "asphalt", lanes=2, parking=(2.1, 2.1))
-    line = marks((way,), bent.buffer(way.width / 2), shapely.Point())[:, :4]
+    line = ground_marks((way,), bent.buffer(way.width / 2), shapely.Point())[:, :4]
     line = line[[bent.distance(shapely.LineString(row.reshape(2, 2))) < 1e-6 for row in line]]
     assert 0 < np.hypot(*(line[:, 2:] - line[:, :2]).T).sum() < bent.length
 
@@ -102,14 +102,14 @@ def painted(
 ) -> list[shapely.LineString]:
     """Painted lines of half a width."""
     place = carriageway or shapely.union_all([way.line.buffer(way.width / 2, cap_style="flat") for way in ways])
-    rows = marks(ways, place, shapely.Point())
-    return [shapely.LineString(row[:4].reshape(2, 2)) for row in rows if row[5] == PAINT and row[4] == half]
+    rows = ground_marks(ways, place, shapely.Point())
+    return [shapely.LineString(row[:4].reshape(2, 2)) for row in rows if row[5] == GroundMark.PAINT and row[4] == half]
 
 
 def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges() -> None:
     def edges(way: Way) -> list[int]:
-        away = way.width / 2 - EDGE_M
-        lines = [one for one in painted((way,), LINE_M) if abs(abs(one.centroid.y) - away) < 1e-6]
+        away = way.width / 2 - EDGE_LINE_OFFSET_M
+        lines = [one for one in painted((way,), LINE_HALF_WIDTH_M) if abs(abs(one.centroid.y) - away) < 1e-6]
         return sorted(int(np.sign(one.centroid.y)) for one in lines)
 
     assert edges(LARGE) == [-1, 1]
@@ -121,20 +121,20 @@ def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges()
 
 def test_cars_stop_on_their_own_half_before_a_crossing_and_before_a_road_of_higher_rank() -> None:
     crossing = Way("c", shapely.LineString([(60, -8), (60, 8)]), "crossing", 3.0, "asphalt")
-    lines = sorted(painted((LARGE, crossing), STOP_M), key=lambda line: line.centroid.x)
+    lines = sorted(painted((LARGE, crossing), STOP_LINE_HALF_WIDTH_M), key=lambda line: line.centroid.x)
     assert [round(line.centroid.x, 1) for line in lines] == [57.1, 62.9]
     assert [line.centroid.y < 0 for line in lines] == [True, False]  # who goes east keeps to the south
     assert all(4.5 < line.length < 6.5 for line in lines)
-    one_way = painted((replace(LARGE, oneway=True), crossing), STOP_M)
+    one_way = painted((replace(LARGE, oneway=True), crossing), STOP_LINE_HALF_WIDTH_M)
     assert [round(line.centroid.x, 1) for line in one_way] == [57.1]
     assert one_way[0].length > 11
-    assert painted((replace(LARGE, rank=3, lanes=0), crossing), STOP_M) == []
+    assert painted((replace(LARGE, rank=3, lanes=0), crossing), STOP_LINE_HALF_WIDTH_M) == []
     side = replace(LARGE, id="s", line=shapely.LineString([(30, -60), (30, 0)]), width=7.0, lanes=2, rank=4)
-    line = painted((LARGE, side), STOP_M)
+    line = painted((LARGE, side), STOP_LINE_HALF_WIDTH_M)
     assert [(round(one.centroid.y, 1), one.centroid.x > 30) for one in line] == [(-8.0, True)]
     beside = replace(side, lanes=0, rank=3)
     chosen = [
-        len(painted((LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))), STOP_M))
+        len(painted((LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))), STOP_LINE_HALF_WIDTH_M))
         for i in range(40)
     ]
     assert 4 < sum(chosen) < 36

@@ -10,10 +10,10 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street, Sun
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.sun import apply_sunlight, sunlight_share
@@ -32,8 +32,8 @@ def scene() -> Scene:
         Building("a", shapely.box(0, 0, 20, 10), 10.0, "height"),
         Building("b", shapely.box(-45, 0, -25, 10), 10.0, "height"),
     ]
-    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=45, largest=35)
-    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=45, largest=35)
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024), names=("a", "b"))
 
 
@@ -72,7 +72,7 @@ def test_shadows_fall_away_from_the_sun_and_end_where_its_height_says(scene: Sce
 
 
 def test_walls_face_the_sun_or_not(scene: Scene) -> None:
-    north = scene.charts.normal()[:, 1]
+    north = scene.charts.normals()[:, 1]
     walls = (scene.charts.kind == ChartKind.WALL) & (scene.charts.building == 0)
     (front,), (back,) = (np.flatnonzero(walls & (sense * north < -0.9)) for sense in (1, -1))
     assert sunlight_share(scene, int(front), SOUTH).min() == pytest.approx(np.sqrt(0.5), abs=1e-3)
@@ -132,9 +132,9 @@ def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) 
     bare, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False)
     left = contact_light(scene, chart)
     assert left is not None
-    expected = np.where(left[..., None] < 1, (materials.raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0)
+    expected = np.where(left[..., None] < 1, (materials.chart_raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0)
     np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
-    assert (bare[left == 1] == materials.raster(chart)[left == 1]).all()
+    assert (bare[left == 1] == materials.chart_raster(chart)[left == 1]).all()
     sunny, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False, sun=SOUTH)
     assert (sunny != bare).any()
     np.testing.assert_array_equal(sunny, apply_sunlight(bare, sunlight_share(scene, chart, SOUTH)))

@@ -9,11 +9,11 @@ import shapely
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
-from facade_core.geometry.overhead_view import from_above, raster_points, shown_from_above
+from facade_core.geometry.ground.terrain import build_terrain
+from facade_core.geometry.overhead_view import render_from_above, texel_points, roofs_seen_from_above
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
@@ -31,8 +31,8 @@ def scene() -> Scene:
         Building("low", shapely.box(0, 0, 20, 10), 6.0, "height"),
         Building("tower", shapely.box(8, 2, 12, 8), 15.0, "height"),
     ]
-    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=12, largest=60.0)
-    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=12, largest=60.0)
+    placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 
@@ -49,21 +49,21 @@ def roof(scene: Scene, building: int) -> int:
 
 def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
     chart = roof(scene, 0)
-    rgb, known = from_above(scene, chart, picture)
-    points = raster_points(scene, chart, np.arange(known.shape[0]) + 0.5, np.arange(known.shape[1]) + 0.5)
+    rgb, known = render_from_above(scene, chart, picture)
+    points = texel_points(scene, chart, np.arange(known.shape[0]) + 0.5, np.arange(known.shape[1]) + 0.5)
     expected = picture(points.reshape(-1, 3)[:, :2], 0.1)[0].reshape(rgb.shape)
     np.testing.assert_array_equal(rgb[known], expected[known])
     x, y = points[..., 0], points[..., 1]
     under = (x > 8) & (x < 12) & (y > 2) & (y < 8)
     np.testing.assert_array_equal(known, (x > 4) & ~under)
     assert under.sum() > 2000
-    top, seen = from_above(scene, roof(scene, 1), picture)
+    top, seen = render_from_above(scene, roof(scene, 1), picture)
     assert seen.all()
     assert top[..., 2].max() == 7
 
 
 def test_only_roofs_that_face_up_are_shown(scene: Scene) -> None:
-    shown = shown_from_above(scene)
+    shown = roofs_seen_from_above(scene)
     assert (scene.charts.kind[shown] == ChartKind.ROOF).all()
     assert shown.sum() == (scene.charts.kind == ChartKind.ROOF).sum()
 
@@ -71,7 +71,7 @@ def test_only_roofs_that_face_up_are_shown(scene: Scene) -> None:
 def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Scene) -> None:
     ground = np.flatnonzero(scene.charts.kind == ChartKind.GROUND)
     # known and unknown places are both on it
-    chart = next(c for c in ground.tolist() if 0 < from_above(scene, c, picture)[1][:, 20:].mean() < 1)
+    chart = next(c for c in ground.tolist() if 0 < render_from_above(scene, c, picture)[1][:, 20:].mean() < 1)
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     seen = np.zeros(shape, bool)
     seen[:, :20] = True
@@ -87,7 +87,7 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     colour, provenance = finish_chart(
         scene, materials, chart, KnownTexture(read, (), {chart}), is_neural=False, levelling=False, aerial=picture
     )
-    rgb, known = from_above(scene, chart, picture)
+    rgb, known = render_from_above(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
     np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])
     left = contact_light(scene, chart)
@@ -96,14 +96,14 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     assert (colour[seen & away] == [9, 9, 200]).all()
     bare = ~known & ~seen & away
     assert bare.any()
-    np.testing.assert_array_equal(colour[bare], materials.raster(chart)[bare])
+    np.testing.assert_array_equal(colour[bare], materials.chart_raster(chart)[bare])
     np.testing.assert_array_equal(
         provenance, np.where(seen, Provenance.TRANSLATED, np.where(known, Provenance.PHOTO, Provenance.MATERIAL))
     )
 
 
 def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:
-    green = TiledMaterial.of(np.full((32, 32, 3), (20, 220, 30), np.uint8), 0.05, DENSITY)
+    green = TiledMaterial.from_picture(np.full((32, 32, 3), (20, 220, 30), np.uint8), 0.05, DENSITY)
     plain, laid = MaterialField(scene, [STREET], seed=0), MaterialField(scene, [STREET], seed=0, roof_material=green)
     charts = np.arange(len(scene.charts))
     points = scene.charts.origin + scene.charts.axis_u + scene.charts.axis_v

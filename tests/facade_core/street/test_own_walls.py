@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facade_core.core.labels import FacadeClass
-from facade_core.facade.wall_material import lit_colour, wall_material
+from facade_core.facade.wall_material import lit_colour, measure_wall_material
 from facade_core.street.materials.procedural import brick_tone, plaster_tone
 
 DENSITY = 32.0
@@ -31,24 +31,24 @@ def facade(laid: bool, density: float = DENSITY) -> tuple[np.ndarray, np.ndarray
 
 
 def test_the_colour_is_that_of_the_lit_wall() -> None:
-    wall = wall_material(*facade(laid=False), DENSITY)
+    wall = measure_wall_material(*facade(laid=False), DENSITY)
     assert wall is not None
     assert wall.colour == pytest.approx(COLOUR, rel=0.06)
     assert not wall.brick
 
 
 def test_bricks_are_told_by_their_courses_where_texels_show_them() -> None:
-    wall = wall_material(*facade(laid=True), DENSITY)
+    wall = measure_wall_material(*facade(laid=True), DENSITY)
     assert wall is not None
     assert wall.brick
-    coarse = wall_material(*facade(laid=True, density=16.0), 16.0)
+    coarse = measure_wall_material(*facade(laid=True, density=16.0), 16.0)
     assert coarse is not None
     assert not coarse.brick
 
 
 def test_of_a_facade_that_is_all_windows_nothing_is_known() -> None:
     image, labels = facade(laid=False)
-    assert wall_material(image, np.full_like(labels, FacadeClass.WINDOW), DENSITY) is None
+    assert measure_wall_material(image, np.full_like(labels, FacadeClass.WINDOW), DENSITY) is None
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

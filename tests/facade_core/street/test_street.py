@@ -13,14 +13,14 @@ from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import GeometryError
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.daylight import Daylight
-from facade_core.geometry.ground.terrain import terrain_of
+from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.visible_tiles import mark_tiles
+from facade_core.geometry.visible_tiles import mark_visible_tiles
 from facade_core.street.propagation.propagate import propagate
 from facade_core.street.propagation.render import render
 from facade_core.street.propagation.texel_buffer import TexelBuffer
@@ -35,8 +35,8 @@ BUILDINGS = [
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    charts, mesh, _ = block_surfaces(BUILDINGS, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(BUILDINGS, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 
@@ -45,17 +45,17 @@ def camera(x: float = 10.0) -> Viewpoint:
 
 
 def window(scene: Scene, writable, seed=None, evidence=None) -> TexelBuffer:
-    rasters, write = TexelBuffer.layout(scene.placement, writable, range(len(scene.charts)))
+    rasters, write = TexelBuffer.plan_layout(scene.placement, writable, range(len(scene.charts)))
     seed = np.zeros((rasters.total, 3), np.uint8) if seed is None else seed
     evidence = np.zeros(rasters.total, np.uint8) if evidence is None else evidence
-    return TexelBuffer.of(scene.placement, rasters, write, seed, evidence)
+    return TexelBuffer.allocate(scene.placement, rasters, write, seed, evidence)
 
 
 def south_wall(scene: Scene, building: int) -> int:
     charts = scene.charts
     return int(
         np.flatnonzero(
-            (charts.building == building) & (charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9)
+            (charts.building == building) & (charts.kind == ChartKind.WALL) & (charts.normals()[:, 1] < -0.9)
         )[0]
     )
 
@@ -100,7 +100,7 @@ def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
     rgb[first.chart == front] = [255, 0, 0]
     rgb[first.chart == hidden] = [0, 255, 0]
     propagate(scene, atlas, camera(), rgb, charts_seen=first.chart)
-    texels = atlas.rasters.slice(scene.placement, hidden)
+    texels = atlas.layout.texel_slice(scene.placement, hidden)
     shape = (scene.placement.height[hidden], scene.placement.width[hidden])
     written = (atlas.provenance[texels] == Provenance.TRANSLATED).reshape(shape)
     assert (atlas.colour[texels][written.reshape(-1)] == [0, 255, 0]).all()
@@ -112,10 +112,10 @@ def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
 
 def test_stronger_evidence_is_never_overwritten(scene: Scene) -> None:
     wall = south_wall(scene, 0)
-    rasters, _ = TexelBuffer.layout(scene.placement, [wall], range(len(scene.charts)))
+    rasters, _ = TexelBuffer.plan_layout(scene.placement, [wall], range(len(scene.charts)))
     seed = np.full((rasters.total, 3), 77, np.uint8)
     evidence = np.zeros(rasters.total, np.uint8)
-    texels = rasters.slice(scene.placement, wall)
+    texels = rasters.texel_slice(scene.placement, wall)
     evidence[texels.start : texels.start + 500] = Provenance.PHOTO
     atlas = window(scene, [wall], seed, evidence)
     propagate(scene, atlas, camera(), np.full((128, 256, 3), 200, np.uint8))
@@ -174,14 +174,14 @@ def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
     visited = []
 
     def mark(*arguments):
-        tiles = mark_tiles(*arguments)
+        tiles = mark_visible_tiles(*arguments)
         visited.append(tiles.mean())
         return tiles
 
     with monkeypatch.context() as patched:
         patched.setattr(module, "mark_tiles", mark)
         propagate(scene, marked, camera(), rgb)
-        patched.setattr(module, "mark_tiles", lambda *arguments: np.ones_like(mark_tiles(*arguments)))
+        patched.setattr(module, "mark_tiles", lambda *arguments: np.ones_like(mark_visible_tiles(*arguments)))
         propagate(scene, everywhere, camera(), rgb)
     assert visited[0] < 0.8
     found, all_found = marked.provenance > Provenance.UNSEEN, everywhere.provenance > Provenance.UNSEEN
@@ -207,9 +207,9 @@ def test_threads_change_nothing(scene: Scene, threads: int) -> None:
 def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
     """Stripes finer than a pixel become their mean, not one of them."""
     wall = south_wall(scene, 0)
-    rasters, _ = TexelBuffer.layout(scene.placement, [], range(len(scene.charts)))
+    rasters, _ = TexelBuffer.plan_layout(scene.placement, [], range(len(scene.charts)))
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.full(rasters.total, Provenance.PHOTO, np.uint8)
-    texels = rasters.slice(scene.placement, wall)
+    texels = rasters.texel_slice(scene.placement, wall)
     width, height = int(scene.placement.width[wall]), int(scene.placement.height[wall])
     seed[texels] = np.tile(
         np.where(np.arange(width) % 2, 200, 0).astype(np.uint8)[None, :, None], (height, 1, 3)
@@ -232,10 +232,10 @@ def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
         south_wall(scene, 1),
         int(np.flatnonzero((scene.charts.building == 1) & (scene.charts.kind == ChartKind.ROOF))[0]),
     )
-    light.reach([hidden, roof])
+    light.compute([hidden, roof])
 
     def grid(chart: int) -> np.ndarray:
-        start, shape = light.place[chart], (light.rows[chart], light.columns[chart])
+        start, shape = light.start[chart], (light.rows[chart], light.columns[chart])
         return light.light[start : start + shape[0] * shape[1]].reshape(shape)
 
     assert grid(roof).min() > 0.99  # the tallest of all
@@ -243,6 +243,6 @@ def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
     assert wall[-1].mean() < wall[0].mean() - 0.15  # 4 m behind another house
     other = Daylight(scene.charts, scene.caster)
     for chart in (hidden, int(np.flatnonzero(scene.charts.kind == ChartKind.GROUND)[0]), hidden):
-        other.reach([chart])
-    start = other.place[hidden]
+        other.compute([chart])
+    start = other.start[hidden]
     np.testing.assert_array_equal(other.light[start : start + wall.size], wall.ravel())

@@ -9,11 +9,11 @@ import shapely
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.provenance import Provenance
 from facade_core.core.types import Building, Street
-from facade_core.geometry.block_surfaces import block_surfaces
-from facade_core.geometry.chart_packing import pack
+from facade_core.geometry.block_surfaces import build_block_surfaces
+from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.ground.terrain import terrain_of
-from facade_core.geometry.party_walls import enclosed
+from facade_core.geometry.ground.terrain import build_terrain
+from facade_core.geometry.party_walls import enclosed_texels
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.lighting.contact_shadow import contact_light
@@ -21,7 +21,13 @@ from facade_core.street.materials.example_fill import MAX_FILL_M
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.texel_buffer import TexelBuffer
-from facade_core.street.surfaces import KnownTexture, TranslatedViews, photo_fade_weight, paint_visible_texels, finish_chart
+from facade_core.street.surfaces import (
+    KnownTexture,
+    TranslatedViews,
+    finish_chart,
+    paint_visible_texels,
+    photo_fade_weight,
+)
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 
@@ -29,8 +35,8 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     houses = [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")]
-    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 
@@ -74,7 +80,7 @@ def footed(scene: Scene, chart: int, raster: np.ndarray) -> np.ndarray:
 def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: MaterialField) -> None:
     for chart in range(len(scene.charts)):
         colour, provenance = finish_chart(scene, materials, chart, known(scene, -1, bare(scene, 0), 0), is_neural=False)
-        np.testing.assert_array_equal(colour, footed(scene, chart, materials.raster(chart)))
+        np.testing.assert_array_equal(colour, footed(scene, chart, materials.chart_raster(chart)))
         assert (provenance == Provenance.MATERIAL).all()
 
 
@@ -87,7 +93,7 @@ def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, mate
     assert (colour[:, :40] == 160).all()
     assert (provenance[:, 40:] == Provenance.MATERIAL).all()
     plain, _ = finish_chart(scene, materials, chart, read, is_neural=False, levelling=False)
-    np.testing.assert_array_equal(plain[:, 40:], footed(scene, chart, materials.raster(chart))[:, 40:])
+    np.testing.assert_array_equal(plain[:, 40:], footed(scene, chart, materials.chart_raster(chart))[:, 40:])
     step = [abs(found[:, 40:46].astype(float).mean() - 160) for found in (plain, colour)]
     assert step[1] < 0.35 * step[0]
     far = slice(150, None)
@@ -135,7 +141,7 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
     last = 120 + round(MAX_FILL_M * density)
     assert (provenance[20:-20, 120 : last - 2] == Provenance.INPAINTED).all()
     assert (provenance[:, last + 2 :] < Provenance.INPAINTED).all()
-    painted = materials.raster(chart)
+    painted = materials.chart_raster(chart)
     np.testing.assert_array_equal(colour[:, last + 2 :], footed(scene, chart, painted)[:, last + 2 :])
     edge = np.abs(colour[20:-20, last - 3].astype(float) - painted[20:-20, last - 3]).mean()
     assert edge < 0.5 * np.abs(stripes[20:-20, 0].astype(float) - painted[20:-20, last - 3]).mean()
@@ -144,13 +150,13 @@ def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
 def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
     """A wall in two pieces: one is a photo, the other bare."""
     houses = [Building("a", shapely.box(0, 0, 40, 10), 12.0, "height")]
-    charts, mesh, _ = block_surfaces(
-        houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=20.1, grid=20
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=20.1, grid=20
     )
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
     materials = MaterialField(scene, [STREET], seed=1)
-    front = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normal()[:, 1] < -0.9))
+    front = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normals()[:, 1] < -0.9))
     one, other = front[np.argsort(charts.origin[front, 0])].tolist()
     photo = np.full_like(bare(scene, one), Provenance.PHOTO)
     step = {}
@@ -161,22 +167,22 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
 
 
 def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: MaterialField) -> None:
-    rasters, writable = TexelBuffer.layout(scene.placement, range(len(scene.charts)), [])
+    rasters, writable = TexelBuffer.plan_layout(scene.placement, range(len(scene.charts)), [])
     blank = np.zeros((rasters.total, 3), np.uint8)
-    window = TexelBuffer.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    window = TexelBuffer.allocate(scene.placement, rasters, writable, blank, blank[:, 0].copy())
     counts = []
     for x in (5.0, 15.0):
         viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
-        mark_first_visible(scene, window, viewpoint, scene.look(viewpoint, 512)[2])
+        mark_first_visible(scene, window, viewpoint, scene.cast_panorama(viewpoint, 512)[2])
         paint_visible_texels(window, scene.placement, materials)
         counts.append(int((window.provenance == Provenance.TRANSLATED).sum()))
     assert 0 < counts[0] < counts[1] < rasters.total
     assert window.state.views.max() == 1
     chart = ground(scene)
-    texels = rasters.slice(scene.placement, chart)
+    texels = rasters.texel_slice(scene.placement, chart)
     seen = window.provenance[texels] == Provenance.TRANSLATED
     assert 0 < seen.mean() < 1
-    np.testing.assert_array_equal(window.colour[texels][seen], materials.raster(chart).reshape(-1, 3)[seen])
+    np.testing.assert_array_equal(window.colour[texels][seen], materials.chart_raster(chart).reshape(-1, 3)[seen])
     assert not window.colour[texels][~seen].any()
 
 
@@ -185,7 +191,7 @@ def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials
     chart = ground(scene)
     rank = np.full_like(bare(scene, chart), Provenance.TRANSLATED)
     read = known(scene, chart, rank, 120)
-    middle = scene.charts.at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0]
+    middle = scene.charts.points_at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0]
     grain = []
     for up in (1.5, 30.0):
         pixels = TranslatedViews(middle + np.array([0, 0, up]), 512)
@@ -203,12 +209,12 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
         Building("low", shapely.box(12, 0, 24, 10), 6.0, "height"),
         Building("apart", shapely.box(25.5, 0, 30, 10), 9.0, "height"),
     ]
-    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
+    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)
+    placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("tall", "low", "apart"))
     materials = MaterialField(scene, [STREET], seed=1)
-    shut = np.array([enclosed(scene, chart).mean() for chart in range(len(charts))])
-    east = charts.normal()[:, 0]
+    shut = np.array([enclosed_texels(scene, chart).mean() for chart in range(len(charts))])
+    east = charts.normals()[:, 0]
     (party,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 0) & (east > 0.9))
     (covered,) = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.building == 1) & (east < -0.9))
     assert shut[covered] == 1
@@ -217,4 +223,4 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     colour, provenance = finish_chart(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), is_neural=False)
     assert (provenance == Provenance.MATERIAL).all()
     assert np.ptp(colour[70:].reshape(-1, 3), axis=0).max() == 0
-    np.testing.assert_array_equal(colour[:55], materials.raster(int(party))[:55])
+    np.testing.assert_array_equal(colour[:55], materials.chart_raster(int(party))[:55])

@@ -36,9 +36,9 @@ def test_a_metre_of_the_material_is_a_metre_of_the_roof() -> None:
     """Bars 40 pixels apart, a centimetre each, are 0.4 m apart; from row to row of tiles they do not drift."""
     bars = np.where((np.arange(320) % 40 < 20)[None, :, None], 200, 60).astype(np.uint8)
     image = np.broadcast_to(bars, (240, 320, 3)).copy()
-    material = TiledMaterial.of(image, 0.01, 20.0)
+    material = TiledMaterial.from_picture(image, 0.01, 20.0)
     at = np.arange(0, 12, 0.01)
-    line = material.laid(at, np.full(len(at), 3.3), np.full(len(at), 0.05))[:, 0]
+    line = material.sample(at, np.full(len(at), 3.3), np.full(len(at), 0.05))[:, 0]
     spectrum = np.abs(np.fft.rfft(line - line.mean()))
     assert np.fft.rfftfreq(len(line), 0.01)[spectrum.argmax()] == pytest.approx(2.5, abs=0.1)
     assert line.max() - line.min() > 80
@@ -47,9 +47,9 @@ def test_a_metre_of_the_material_is_a_metre_of_the_roof() -> None:
 def test_a_coarse_picture_is_interpolated_and_a_fine_one_averaged() -> None:
     flat = np.full((40, 40, 3), 90, np.uint8)
     for metres in (0.001, 1.0):
-        colour = TiledMaterial.of(flat, metres, 20.0).laid(
+        colour = TiledMaterial.from_picture(flat, metres, 20.0).sample(
             np.linspace(-50, 50, 99), np.linspace(9, -70, 99), np.geomspace(0.01, 9, 99)
         )
         assert np.abs(colour - 90).max() < 1
     with pytest.raises(ImageError, match="larger picture"):
-        TiledMaterial.of(flat[:4], 0.01, 20.0)
+        TiledMaterial.from_picture(flat[:4], 0.01, 20.0)

@@ -11,7 +11,14 @@ import pytest
 from facade_core.core.errors import ModelError
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.equirectangular_taps import KERNEL_SIZE, TAP_COUNT, gather_taps, kernel_taps
-from facade_core.street.translator.training_views import USED_ROWS, PANORAMA_WIDTHS, TrainingRendering, imitate_rendering, crop_panorama, crop_rendering
+from facade_core.street.translator.training_views import (
+    PANORAMA_WIDTHS,
+    USED_ROWS,
+    TrainingRendering,
+    crop_panorama,
+    crop_rendering,
+    imitate_rendering,
+)
 
 RNG = np.random.default_rng(3)
 
@@ -53,25 +60,25 @@ def test_a_turned_panorama_is_seen_turned() -> None:
 
 def test_tiles_are_equal_to_the_whole_and_there_is_no_seam_at_180_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
     network, image = neural_translator.load_translator(), smooth(256)
-    whole = network.textured(image)
+    whole = network.translate_image(image)
     assert whole.std() > 5
-    assert (network.textured(np.roll(image, 200, axis=1)) == np.roll(whole, 200, axis=1)).all()
+    assert (network.translate_image(np.roll(image, 200, axis=1)) == np.roll(whole, 200, axis=1)).all()
     monkeypatch.setattr(neural_translator, "MAX_NETWORK_PIXELS", (2 * neural_translator.RECEPTIVE_MARGIN + 100) ** 2)
-    assert (network.textured(image) == whole).all()
+    assert (network.translate_image(image) == whole).all()
 
 
 def test_a_far_change_changes_nothing() -> None:
     network, image = neural_translator.load_translator(), smooth(256)
     changed = image.copy()
     changed[-20:] = 255 - changed[-20:]
-    before, after = network.textured(image), network.textured(changed)
+    before, after = network.translate_image(image), network.translate_image(changed)
     assert (before != after).any()
     assert (before[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN] == after[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN]).all()
 
 
 def test_a_width_the_network_does_not_take_is_refused() -> None:
     with pytest.raises(ModelError, match=r"100 pixels wide.*change panorama_width"):
-        neural_translator.load_translator().textured(np.zeros((50, 100, 3), np.uint8))
+        neural_translator.load_translator().translate_image(np.zeros((50, 100, 3), np.uint8))
 
 
 def test_broken_files_are_refused_by_name(tmp_path: Path) -> None:

@@ -17,9 +17,9 @@ from facade_core.street.translator import training
 from facade_core.street.translator.equirectangular_taps import gather_taps
 from facade_core.street.translator.kernel_distance import image_features, kernel_distance
 from facade_core.street.translator.network import Discriminator, Generator, image_to_tensor, initialise_weights
-from facade_core.street.translator.network_export import store_half_precision, export_onnx
+from facade_core.street.translator.network_export import export_onnx, store_half_precision
 from facade_core.street.translator.training import learning_rate_share, train_generator
-from facade_core.street.translator.training_steps import TrainingRecipe, TrainingDomains, step_paired
+from facade_core.street.translator.training_steps import TrainingDomains, TrainingRecipe, step_paired
 from facade_core.street.translator.training_views import TrainingPair, TrainingRendering, crop_pair
 
 COURSE = TrainingRecipe(width=4, steps=4, warm=1, crop=(32, 64), batch=1, check=2)
@@ -85,13 +85,13 @@ def test_the_exported_network_is_the_trained_one() -> None:
     image = np.random.default_rng(0).integers(0, 255, (32, 64, 3), dtype=np.uint8)
     seen = gather_taps(image_to_tensor(image)[0].numpy(), (0, 32))[None]
     with torch.no_grad():
-        expected = network.decode(network.blocks_of(torch.from_numpy(seen), True, []), True).numpy()
+        expected = network.decode(network.run_blocks(torch.from_numpy(seen), True, []), True).numpy()
     content = export_onnx(network.state_dict(), COURSE)
     for made, near in ((content, 1e-4), (store_half_precision(content), 5e-3)):
         session = onnxruntime.InferenceSession(made, providers=["CPUExecutionProvider"])
         np.testing.assert_allclose(session.run(None, {"seen": seen})[0], expected, atol=near)
     # away from edges, training's taps are those of the translator
-    entry = network.entry(image_to_tensor(image), [(0, 32)])[0].numpy()
+    entry = network.gather_inputs(image_to_tensor(image), [(0, 32)])[0].numpy()
     np.testing.assert_allclose(entry[:, 12:20, 8:-8], seen[0, :, 12:20, 8:-8], atol=1e-4)
 
 

@@ -8,10 +8,10 @@ from PIL import Image
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Element
-from facade_core.facade.texture.floor_pitch import bay_width, floor_height
+from facade_core.facade.texture.floor_pitch import estimate_bay_width, estimate_floor_height
 from facade_core.facade.texture.inpainting import inpaint
-from facade_core.facade.texture.seams import diffused, least_path
-from facade_core.facade.texture.window_completion import whole
+from facade_core.facade.texture.seams import diffuse_difference, find_min_error_path
+from facade_core.facade.texture.window_completion import complete_windows
 from facade_core.synth.facade import facade as paint
 
 
@@ -131,16 +131,16 @@ def test_a_layout_does_not_wall_up_what_it_does_not_know(facade):
 
 def test_pitches(facade, hole):
     rng = np.random.default_rng(0)
-    assert floor_height(facade.image, hole, rng) == pytest.approx(40, abs=1)
-    assert bay_width(facade.image, hole, rng) == pytest.approx(36, abs=1)
+    assert estimate_floor_height(facade.image, hole, rng) == pytest.approx(40, abs=1)
+    assert estimate_bay_width(facade.image, hole, rng) == pytest.approx(36, abs=1)
     flat = np.full((100, 100, 3), 120, np.uint8)
-    assert floor_height(flat, np.zeros((100, 100), bool), rng) is None
+    assert estimate_floor_height(flat, np.zeros((100, 100), bool), rng) is None
 
 
 def test_the_least_path_bends_to_where_pictures_agree():
     error = np.ones((12, 7))
     error[:6, 5], error[6:, 3], error[6, 4] = 0.0, 0.0, 0.0
-    path = least_path(error)
+    path = find_min_error_path(error)
     np.testing.assert_array_equal(path[:5], 5)
     np.testing.assert_array_equal(path[7:], 3)
     assert np.abs(np.diff(path)).max() == 1
@@ -149,7 +149,7 @@ def test_the_least_path_bends_to_where_pictures_agree():
 def test_levels_reproduce_a_constant_difference():
     weight = np.zeros((60, 80), np.float32)
     weight[:4] = 1.0
-    offset = diffused(np.full((60, 80, 3), 20.0, np.float32), weight)
+    offset = diffuse_difference(np.full((60, 80, 3), 20.0, np.float32), weight)
     np.testing.assert_allclose(offset, 20.0, rtol=1e-3)
 
 
@@ -225,7 +225,7 @@ def test_a_window_that_a_hole_cuts_is_of_one_piece():
     made = image.copy()
     made[70:85, 120:144] = image[20:35, 20:44]  # the upper half of one window, the lower of another
     made[85:100, 120:144] = image[135:150, 220:244]
-    shown = whole(made, mask, windows)
+    shown = complete_windows(made, mask, windows)
     np.testing.assert_array_equal(shown[~mask], image[~mask])
     own = shown[72:98, 122:142].astype(int)
     apart = [
@@ -234,7 +234,7 @@ def test_a_window_that_a_hole_cuts_is_of_one_piece():
         if (e.x0, e.y0) != (120, 70)
     ]
     assert min(apart) <= 2
-    np.testing.assert_array_equal(whole(made, mask, []), made)
+    np.testing.assert_array_equal(complete_windows(made, mask, []), made)
 
 
 def test_nothing_made_is_darker_than_what_is_seen(facade, hole):

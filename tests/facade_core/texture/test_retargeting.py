@@ -10,7 +10,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import retarget
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.shortest_walks import cheapest_walk
-from facade_core.parsing.floor_structure import storeys, structural_lattice, structure, window_spans
+from facade_core.parsing.floor_structure import count_floors, find_structure, structural_lattice, window_spans
 from facade_core.synth.facade import facade as paint
 from facade_core.synth.styles import STYLES
 
@@ -27,7 +27,7 @@ def test_size_floors_doors_and_roof(facade, size, floors):
     (result,) = retarget(*facade, size, floors=floors, metres_per_pixel=MPP)
     assert result.image.shape == (round(size[0] / MPP), round(size[1] / MPP), 3)
     assert counts(result.labels)[0] == floors - 1, "the ground floor has a door and no windows"
-    assert storeys(result.labels) == floors
+    assert count_floors(result.labels) == floors
     street = np.isin(result.labels, (FacadeClass.DOOR, FacadeClass.SHOP)).any(1)
     assert street[-1]
     assert street.sum() < 0.5 * len(street)
@@ -80,7 +80,7 @@ def test_bad_input_names_the_remedy(facade):
 
 
 def test_structure_of_the_drawn_facade(facade):
-    found = structure(facade.labels)
+    found = find_structure(facade.labels)
     assert found.kinds == ("middle",) * 4
     assert len(found.bays) == 4
     assert abs(found.ground_top - (facade.labels.shape[0] - 41)) < 12
@@ -97,19 +97,21 @@ def test_structure_of_the_drawn_facade(facade):
 def test_storeys_are_those_that_were_painted(style, floors, columns, seed):
     size = (floors * 3.4 + 1.5, columns * 2.6)
     painted = paint(size, floors=floors, columns=columns, style=style, metres_per_pixel=0.05, seed=seed)
-    in_the_roof = structure(painted.labels).kinds.count("roof")
-    assert storeys(painted.labels) == floors + in_the_roof, "the ground floor counts, with windows or shops"
+    in_the_roof = find_structure(painted.labels).kinds.count("roof")
+    assert count_floors(painted.labels) == floors + in_the_roof, "the ground floor counts, with windows or shops"
 
 
 def test_a_low_base_is_no_storey_and_without_windows_nothing_tells(facade):
     low = facade.labels[:-30]
     assert not np.isin(low, (FacadeClass.DOOR, FacadeClass.SHOP))[:-12].any()
-    assert storeys(facade.labels) == 5
+    assert count_floors(facade.labels) == 5
     assert (
-        storeys(np.where(np.isin(low, (FacadeClass.DOOR, FacadeClass.SHOP)), FacadeClass.WALL, low).astype(np.uint8))
+        count_floors(
+            np.where(np.isin(low, (FacadeClass.DOOR, FacadeClass.SHOP)), FacadeClass.WALL, low).astype(np.uint8)
+        )
         == 4
     )
-    assert storeys(np.zeros_like(facade.labels)) == 0
+    assert count_floors(np.zeros_like(facade.labels)) == 0
 
 
 @pytest.mark.parametrize("style", ["brick", "jugend", "neoclassical"])
@@ -126,13 +128,13 @@ def test_a_cottage_has_one_storey_and_a_shop_under_windows_two(height, sill, doo
     labels = np.full((round(20 * height), 160), FacadeClass.WALL, np.uint8)
     for left in (20, 100):
         labels[-round(20 * (sill + 1.2)) : -round(20 * sill), left : left + 24] = FacadeClass.WINDOW
-    assert storeys(labels) == 1
+    assert count_floors(labels) == 1
     labels[-round(20 * door) :, 66:86] = FacadeClass.DOOR
-    assert storeys(labels) == 1
+    assert count_floors(labels) == 1
     above = np.full((round(20 * 3.0), 160), FacadeClass.WALL, np.uint8)
     above[20:46, 20:44] = above[20:46, 100:124] = FacadeClass.WINDOW
     shop = np.full((round(20 * 3.4), 160), FacadeClass.SHOP, np.uint8)
-    assert storeys(np.vstack([above, shop])) == 2
+    assert count_floors(np.vstack([above, shop])) == 2
 
 
 def test_walks_keep_neighbours_and_show_the_door_once():
@@ -141,7 +143,7 @@ def test_walks_keep_neighbours_and_show_the_door_once():
     ends = np.array([0.0, 9, 9, 9]), np.array([9.0, 9, 9, 0])
     np.testing.assert_array_equal(cheapest_walk(price, *ends, 4), [0, 1, 2, 3])
     door = np.array([False, True, False, False])
-    walk = cheapest_walk(price, *ends, 9, marked=door, most=1)
+    walk = cheapest_walk(price, *ends, 9, marked=door, max_marked=1)
     assert (walk == 1).sum() == 1
     assert (walk[0], walk[-1]) == (0, 3)
 
@@ -173,5 +175,5 @@ def test_haussmann_facades_keep_their_floors(data):
             rows = window_spans(result.labels == FacadeClass.WINDOW)
             street = [np.isin(result.labels[a:b], (FacadeClass.DOOR, FacadeClass.SHOP)).mean() > 0.1 for a, b in rows]
             assert len(rows) - sum(street) == floors - 1
-            assert storeys(result.labels) == floors
+            assert count_floors(result.labels) == floors
             assert result.image.shape[:2] == (round(size[0] / scale), round(size[1] / scale))

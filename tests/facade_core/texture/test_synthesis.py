@@ -6,44 +6,44 @@ import pytest
 from benchmarks.synthesis import plain_energy, reference
 from facade_core.core.errors import ImageError
 from facade_core.core.types import Lattice
-from facade_core.facade.texture.synthesis import cells, evolved, synthesize, synthesize_on
-from facade_core.facade.texture.tile_composition import compose
-from facade_core.facade.texture.tiling_energy import ORDER, energy, tables
+from facade_core.facade.texture.synthesis import cell_borders, evolve_random_tilings, synthesize, synthesize_on_lattice
+from facade_core.facade.texture.tile_composition import compose_tiles
+from facade_core.facade.texture.tiling_energy import TEMPLATE_ORDER, tabulate_energy, tiling_energy
 from facade_core.parsing.lattice import lattice
 
 
 def test_energy_equals_the_reference(facade):
-    tab = tables(*facade, lattice(facade.labels))
+    tab = tabulate_energy(*facade, lattice(facade.labels))
     rng = np.random.default_rng(1)
-    for shape in ((5, 6), (9, 4), (ORDER, ORDER)):
+    for shape in ((5, 6), (9, 4), (TEMPLATE_ORDER, TEMPLATE_ORDER)):
         tiles = rng.integers(0, len(tab.kind), shape).astype(np.int32)
-        assert energy(tab, tiles) == pytest.approx(plain_energy(tab, tiles), rel=1e-5)
+        assert tiling_energy(tab, tiles) == pytest.approx(plain_energy(tab, tiles), rel=1e-5)
 
 
 def test_the_exemplar_itself_costs_nothing(facade):
     grid = lattice(facade.labels)
-    tab = tables(*facade, grid)
+    tab = tabulate_energy(*facade, grid)
     own = np.arange(len(tab.kind), dtype=np.int32).reshape(len(grid.rows) - 1, -1)
-    assert energy(tab, own) == 0.0
-    assert energy(tab, own[:, ::-1].copy()) > 1.0
+    assert tiling_energy(tab, own) == 0.0
+    assert tiling_energy(tab, own[:, ::-1].copy()) > 1.0
 
 
 def test_incremental_energy_is_the_energy_of_the_result(facade):
     grid = lattice(facade.labels)
-    result = synthesize_on(*facade, grid, (220, 300), generations=300)
-    assert result.energy == energy(tables(*facade, grid), result.tiles)
+    result = synthesize_on_lattice(*facade, grid, (220, 300), generations=300)
+    assert result.energy == tiling_energy(tabulate_energy(*facade, grid), result.tiles)
 
 
 def test_more_generations_give_less_energy(facade):
     grid = lattice(facade.labels)
-    few, many = (synthesize_on(*facade, grid, (280, 300), generations=n).energy for n in (10, 1500))
+    few, many = (synthesize_on_lattice(*facade, grid, (280, 300), generations=n).energy for n in (10, 1500))
     assert many < 0.7 * few
 
 
 def test_generations_reach_what_the_plain_algorithm_reaches(facade):
     grid = lattice(facade.labels, max_lines=12)
-    tab, shape = tables(*facade, grid), (5, 6)
-    runs = [evolved(tab, grid, shape, np.random.default_rng(s), 200)[1] for s in range(8)]
+    tab, shape = tabulate_energy(*facade, grid), (5, 6)
+    runs = [evolve_random_tilings(tab, grid, shape, np.random.default_rng(s), 200)[1] for s in range(8)]
     assert all((np.diff(run) <= 0).all() for run in runs)
     plain = np.mean([reference(tab, shape, grid, 200, s) for s in range(8)])
     assert np.mean([run[-1] for run in runs]) < 1.2 * plain
@@ -54,7 +54,7 @@ def test_tiles_in_their_own_order_show_the_exemplar():
     image[:, 30:] = 200
     image[:, 27:33] = 150
     grid = Lattice((0, 40), (0, 30, 60))
-    own, _ = compose(
+    own, _ = compose_tiles(
         image, np.zeros((40, 60), np.uint8), grid, np.array([[0, 1]]), np.array([0, 40]), np.array([0, 30, 60])
     )
     np.testing.assert_allclose(own.astype(int), image, atol=1)
@@ -73,7 +73,7 @@ def test_size_borders_and_determinism(facade):
 
 
 def test_cells_fill_the_size():
-    borders = cells(np.array([3.0, 1.0, 2.5]), 40)
+    borders = cell_borders(np.array([3.0, 1.0, 2.5]), 40)
     assert borders[0] == 0
     assert borders[-1] == 40
     assert (np.diff(borders) > 0).all()

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from facade_core.core.errors import InputError
-from facade_core.facade.variation.codec import decode, encode_file, quantise_light
-from facade_core.facade.variation.contents import Group
+from facade_core.facade.variation.codec import decode_file, encode_file, quantise_light
+from facade_core.facade.variation.contents import ElementGroup
 
 
 @settings(max_examples=20)
@@ -25,7 +25,7 @@ def test_a_file_holds_what_it_was_given(seed: int, count: int, levels: int, data
     for _ in range(count):
         n = int(rng.integers(1, 6))
         boxes = rng.integers(-(2**31), 2**31, (n, 4)).astype(np.int32)
-        groups.append(Group("window", boxes, rng.uniform(0, 2, n), rng.integers(0, 5, n).astype(np.int32)))
+        groups.append(ElementGroup("window", boxes, rng.uniform(0, 2, n), rng.integers(0, 5, n).astype(np.int32)))
     elements = sum(len(group.boxes) for group in groups)
     shapes = data.draw(st.lists(st.tuples(st.integers(1, 4), st.integers(1, 4)), max_size=3)) if elements else []
     cells = [rng.integers(-1, elements, shape).astype(np.int32) for shape in shapes]
@@ -34,7 +34,7 @@ def test_a_file_holds_what_it_was_given(seed: int, count: int, levels: int, data
 
     coded = encode_file(photo, groups, cells, representatives, matrices)
     assert coded == encode_file(photo, groups, cells, representatives, matrices)
-    contents = decode(coded)
+    contents = decode_file(coded)
     assert contents.photo.shape == photo.shape
     np.testing.assert_array_equal(contents.representatives, representatives)
     assert len(contents.levels) == levels
@@ -48,7 +48,7 @@ def test_a_file_holds_what_it_was_given(seed: int, count: int, levels: int, data
         np.testing.assert_array_equal(found.types, group.types)
         np.testing.assert_array_equal(found.light, quantise_light(group.light))
     with pytest.raises(InputError, match="encode the facade again"):
-        decode(coded[: int(rng.integers(0, len(coded)))])
+        decode_file(coded[: int(rng.integers(0, len(coded)))])
 
 
 def test_a_file_of_an_earlier_format_says_what_to_do() -> None:
@@ -57,4 +57,4 @@ def test_a_file_of_an_earlier_format_says_what_to_do() -> None:
         archive.writestr("header.json", json.dumps({"format": "streetloom variation 2", "groups": []}))
         archive.writestr("wall.webp", b"")
     with pytest.raises(InputError, match=r"format 'streetloom variation 2' is not .*; encode the facade again"):
-        decode(out.getvalue())
+        decode_file(out.getvalue())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from facade_core.core.errors import InputError
-from facade_core.facade.pipeline import Facade, from_exemplar
+from facade_core.facade.pipeline import Facade, build_facade_from_exemplar
 from facade_core.facade.texture.building_walls import Wall
-from facade_core.facade.texture.retargeting import style_of
+from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.synth.facade import facade
@@ -38,8 +38,10 @@ def test_a_bare_wall_is_drawn_without_types() -> None:
 def test_neighbours_that_share_an_exemplar_differ_and_each_repeats_by_its_seed() -> None:
     def wall(seed: int) -> Facade:
         size = PAINTED.labels.shape
-        style = style_of(PAINTED.image, PAINTED.labels)
-        return from_exemplar(style, Wall.alone(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed)
+        style = extract_style(PAINTED.image, PAINTED.labels)
+        return build_facade_from_exemplar(
+            style, Wall.alone(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed
+        )
 
     one, two = wall(1), wall(2)
     np.testing.assert_array_equal(one.image, wall(1).image)

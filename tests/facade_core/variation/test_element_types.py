@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score, silhouette_score
 
-from facade_core.facade.variation.appearance import projected, relabelling_cost
-from facade_core.facade.variation.element_types import cluster, descriptors, filled, mean_shift, silhouette
+from facade_core.facade.variation.appearance import project_patches, relabelling_cost
+from facade_core.facade.variation.element_types import (
+    cluster_types,
+    compute_descriptors,
+    fill_from_similar,
+    mean_shift,
+    mean_silhouette,
+)
 
 
 def patches(seed, number=30, types=3):
@@ -19,18 +25,18 @@ def all_seen(images):
 
 
 def types_of(images, seen=None):
-    return cluster(descriptors(images, all_seen(images) if seen is None else seen))
+    return cluster_types(compute_descriptors(images, all_seen(images) if seen is None else seen))
 
 
 def test_projected_patches_lie_as_far_apart_as_the_patches():
     images, _ = patches(0)
     rng = np.random.default_rng(0)
     flat = (rng.uniform(0, 20, (30, 5)) @ rng.uniform(0, 10, (5, images[0].size))).reshape(images.shape)
-    found = projected(flat)
+    found = project_patches(flat)
     assert found.shape == (30, 7)
     apart = np.linalg.norm((flat[:, None] - flat[None]).reshape(30, 30, -1), axis=2)
     np.testing.assert_allclose(np.linalg.norm(found[:, None] - found[None], axis=2), apart, rtol=1e-4, atol=1e-3)
-    assert projected(flat[:1]).shape == (1, 1)
+    assert project_patches(flat[:1]).shape == (1, 1)
 
 
 def test_planted_types_are_found():
@@ -51,7 +57,7 @@ def test_alike_patches_are_one_type_and_a_lone_one_too():
 def test_flat_parts_beside_strong_edges_have_finite_descriptors():
     images = np.full((6, 200, 120, 3), 128, np.float32)
     images[:, 1:7, ::2] = np.random.default_rng(0).uniform(0, 255, (6, 6, 60, 3))
-    assert np.isfinite(descriptors(images, all_seen(images))).all()
+    assert np.isfinite(compute_descriptors(images, all_seen(images))).all()
 
 
 def test_a_shadow_makes_no_type():
@@ -71,16 +77,16 @@ def test_what_hides_an_element_makes_no_type():
     images[hidden, 20:] = (40, 160, 60)
     seen = all_seen(images)
     seen[hidden, 20:] = False
-    types, _ = types_of(filled(images, seen), seen)
+    types, _ = types_of(fill_from_similar(images, seen), seen)
     assert adjusted_rand_score(planted, types) >= 0.9
 
 
 def test_hidden_values_are_those_of_the_most_alike():
     values = np.array([[1.0, 5.0], [3.0, 7.0], [2.8, 0.0], [9.0, 0.0]]).reshape(4, 1, 2, 1)
     known = np.array([[True, True], [True, True], [True, False], [True, False]]).reshape(4, 1, 2)
-    assert filled(values, known)[:, 0, 1, 0].tolist() == [5, 7, 7, 7]
+    assert fill_from_similar(values, known)[:, 0, 1, 0].tolist() == [5, 7, 7, 7]
     known[:, 0, 1] = False
-    assert np.array_equal(filled(values, known), values)
+    assert np.array_equal(fill_from_similar(values, known), values)
 
 
 def test_mean_shift_puts_the_largest_first():
@@ -91,8 +97,8 @@ def test_mean_shift_puts_the_largest_first():
 def test_silhouette_is_the_usual_one():
     rng = np.random.default_rng(2)
     points, types = rng.random((20, 3)), rng.integers(4, size=20)
-    assert silhouette(points, types) == pytest.approx(silhouette_score(points, types))
-    assert silhouette(points, np.zeros(20, int)) == 0
+    assert mean_silhouette(points, types) == pytest.approx(silhouette_score(points, types))
+    assert mean_silhouette(points, np.zeros(20, int)) == 0
 
 
 def test_cost_is_the_cubed_share_of_the_largest_difference():

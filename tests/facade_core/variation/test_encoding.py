@@ -9,11 +9,11 @@ from sklearn.metrics import adjusted_rand_score
 from facade_core.core.errors import ImageError, InputError, LayoutError
 from facade_core.core.types import Element
 from facade_core.facade.variation.encoding import encode
-from facade_core.facade.variation.enlargement import enlarge
+from facade_core.facade.variation.enlargement import enlarge_facade
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.photo_exchange import exchange_in_photo
-from facade_core.facade.variation.sampling import deal, exchange
-from facade_core.facade.variation.variations import variations
+from facade_core.facade.variation.sampling import assign_by_type, permute_within_types
+from facade_core.facade.variation.variations import find_variations
 
 WIDTH, HEIGHT = 30, 44
 
@@ -131,10 +131,10 @@ def test_samples_differ_repeat_by_seed_and_keep_the_wall(coded):
 
 def test_seeds_give_all_variations_before_any_twice():
     types = np.array([0, 0, 0, 1, 2, 2, 2])
-    found = [tuple(exchange(types, seed)) for seed in range(36)]
+    found = [tuple(permute_within_types(types, seed)) for seed in range(36)]
     assert len(set(found)) == 36
     assert all((types[list(shown)] == types).all() for shown in found)
-    assert exchange(np.array([0, 1, 2]), 5).tolist() == [0, 1, 2]
+    assert permute_within_types(np.array([0, 1, 2]), 5).tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize(("floors", "columns"), [(8, 8), (5, 13), (9, 12)])
@@ -144,7 +144,7 @@ def test_a_larger_facade_repeats_floors_and_bays(coded, floors, columns):
     assert larger.shape == (image.shape[0] + (floors - 5) * 80, image.shape[1] + (columns - 8) * 56, 3)
     assert np.array_equal(larger, hierarchy.sample(1, 4, floors=floors, columns=columns))
     assert not np.array_equal(larger, hierarchy.sample(1, 5, floors=floors, columns=columns))
-    found = enlarge(hierarchy.wall, hierarchy.groups, hierarchy.cells, floors, columns, np.random.default_rng(4))
+    found = enlarge_facade(hierarchy.wall, hierarchy.groups, hierarchy.cells, floors, columns, np.random.default_rng(4))
     assert len(found.places) == floors * columns
     middles = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
     assert np.ptp(middles[:, 0]) == pytest.approx((columns - 1) * 56, abs=4)
@@ -154,9 +154,9 @@ def test_a_larger_facade_repeats_floors_and_bays(coded, floors, columns):
 def test_neighbours_on_a_larger_facade_show_different_elements(coded):
     *_, hierarchy = coded
     rng = np.random.default_rng(1)
-    larger = enlarge(hierarchy.wall, hierarchy.groups, hierarchy.cells, 10, 16, rng)
+    larger = enlarge_facade(hierarchy.wall, hierarchy.groups, hierarchy.cells, 10, 16, rng)
     types = hierarchy.types_at(len(hierarchy.levels) - 1)
-    shown = deal(types, larger.places, larger.boxes, rng)
+    shown = assign_by_type(types, larger.places, larger.boxes, rng)
     _, counts = np.unique(shown, return_counts=True)
     assert len(counts) == 40
     assert np.ptp(counts) <= 2
@@ -194,7 +194,7 @@ def test_samples_are_numbered_from_zero(coded, seed):
     for sample in (
         lambda: hierarchy.sample(0, seed),
         lambda: hierarchy.sample(0, seed, floors=9),
-        lambda: exchange_in_photo(image, variations(image, elements), 0, seed),
+        lambda: exchange_in_photo(image, find_variations(image, elements), 0, seed),
     ):
         with pytest.raises(InputError, match="numbered from 0"):
             sample()
@@ -202,7 +202,7 @@ def test_samples_are_numbered_from_zero(coded, seed):
 
 def test_exchanged_in_the_photo_the_wall_stays_and_windows_are_other_windows(coded):
     image, elements, *_ = coded
-    of = variations(image, elements)
+    of = find_variations(image, elements)
     made, _ = exchange_in_photo(image, of, 1, 7)
     near = inside([Element("", e.x0 - 6, e.y0 - 6, e.x1 + 6, e.y1 + 6) for e in elements], image.shape[:2])
     assert np.array_equal(made[~near], image[~near])

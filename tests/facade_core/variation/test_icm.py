@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.facade.variation.icm import WHOLE, icm, moves_from, rectangles
+from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_sizes
 
 
 def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarray, list[float]]:
@@ -13,11 +13,11 @@ def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.
     x, types = previous.copy(), len(cost)
 
     def total(label: int) -> float:
-        return rectangles(x == label)
+        return sum_reciprocal_sizes(x == label)
 
     def regular(label: int) -> float:
         count = (x == label).sum()
-        return 1 + 1 / count + total(label) / WHOLE if count else 0.0
+        return 1 + 1 / count + total(label) / FIXED_POINT_ONE if count else 0.0
 
     energies = [alpha * sum(regular(t) for t in range(types))]
     moved = True
@@ -28,7 +28,7 @@ def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.
             count = np.bincount(x[x >= 0], minlength=types)
             whole = [total(t) for t in range(types)]
             x[at] = -1
-            loss = (total(a) - whole[a]) / WHOLE - 1 - 1 / count[a]
+            loss = (total(a) - whole[a]) / FIXED_POINT_ONE - 1 - 1 / count[a]
             if count[a] > 1:
                 loss += 1 + 1 / (count[a] - 1)
             best, gain = a, -1e-9
@@ -36,7 +36,7 @@ def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.
                 if b == a or count[b] == 0:
                     continue
                 x[at] = b
-                change = 1 / (count[b] + 1) - 1 / count[b] + (total(b) - whole[b]) / WHOLE + loss
+                change = 1 / (count[b] + 1) - 1 / count[b] + (total(b) - whole[b]) / FIXED_POINT_ONE + loss
                 here = cost[p, b] - cost[p, a] + alpha * change
                 if here < gain:
                     best, gain = b, here
@@ -55,8 +55,8 @@ def plain_icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.
                 data = 0.0
                 for at in zip(*np.nonzero(x == a), strict=True):
                     data += cost[previous[at], b] - cost[previous[at], a]
-                merged = rectangles((x == a) | (x == b)) - total(a) - total(b)
-                change = 1 / (count[a] + count[b]) - 1 - 1 / count[a] - 1 / count[b] + merged / WHOLE
+                merged = sum_reciprocal_sizes((x == a) | (x == b)) - total(a) - total(b)
+                change = 1 / (count[a] + count[b]) - 1 - 1 / count[a] - 1 / count[b] + merged / FIXED_POINT_ONE
                 if data + alpha * change < gain:
                     best_pair, gain = (a, b), data + alpha * change
         if best_pair:
@@ -76,11 +76,11 @@ def test_the_same_moves_as_computing_everything_again(seed: int) -> None:
     # Few distinct costs: ties must fall alike too.
     cost = rng.choice([0.1, 0.4, 1.0], size=(types, types))
     cost = np.maximum(cost, cost.T) * (1 - np.eye(types))
-    moves = moves_from(labels, types)
+    moves = initial_icm_state(labels, types)
     for alpha in np.geomspace(1e-3, 1e3, 12):
         expected, energies = plain_icm(labels, cost, alpha)
-        found = icm(moves, cost, alpha)
+        found = run_icm(moves, cost, alpha)
         np.testing.assert_array_equal(moves.labels, expected)
         np.testing.assert_array_equal(found, energies)
-        assert [rectangles(expected == t) for t in range(types)] == moves.sums.tolist()
+        assert [sum_reciprocal_sizes(expected == t) for t in range(types)] == moves.sums.tolist()
         labels = expected

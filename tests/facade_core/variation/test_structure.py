@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from facade_core.facade.variation.structure import regularity, relax
+from facade_core.facade.variation.structure import regularity_terms, relax_structure
 
 
 def rectangles_by_search(structure):
@@ -25,7 +25,7 @@ def rectangles_by_search(structure):
 
 def energy(previous, labels, cost, alpha):
     used = labels >= 0
-    return cost[previous[used], labels[used]].sum() + alpha * sum(regularity(labels))
+    return cost[previous[used], labels[used]].sum() + alpha * sum(regularity_terms(labels))
 
 
 def random_case(seed, types=4, rows=3, columns=5, holes=2):
@@ -39,7 +39,7 @@ def random_case(seed, types=4, rows=3, columns=5, holes=2):
 
 def test_unique_and_repeat_of_the_papers_third_figure():
     structure = np.repeat(np.arange(5), (6, 5, 1, 3, 3)).reshape(9, 2)
-    unique, repeat, _ = regularity(structure)
+    unique, repeat, _ = regularity_terms(structure)
     assert unique == 5
     assert repeat == pytest.approx(1 / 6 + 1 / 5 + 1 + 1 / 3 + 1 / 3)
 
@@ -55,22 +55,22 @@ def test_unique_and_repeat_of_the_papers_third_figure():
     ],
 )
 def test_sub_rectangles_by_hand(structure, expected):
-    assert regularity(np.array(structure))[2] == pytest.approx(expected)
+    assert regularity_terms(np.array(structure))[2] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_sub_rectangles_match_a_search(seed):
     structure, _ = random_case(seed, types=2, rows=4, columns=4)
     # Both take the biggest first; among equals they may choose differently, which small matrices bound.
-    assert regularity(structure)[2] == pytest.approx(rectangles_by_search(structure), rel=0.35)
+    assert regularity_terms(structure)[2] == pytest.approx(rectangles_by_search(structure), rel=0.35)
     rows = np.repeat(structure[:, :1], 4, axis=1)
-    assert regularity(rows)[2] == pytest.approx(rectangles_by_search(rows))
+    assert regularity_terms(rows)[2] == pytest.approx(rectangles_by_search(rows))
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_energy_falls_and_matches_its_definition(seed):
     previous, cost = random_case(seed)
-    found = relax(previous, cost)
+    found = relax_structure(previous, cost)
     for step in found:
         if np.isfinite(step.alpha):
             assert (np.diff(step.energies) < 0).all()
@@ -84,7 +84,7 @@ def test_energy_falls_and_matches_its_definition(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_no_single_change_improves_a_solution(seed):
     previous, cost = random_case(seed)
-    for step in relax(previous, cost):
+    for step in relax_structure(previous, cost):
         if not np.isfinite(step.alpha):
             continue
         lowest = energy(previous, step.labels, cost, step.alpha)
@@ -99,10 +99,10 @@ def test_no_single_change_improves_a_solution(seed):
 def test_cheap_relabelling_comes_first():
     structure = np.array([[0, 0, 1], [0, 0, 2], [0, 0, 0]], np.int32)
     cost = np.array([[0, 0.01, 1], [0.01, 0, 1], [1, 1, 0]])
-    states = [r.labels for r in relax(structure, cost)]
+    states = [r.labels for r in relax_structure(structure, cost)]
     assert any((s[0, 2], s[1, 2]) == (0, 2) for s in states)
     assert not any((s[0, 2], s[1, 2]) == (1, 0) for s in states)
 
 
 def test_uniform_matrix_has_nothing_to_relax():
-    assert relax(np.zeros((2, 3), np.int32), np.zeros((1, 1))) == []
+    assert relax_structure(np.zeros((2, 3), np.int32), np.zeros((1, 1))) == []

@@ -11,7 +11,7 @@ import yaml
 from click.testing import CliRunner
 
 from catalogs.block.reader import read_block
-from catalogs.city.keys import is_cut_as_usual
+from catalogs.city.keys import uses_default_partition
 from facade_core.core.errors import BlockFileError, InputError
 from flows.cli.commands import main
 from tasks.city import account as accounts
@@ -87,8 +87,8 @@ def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> 
 
 
 def test_a_block_file_is_cut_as_usual(tmp_path: Path) -> None:
-    assert not is_cut_as_usual(town(tmp_path))
-    assert is_cut_as_usual(tmp_path / "block.yaml")
+    assert not uses_default_partition(town(tmp_path))
+    assert uses_default_partition(tmp_path / "block.yaml")
 
 
 def test_blocks_that_a_new_cut_does_not_have_are_put_away(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def test_texels_are_told_as_they_will_be(tmp_path: Path, texels: float) -> None:
     told = counted(tmp_path, texels)
     plan = plan_of(read_block(tmp_path / "block.yaml"))
     placement = plan.scene.placement
-    texels = float((placement.width.astype(float) * placement.height)[plan.own].sum()) / 1e6
+    texels = float((placement.width.astype(float) * placement.height)[plan.in_core].sum()) / 1e6
     assert told.megatexels == pytest.approx(texels, rel=0.35)
     assert told.facades == pytest.approx(len(plan.facades), rel=0.1)
     assert planned_of(read_block(tmp_path / "block.yaml")) == {"facades": len(plan.facades), "megatexels": texels}

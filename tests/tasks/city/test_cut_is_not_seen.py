@@ -14,7 +14,7 @@ from facade_core.atlas.rasters import TexelLayout, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.plan.plan_tables import read_plan
 from tasks.city.blocks import read_city
-from tasks.stages.order import KINDS
+from tasks.stages.order import STAGES_IN_ORDER
 from tests.pipeline.stages import texture, write_block
 
 # Two rows of houses that stand against each other in pairs, along two streets and a third across.
@@ -54,10 +54,10 @@ def made(town: Path, metres: int) -> tuple[int, dict[str, str], dict[int, np.nda
         for record in filter(None, read_journal(group, "facades")):
             assert record["status"] == "done", record
             assert facades.setdefault(record["unit"], str(record["digests"])) is not None
-        own = np.flatnonzero(plan.own)
-        rasters = TexelLayout.of(plan.scene.placement, own.tolist())
+        own = np.flatnonzero(plan.in_core)
+        rasters = TexelLayout.of_charts(plan.scene.placement, own.tolist())
         colours = read_rasters(group["atlas/colour"], plan.scene.placement, rasters)
-        found = {int(plan.ids[one]): colours[rasters.slice(plan.scene.placement, one)] for one in own.tolist()}
+        found = {int(plan.ids[one]): colours[rasters.texel_slice(plan.scene.placement, one)] for one in own.tolist()}
         assert not found.keys() & charts.keys(), "what is textured in one block is textured in no other"
         charts |= found
     return len(blocks), facades, charts
@@ -65,7 +65,9 @@ def made(town: Path, metres: int) -> tuple[int, dict[str, str], dict[int, np.nda
 
 def test_no_texel_depends_on_the_cut(town: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # what is encoded of the texels afterwards is told by them
-    monkeypatch.setattr("tests.pipeline.stages.KINDS", [kind for kind in KINDS if not kind.derived_only])
+    monkeypatch.setattr(
+        "tests.pipeline.stages.STAGES_IN_ORDER", [kind for kind in STAGES_IN_ORDER if not kind.derived_only]
+    )
     (whole, facades, charts), *others = [made(town, metres) for metres in (5000, 70, 45)]
     assert [whole, *(count for count, _, _ in others)] == [1, 2, 6]
     assert len(facades) > 20

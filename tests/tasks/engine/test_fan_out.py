@@ -23,7 +23,7 @@ from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.compute.connect import Serial, connect
 from tasks.engine.fan_out import AT_ONCE, LARGEST, batches, memory_of, process_batch
-from tasks.engine.forecast import Due
+from tasks.engine.pending import PendingUnits
 from tasks.engine.unit import Piece, Unit
 from tasks.stages.poses.stage import POSES
 
@@ -65,7 +65,7 @@ def test_batches_keep_order_lose_nothing_and_fit(work: list[Piece], memory: int,
 def test_a_stage_counts_units_not_pieces() -> None:
     one, two, three = (Unit(i, str(i), ("",)) for i in range(3))
     done: Any = ({},) * 4
-    assert Due(POSES, ((one, two), (three,)), done).total == 7
+    assert PendingUnits(POSES, ((one, two), (three,)), done).total == 7
 
 
 @pytest.fixture

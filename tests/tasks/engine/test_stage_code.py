@@ -13,7 +13,7 @@ import pytest
 
 from tasks.engine import stage_code as module
 from tasks.engine.stage_code import HOUSE, ROOT, code_version, module_of, stage_code
-from tasks.stages.order import CODED
+from tasks.stages.order import CODE_STAGES
 
 Codes = Callable[[], dict[str, str]]
 
@@ -27,7 +27,7 @@ def codes(tmp_path: Path) -> Codes:
     def now() -> dict[str, str]:
         for cached in (stage_code, module._module, module._naming, module._text, module._content):
             cached.cache_clear()
-        found = {stage: stage_code(stage, root=tmp_path) for stage in CODED}
+        found = {stage: stage_code(stage, root=tmp_path) for stage in CODE_STAGES}
         return found | {"swatches": stage_code("streets", neural=False, root=tmp_path)}
 
     return now
@@ -101,7 +101,7 @@ def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None
 
 
 def test_what_orders_and_runs_units_is_in_no_stage() -> None:
-    for stage in CODED:
+    for stage in CODE_STAGES:
         reached = module.reached([module_of(stage)], module.APART, ROOT)
         assert not reached.keys() & {
             f"tasks.{name}"
@@ -110,13 +110,13 @@ def test_what_orders_and_runs_units_is_in_no_stage() -> None:
 
 
 def test_two_processes_agree_and_every_library_is_known() -> None:
-    told = "from tasks.engine.stage_code import *; from tasks.stages.order import CODED; print(code_version(CODED))"
+    told = "from tasks.engine.stage_code import *; from tasks.stages.order import CODE_STAGES; print(code_version(CODE_STAGES))"
     command = [sys.executable, "-c", told]
     other = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    assert other == code_version(CODED)
+    assert other == code_version(CODE_STAGES)
     libraries = {
         name.partition(".")[0]
-        for stage in CODED
+        for stage in CODE_STAGES
         for one in module.reached([module_of(stage)], module.APART, ROOT).values()
         for name, _ in one.imports
     }

@@ -14,7 +14,7 @@ import yaml
 
 from catalogs.block.keys import check_keys
 from catalogs.block.yaml_files import read_yaml
-from catalogs.examples.sources import BLOCKS, SOURCES, Source, SourceFile
+from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleSource, SourceFile
 from facade_core.core.errors import InputError
 from tasks.examples.fetch import fetch_block
 
@@ -42,17 +42,17 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, Source]]:
+def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, ExampleSource]]:
     """Fetch the block delfshaven, whose one file is published at loopback, with a checksum, and paint nothing."""
 
-    def fetched(folder: Path, name: str, sha256: str) -> tuple[Path, Source]:
-        source = Source("open data", (SourceFile(PATH, address + name, sha256),))
+    def fetched(folder: Path, name: str, sha256: str) -> tuple[Path, ExampleSource]:
+        source = ExampleSource("open data", (SourceFile(PATH, address + name, sha256),))
         return fetch_block("delfshaven", folder, {"delfshaven": source}, lambda library: library.mkdir(exist_ok=True))
 
     return fetched
 
 
-def test_a_fetched_block_names_what_was_fetched(fetch: Callable[..., tuple[Path, Source]], tmp_path: Path) -> None:
+def test_a_fetched_block_names_what_was_fetched(fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path) -> None:
     block, source = fetch(tmp_path / "blocks", "model.json", hashlib.sha256(CONTENT).hexdigest())
     assert source.licence == "open data"
     keys = check_keys(read_yaml(block))
@@ -62,7 +62,7 @@ def test_a_fetched_block_names_what_was_fetched(fetch: Callable[..., tuple[Path,
     assert "$" not in block.read_text()
 
 
-def test_what_is_there_is_not_fetched_again(fetch: Callable[..., tuple[Path, Source]], tmp_path: Path) -> None:
+def test_what_is_there_is_not_fetched_again(fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path) -> None:
     (tmp_path / PATH).parent.mkdir(parents=True)
     (tmp_path / PATH).write_bytes(CONTENT)
     fetch(tmp_path, "gone.json", hashlib.sha256(CONTENT).hexdigest())
@@ -73,7 +73,7 @@ def test_what_is_there_is_not_fetched_again(fetch: Callable[..., tuple[Path, Sou
     [("model.json", "0" * 64, "checksum differs"), ("gone.json", "0" * 64, "cannot be fetched from http")],
 )
 def test_a_file_that_is_not_what_it_was_is_refused(
-    fetch: Callable[..., tuple[Path, Source]], tmp_path: Path, name: str, sha256: str, words: str
+    fetch: Callable[..., tuple[Path, ExampleSource]], tmp_path: Path, name: str, sha256: str, words: str
 ) -> None:
     with pytest.raises(InputError, match=words) as error:
         fetch(tmp_path, name, sha256)
@@ -86,11 +86,11 @@ def test_a_name_without_public_data_is_told_the_known_ones(tmp_path: Path) -> No
         fetch_block("atlantis", tmp_path)
 
 
-@pytest.mark.parametrize("name", sorted(SOURCES))
+@pytest.mark.parametrize("name", sorted(EXAMPLE_SOURCES))
 def test_a_source_brings_every_file_that_its_block_names(name: str) -> None:
-    named = yaml.safe_load((BLOCKS / f"{name}.yaml").read_text())
+    named = yaml.safe_load((EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml").read_text())
     text = str(named).replace("${STREETLOOM_DATA}/", "")
-    brought = [file.path for file in SOURCES[name].files] + [path for path, _ in SOURCES[name].facts]
+    brought = [file.path for file in EXAMPLE_SOURCES[name].files] + [path for path, _ in EXAMPLE_SOURCES[name].companion_files]
     paths = named["buildings"]["path"]
     for path in [paths] if isinstance(paths, str) else paths:
         assert path.replace("${STREETLOOM_DATA}/", "") in brought
@@ -98,7 +98,7 @@ def test_a_source_brings_every_file_that_its_block_names(name: str) -> None:
 
 
 @pytest.mark.realdata
-@pytest.mark.parametrize("name", sorted(SOURCES))
+@pytest.mark.parametrize("name", sorted(EXAMPLE_SOURCES))
 def test_checksums_are_those_of_the_data_folder(name: str, data: Path) -> None:
-    for file in SOURCES[name].files:
+    for file in EXAMPLE_SOURCES[name].files:
         assert hashlib.sha256((data / file.path).read_bytes()).hexdigest() == file.sha256

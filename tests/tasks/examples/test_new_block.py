@@ -182,13 +182,13 @@ def test_two_at_once_in_a_folder_share_a_whole_library(osm: Geometry, exemplars:
 def test_block_files_of_the_package_are_block_files() -> None:
     from catalogs.block.keys import check_keys
     from catalogs.block.yaml_files import read_yaml
-    from catalogs.examples.sources import BLOCKS
+    from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER
 
-    names = {path.stem: check_keys(read_yaml(path)).name for path in BLOCKS.glob("*.yaml")}
+    names = {path.stem: check_keys(read_yaml(path)).name for path in EXAMPLE_BLOCKS_FOLDER.glob("*.yaml")}
     assert names == {
         name: name for name in ("amsterdam-dam", "amsterdam-ij", "delfshaven", "helsinki", "ingolstadt", "plateau")
     }
-    facts = json.loads((BLOCKS / "amsterdam_poses_and_walls.json").read_text())
+    facts = json.loads((EXAMPLE_BLOCKS_FOLDER / "amsterdam_poses_and_walls.json").read_text())
     assert len(facts["camera_positions"]) == 4
 
 

@@ -14,7 +14,7 @@ import rasterio
 from lxml import etree
 from PIL import Image
 
-from facade_core.export.models.glb import header_of
+from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import FORMATS, export
 from tasks.published.opened import Published
 from tests.exports import EACH
@@ -26,7 +26,7 @@ MAP = "© OpenStreetMap contributors, ODbL 1.0"
 
 def copyright_of(file: Path) -> str:
     with file.open("rb") as opened:
-        return header_of(opened)[0]["asset"]["copyright"]
+        return read_glb_header(opened)[0]["asset"]["copyright"]
 
 
 def of_glb(folder: Path) -> Iterable[str]:

@@ -21,7 +21,7 @@ from pyproj import Transformer
 
 from catalogs.published.items import COLUMNS
 from facade_core.core.errors import InputError, StoreError
-from facade_core.export.models.glb import header_of
+from facade_core.export.models.glb import read_glb_header
 from flows.cli.commands import main
 from tasks.export.formats import FORMATS, _writers, export, marker_of
 from tasks.export.models import write_3dtiles
@@ -73,7 +73,7 @@ def test_models_stand_where_the_block_does_and_look_like_its_atlas(
         depth, chart = scene.caster.cast(world + normal * 0.05, -normal)
         there = (chart >= 0) & (depth < 0.1)
         assert there.mean() > 0.95
-        row, column = scene.locate(world[there], chart[there])
+        row, column = scene.locate_texels(world[there], chart[there])
         uv = part.visual.uv[part.faces].mean(axis=1)[there]
         shown = image[((1 - uv[:, 1]) * image.shape[0]).astype(int), (uv[:, 0] * image.shape[1]).astype(int)]
         for c, y, x, colour in zip(chart[there], row, column, shown, strict=True):
@@ -90,7 +90,7 @@ def test_models_take_light_where_they_are_not_told_otherwise(
     for name, options in {"lit": {}, "again": {}, "night": {"night": True}, "unlit": {"lit": False}}.items():
         folder = export(undisturbed[0], "glb", tmp_path / name, building, **options).path  # type: ignore[arg-type]
         with (folder / "block.glb").open("rb") as file:  # type: ignore[operator]
-            made[name] = (header_of(file)[0], (folder / "block.glb").read_bytes())  # type: ignore[operator]
+            made[name] = (read_glb_header(file)[0], (folder / "block.glb").read_bytes())  # type: ignore[operator]
     assert made["lit"][1] == made["again"][1]
     assert all("normalTexture" in one for one in made["lit"][0]["materials"])
     assert made["unlit"][0]["extensionsUsed"] == ["KHR_materials_unlit"]
@@ -99,7 +99,7 @@ def test_models_take_light_where_they_are_not_told_otherwise(
     assert len(made["unlit"][1]) < len(made["lit"][1])
     tiles = export(undisturbed[0], "3dtiles", tmp_path / "tiles", building, night=True).path
     with (tiles / "tiles" / "full.glb").open("rb") as file:  # type: ignore[operator]
-        said = header_of(file)[0]
+        said = read_glb_header(file)[0]
     assert "KHR_materials_variants" not in said["extensionsUsed"]
     assert any("emissiveTexture" in one for one in said["materials"])
     with pytest.raises(InputError, match="--night"):
@@ -111,16 +111,16 @@ def test_models_take_light_where_they_are_not_told_otherwise(
 def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_path: Path) -> None:
     attribution = found.attribution
     assert {source.key for source in attribution.sources} >= {"buildings.path", "streets.path"}
-    assert attribution.line.endswith(attribution.made or "?")
+    assert attribution.line.endswith(attribution.production_date or "?")
     made = export(undisturbed[0], "glb", tmp_path / "glb").path
     for file in (made / "block.glb", next((made / "buildings").glob("*.glb"))):
         with file.open("rb") as opened:
-            assert header_of(opened)[0]["asset"]["copyright"] == attribution.line
+            assert read_glb_header(opened)[0]["asset"]["copyright"] == attribution.line
     for model in (found.snapshot.model, found.snapshot.overview):
         with model.open("rb") as opened:  # type: ignore[union-attr]
-            said = header_of(opened)[0]["asset"]["copyright"]
+            said = read_glb_header(opened)[0]["asset"]["copyright"]
         assert said == replace(attribution, made=None).line
-    assert json.loads(found.snapshot.tiles.read_text())["attribution"]["sources"] == attribution.value()["sources"]
+    assert json.loads(found.snapshot.tiles.read_text())["attribution"]["sources"] == attribution.to_json()["sources"]
 
 
 def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from facade_core.core.errors import InputError
-from facade_core.export.models.glb import header_of
+from facade_core.export.models.glb import read_glb_header
 from tasks.export.formats import export
 from tasks.published.opened import Published
 
@@ -23,7 +23,7 @@ def test_a_factored_model_has_few_pictures_and_answers(found: Published, undistu
     made = export(undisturbed[0], "glb", tmp_path / "factored", textures="factored").path
     assert [path.name for path in sorted(Path(str(made)).iterdir())] == ["block.glb", "export.json", "figures.json"]
     with (made / "block.glb").open("rb") as file:
-        document, _ = header_of(file)
+        document, _ = read_glb_header(file)
     assert {node["name"] for node in document["nodes"]} == {
         *(found.names[b] for b in found.choose(()).tolist()),
         "ground",
@@ -72,7 +72,7 @@ def test_factored_tiles_share_pictures_and_have_a_flat_level_of_fewer_types(undi
         documents = []
         for one in (name, near):
             with (made / "tiles" / one).open("rb") as file:
-                documents.append(header_of(file)[0])
+                documents.append(read_glb_header(file)[0])
         triangles = [
             sum(document["accessors"][part["indices"]]["count"] for part in document["meshes"][0]["primitives"])
             for document in documents

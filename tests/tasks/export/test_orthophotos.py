@@ -12,7 +12,7 @@ import pytest
 import rasterio
 
 from catalogs.features import file_stem
-from facade_core.export.pictures.stage_pictures import chart_raster
+from facade_core.export.pictures.stage_pictures import read_chart_raster
 from tasks.export.formats import export
 from tasks.published.opened import Published
 
@@ -30,7 +30,7 @@ def test_every_facade_is_a_picture_of_its_texels_without_loss(found: Published, 
     for name, chart in zip(facades.id, facades.chart.tolist(), strict=True):
         with rasterio.open(folder / f"{file_stem(name)}.tif") as image:
             texels = np.moveaxis(image.read(), 0, -1)
-            assert (texels == chart_raster(found.group, placement, chart, "atlas/colour")).all()
+            assert (texels == read_chart_raster(found.group, placement, chart, "atlas/colour")).all()
             assert (image.dataset_mask() > 0).mean() > 0.4
 
 
@@ -53,11 +53,11 @@ def test_a_texel_is_where_its_tags_say(found: Published, folder: Path) -> None:
         x = transform.c + transform.a * (columns + 0.5)
         y = transform.f + transform.e * (rows + 0.5)
         world = origin + np.outer(x, along) + np.outer(y, up)
-        row, column = scene.locate(world, np.full(len(world), chart))
+        row, column = scene.locate_texels(world, np.full(len(world), chart))
         assert (np.abs(row - rows).max(), np.abs(column - columns).max()) <= (1, 1)
         assert np.dot(np.cross(along, up), outward) == pytest.approx(1, abs=1e-5), "x to the right as seen from outside"
         assert abs(up[2]) > 0.99
-        mine = scene.mesh.vertices[scene.mesh.triangles[scene.mesh.triangles_of(chart)].ravel()]
+        mine = scene.mesh.vertices[scene.mesh.triangles[scene.mesh.chart_triangles(chart)].ravel()]
         assert (mine - origin) @ outward == pytest.approx(0, abs=0.02)
         assert ((mine - origin) @ up).min() > -0.02
 

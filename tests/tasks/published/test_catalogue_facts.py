@@ -15,7 +15,7 @@ from shapely import LineString
 
 from catalogs.block.reader import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, sources_of
-from facade_core.core.types import SHIPPED_MODELS, Models, Street
+from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Street
 from facade_core.geometry.walls import STREET
 from tasks.published.catalogue_facts import (
     OF_FACADES,
@@ -58,7 +58,7 @@ def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
 def test_a_block_tells_of_its_own_models(tmp_path: Path) -> None:
     for suffix, text in ((".onnx", "weights"), (".json", '{"trained_on": {"our photos": "ours"}}')):
         (tmp_path / f"mine{suffix}").write_text(text)
-    run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=Models(parser=tmp_path / "mine.onnx")))
+    run = cast(Any, SimpleNamespace(texture=TextureSettings(), models=ModelFiles(parser=tmp_path / "mine.onnx")))
     network, layouts = models_used(run, [{"lattice": {}}], [])
     assert (network.file, network.title, network.card) == ("mine.onnx", "facade parser of the block", None)
     assert network.trained_on == {"our photos": "ours"}

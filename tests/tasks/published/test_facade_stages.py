@@ -13,7 +13,7 @@ from PIL import Image
 
 from catalogs.features import file_stem
 from facade_core.core.labels import CLASSES
-from facade_core.export.pictures.stage_pictures import shown_levels, stages_of
+from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
 from facade_core.geometry.walls import STREET
 from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages
@@ -38,7 +38,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
         if view.tables.facades.role[index] != STREET:
             assert facade not in shown
             continue
-        declared = [stage.report for stage in stages_of(view.facade(index)) if stage.report]
+        declared = [stage.report for stage in iterate_stage_pictures(view.facade(index)) if stage.report]
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
         names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
         assert [figure.find("img").get("src") for figure in shown[facade]] == [f"../../images/{name}" for name in names]
@@ -61,7 +61,7 @@ def test_both_draw_the_same_picture_of_a_stage_that_both_show(
 ) -> None:
     images = Path(undisturbed[1]["outputs"]["report"]).parent / "images"
     index = next(i for i, record in enumerate(view.records) if record and record.get("occluded"))
-    both = [(stage.viewer, stage.report) for stage in stages_of(view.facade(index)) if stage.viewer and stage.report]
+    both = [(stage.viewer, stage.report) for stage in iterate_stage_pictures(view.facade(index)) if stage.viewer and stage.report]
     assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
     for here, there in both:
         kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
@@ -77,4 +77,4 @@ def test_a_facade_that_is_not_done_has_none(view: View) -> None:
 
 
 def test_the_levels_of_the_report() -> None:
-    assert [shown_levels(n) for n in (0, 1, 2, 3, 12)] == [[], [0], [0, 1], [0, 1, 2], [0, 6, 11]]
+    assert [select_report_levels(n) for n in (0, 1, 2, 3, 12)] == [[], [0], [0, 1], [0, 1, 2], [0, 6, 11]]

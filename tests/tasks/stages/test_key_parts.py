@@ -22,7 +22,7 @@ from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Shell, Street
-from facade_core.imagery.poses.joint_refinement import Alone
+from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import ingest
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
@@ -32,7 +32,7 @@ from tasks.stages.bundles.worker import Member
 from tasks.stages.exemplars.stage import exemplar_key
 from tasks.stages.facades.imagery import Imagery
 from tasks.stages.facades.keys import facade_keys
-from tasks.stages.order import STAGES
+from tasks.stages.order import STAGE_NAMES
 from tasks.stages.poses.stage import pose_key
 from tasks.stages.streets.keys import SETTINGS, StreetKeys, street_keys
 from tasks.stages.surfaces.keys import surface_key
@@ -181,7 +181,9 @@ def pose_of(inputs: Inputs) -> tuple[str, ...]:
 
 
 def bundle_of(inputs: Inputs) -> tuple[str, ...]:
-    member = Member(inputs.path("panorama.jpg"), inputs.given, Alone(inputs.pose, TOLD if inputs.rectified else None))
+    member = Member(
+        inputs.path("panorama.jpg"), inputs.given, PriorPose(inputs.pose, TOLD if inputs.rectified else None)
+    )
     return (bundle_key(inputs.run, inputs.plan(), [member, member], [0]),)
 
 
@@ -322,7 +324,7 @@ def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) ->
     """The journal of a block whose facades are done, with what some viewpoints pass on to later streets."""
     group = zarr.create_group({})
     counts = {"facades": len(plan.facades.id), "viewpoints": len(plan.viewpoints), "streets": len(plan.streets)}
-    for stage in STAGES:
+    for stage in STAGE_NAMES:
         group.create_array(f"journal/{stage}", shape=(counts.get(stage, 0),), chunks=(1,), dtype=str)
     for facade, chart in enumerate(plan.facades.chart.tolist()):
         id = f"{plan.ids[chart]:016x}"
@@ -349,7 +351,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     before = street_keys(run, plan, group, street)
     assert street_keys(run, plan, seeded(plan, {}, {}), street) == before
     assert bool(before.chain) == blends
-    own = [viewpoint.id for viewpoint in plan.of_street(street)]
+    own = [viewpoint.id for viewpoint in plan.street_viewpoints(street)]
     pairs = set(map(tuple, plan.views.tolist()))
 
     chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
@@ -359,7 +361,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     assert other_viewpoints(before, now) == ([any(seen[: k + 1]) for k in range(len(own))] if blends else seen)
 
     looked = data.draw(st.integers(0, len(own) - 1))
-    looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.looks))
+    looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.view_digests))
     now = street_keys(run, replace(plan, looks=looks), group, street)
     assert changed_parts(before.street, now.street) == ["views"]
     assert other_viewpoints(before, now) == [k >= looked if blends else k == looked for k in range(len(own))]

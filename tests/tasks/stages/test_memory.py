@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from facade_core.export.models.pages import LARGEST_PAGE
+from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.pictures.views import VIEW_SIZE
 from tasks.stages.exemplars.stage import exemplar_memory
 from tasks.stages.facades.imagery import Imagery
@@ -147,7 +147,7 @@ def tile(height, width):
     from facade_core.export.tiles.tile_model import tile_model
     scene = walls(height, width)
     source = textured_scene(scene, lambda page: None)
-    charts = source.chosen(np.arange(-1, width))
+    charts = source.select_charts(np.arange(-1, width))
     def rasters(chosen):
         return {c: np.full((*source.texels[c][::-1], 3), 90, np.uint8) for c in chosen.tolist()}
     def unit():
@@ -165,7 +165,7 @@ def view(height, width):
     def unit():
         picture = aim(scene, camera, samples=SAMPLES)
         assert len(picture.pixel) > picture.rgb.size // 9
-        parts = ({c: np.copy(page)} for c in picture.seen.tolist())
+        parts = ({c: np.copy(page)} for c in picture.visible_charts.tolist())
         file_of(paint(picture, parts), "JPEG", quality=90)
         return height * width
     return unit
@@ -291,7 +291,7 @@ def test_a_page_fits_what_it_declares() -> None:
 
 def test_a_tile_of_several_pictures_fits_what_it_declares() -> None:
     taken, texels = measured("tile", (4, 1), (30, 12))
-    assert texels > 1.5 * LARGEST_PAGE**2
+    assert texels > 1.5 * MAX_SHELF_PAGE_TEXELS**2
     assert_fits(tile_memory(texels), taken)
 
 

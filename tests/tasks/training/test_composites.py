@@ -19,11 +19,11 @@ def test_pairs_show_photos_where_walls_are_and_ground_below(data: Path, monkeypa
     assert len(pairs) > 2
     for pair in pairs:
         assert pair.image.shape == (512, 1024, 3)
-        assert pair.bare.grey.shape == pair.bare.textured.shape == pair.true.shape == (512, 1024)
-        assert not pair.true[pair.bare.grey == 0].any(), "the sky is not learnt from"
-        assert pair.true[400:].mean() > 0.95, "the ground is"
+        assert pair.rendering.grey.shape == pair.rendering.textured.shape == pair.valid.shape == (512, 1024)
+        assert not pair.valid[pair.rendering.grey == 0].any(), "the sky is not learnt from"
+        assert pair.valid[400:].mean() > 0.95, "the ground is"
         # sun and sky stand in no truth: its sky is bright where the rendering has none
-        assert pair.image[pair.bare.grey == 0].mean() > 150 > pair.image[400:].mean()
+        assert pair.image[pair.rendering.grey == 0].mean() > 150 > pair.image[400:].mean()
     again = composites.composites(data, seed=0)
     assert all(np.array_equal(a.image, b.image) for a, b in zip(pairs, again, strict=True))
 

@@ -58,18 +58,18 @@ def test_a_layout_is_what_was_said_whatever_is_shown() -> None:
 def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("torch", reason="torch is absent: make train-setup")
     from facade_core.core.errors import InputError
-    from facade_core.core.model_file import read_record
-    from facade_core.parsing.confidence import certainty
-    from facade_core.parsing.network import SHIPPED
-    from facade_core.parsing.network_training import Course
+    from facade_core.core.model_file import read_model_record
+    from facade_core.parsing.confidence import load_calibration
+    from facade_core.parsing.network import SHIPPED_NETWORK
+    from facade_core.parsing.network_training import TrainingSchedule
     from facade_core.parsing.segmenter import parse
     from tasks.training import parser
     from tasks.training.parser import train_corrected
 
-    course = Course(steps=1, per_step={"corrected": 2}, fixed_norms=True)
+    course = TrainingSchedule(steps=1, per_step={"corrected": 2}, fixed_norms=True)
     with pytest.raises(InputError, match="pictures show 1 of 1"):
         train_corrected([facade()], tmp_path, seed=0, course=course)
-    better = {SHIPPED: 0.5, tmp_path / "network.onnx": 0.5}
+    better = {SHIPPED_NETWORK: 0.5, tmp_path / "network.onnx": 0.5}
     monkeypatch.setattr(parser, "told_right", lambda photos, model: better[model])
     with pytest.raises(InputError, match=r"of 2 corrected facades .* 50\.0% .* nothing is kept"):
         train_corrected([facade()] * corrected.LEAST, tmp_path, seed=0, course=course)
@@ -78,6 +78,6 @@ def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path, monkeypatch: py
     made = train_corrected([facade()] * corrected.LEAST, tmp_path, seed=0, course=course)
     assert made == tmp_path / "network.onnx"
     assert parse(PAINTED.image, model=made).labels.shape == (HEIGHT, WIDTH)
-    assert certainty(made) == certainty()
-    assert read_record(made)["training_set"][-1] == "corrected/run/a-0"
+    assert load_calibration(made) == load_calibration()
+    assert read_model_record(made)["training_set"][-1] == "corrected/run/a-0"
     assert "| run | 8 |" in made.with_suffix(".md").read_text()

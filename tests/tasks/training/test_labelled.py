@@ -5,7 +5,7 @@ from benchmarks.in_front import marked
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.occluder_boxes import Looked, looked_in_front
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
-from facade_core.parsing.occluder_labels import ground_floor
+from facade_core.parsing.occluder_labels import ground_floor_rows
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.training.labelled import painted, with_occluders
 
@@ -26,13 +26,13 @@ def plain():
 
 
 def test_the_ground_floor_begins_at_its_shops_and_doors(plain):
-    assert ground_floor(plain.labels, plain.possible) == (150, 200)
+    assert ground_floor_rows(plain.labels, plain.possible) == (150, 200)
     plain.labels[40:60, :30] = FacadeClass.SHOP  # far above: not of the ground floor
-    assert ground_floor(plain.labels, plain.possible) == (150, 200)
-    assert ground_floor(*[np.full((80, 40), FacadeClass.WALL, np.uint8)] * 2) == (60, 80)
+    assert ground_floor_rows(plain.labels, plain.possible) == (150, 200)
+    assert ground_floor_rows(*[np.full((80, 40), FacadeClass.WALL, np.uint8)] * 2) == (60, 80)
     cut = np.full((80, 40), UNKNOWN, np.uint8)
     cut[10:50] = FacadeClass.WALL
-    assert ground_floor(cut, facade(cut).possible) == (40, 50)
+    assert ground_floor_rows(cut, facade(cut).possible) == (40, 50)
 
 
 def test_the_foot_is_not_told_where_nobody_looked(plain):

@@ -13,8 +13,8 @@ from shapely import LineString, Point
 
 from catalogs.block.ground import block_ground
 from catalogs.features import Centrelines
-from catalogs.readers.files import read_centrelines, read_ground
-from catalogs.readers.vectors.classes import ground_tags
+from catalogs.readers.formats import read_centrelines, read_ground
+from catalogs.readers.vectors.ground_classes import ground_tags
 from facade_core.core.errors import InputError
 from facade_core.core.types import Ground
 

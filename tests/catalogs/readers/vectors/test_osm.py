@@ -12,9 +12,9 @@ import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
 from catalogs.block.streets import block_streets
-from catalogs.buildings.outlines import MIN_FOOTPRINT_M2, assemble_buildings
+from catalogs.buildings.assembly import MIN_FOOTPRINT_M2, assemble_buildings
+from catalogs.crs import utm_crs
 from catalogs.features import Centreline, Centrelines, Footprint, Footprints, Remark
-from catalogs.frames import utm_crs
 from catalogs.readers.vectors import osm
 from facade_core.core.types import Roof
 

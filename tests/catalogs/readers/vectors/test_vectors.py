@@ -17,7 +17,7 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon
 
 from catalogs.readers.vectors import osm
-from catalogs.readers.vectors.features import read_vector_centrelines, read_vector_footprints
+from catalogs.readers.vectors.vector_files import read_vector_centrelines, read_vector_footprints
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 

@@ -25,7 +25,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def two() -> None:
         gone.append("two")
 
-    monkeypatch.setattr(kernel_warmup, "PARTS", (one, two))
+    monkeypatch.setattr(kernel_warmup, "WARMUPS", (one, two))
     monkeypatch.setattr(numba_cache, "CACHE", tmp_path)
     return gone
 
@@ -60,7 +60,7 @@ def test_the_parts_reach_what_takes_longest_to_compile() -> None:
     from facade_core.facade.texture.genetic import _evolve
     from facade_core.street.materials.field_kernels import colour_points
 
-    for part in kernel_warmup.PARTS:
+    for part in kernel_warmup.WARMUPS:
         part()
     for kernel in (measure_layout, _evolve, colour_points):
         assert kernel.signatures

@@ -7,13 +7,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from facade_core.plan.exemplar_style import Walls
+from facade_core.plan.exemplar_style import StyleTargets
 from tasks.stages.facades.stage import exemplars_of
 
 
 def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     one = np.ones(1)
-    walls = Walls(12 * one, 10 * one, 3 * one, 7 * one.astype(int), one.astype(int), np.zeros((1, 2, 2)), -one)
+    walls = StyleTargets(12 * one, 10 * one, 3 * one, 7 * one.astype(int), one.astype(int), np.zeros((1, 2, 2)), -one)
     plan = cast(Any, SimpleNamespace(facades=_Facades()))
     fits = {
         "status": "done",

@@ -11,7 +11,7 @@ from PIL import ExifTags, Image
 
 from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import Detections, detectors_available
-from facade_core.imagery.rectify.crop import Cut
+from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.synth.facade import facade as paint
 from tasks.stages.facades.evidence import evidence_of, photo_of
 from tasks.stages.facades.imagery import Imagery
@@ -105,7 +105,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     Image.fromarray(image).save(path)
     box = np.s_[:150, 20:70]
     hidden = np.zeros((150, 50), bool)
-    cut = Cut(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
+    cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
     monkeypatch.setattr("tasks.stages.facades.evidence.cut_to_facade", lambda image, hidden, model: cut)
     monkeypatch.setattr("tasks.stages.facades.evidence.look", lambda image: Detections())
     kept, found, stretched = photo_of(path, True, (300, 200)).fit

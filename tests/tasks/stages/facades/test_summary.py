@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from facade_core.facade.pipeline import Facade, from_exemplar, from_photo
+from facade_core.facade.pipeline import Facade, build_facade_from_exemplar, build_facade_from_photo
 from facade_core.facade.texture.building_walls import Wall
-from facade_core.facade.texture.retargeting import style_of
+from facade_core.facade.texture.retargeting import extract_style
 from facade_core.synth.facade import facade as paint
 from tasks.stages.facades.worker import _summary
 
@@ -20,14 +20,14 @@ HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
 
 def of_exemplar() -> Facade:
     size = (270, 334)
-    return from_exemplar(
-        style_of(PAINTED.image, PAINTED.labels), Wall.alone(16.2, 20.0, floors=5), size, metres_per_pixel=0.06, seed=3
+    return build_facade_from_exemplar(
+        extract_style(PAINTED.image, PAINTED.labels), Wall.alone(16.2, 20.0, floors=5), size, metres_per_pixel=0.06, seed=3
     )
 
 
 def test_what_is_seen_is_told_from_what_is_made_up() -> None:
-    whole = _summary(from_photo(PAINTED.image, np.zeros_like(HIDDEN), clean=True))
-    half = _summary(from_photo(PAINTED.image, HIDDEN, clean=True))
+    whole = _summary(build_facade_from_photo(PAINTED.image, np.zeros_like(HIDDEN), clean=True))
+    half = _summary(build_facade_from_photo(PAINTED.image, HIDDEN, clean=True))
     made = _summary(of_exemplar())
     assert whole["windows_seen"] == whole["windows"] > 0
     assert 0 < half["windows_seen"] < half["windows"]

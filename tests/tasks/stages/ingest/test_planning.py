@@ -19,7 +19,7 @@ from PIL import Image
 from catalogs.block.reader import Block, read_block
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
-from facade_core.geometry.chart_packing import Places
+from facade_core.geometry.chart_packing import PreviousPlacement
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from flows.block import _announced
@@ -76,7 +76,7 @@ def test_with_a_panorama_more_it_is_the_plan_made_anew(tmp_path: Path, z: float 
     assert plan_key(second) == plan_key(first)
     again = plan_again(second, before)
     assert len(again.sightings.facade)
-    assert_equal(again, plan_of(second, Places(before.ids, before.scene.placement)))
+    assert_equal(again, plan_of(second, PreviousPlacement(before.ids, before.scene.placement)))
 
 
 def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_changed(

@@ -98,5 +98,5 @@ def test_cameras_of_charts_are_numbered_as_the_record_names_them() -> None:
     assert [name for name, *_ in told] == ["0.jpg", "1.jpg", "2.jpg"]
     assert sum(share for _, share, _ in told) == pytest.approx(1, abs=1e-3)
     for chart, numbers in ((0, {2}), (1, {1, 3})):
-        rasters = TexelLayout.of(scene.placement, [chart])
+        rasters = TexelLayout.of_charts(scene.placement, [chart])
         assert set(read_rasters(group["facade_maps/camera"], scene.placement, rasters).tolist()) == numbers

@@ -128,7 +128,7 @@ def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run
     plan = plan_of_run(run)
     first = int(np.argmin(plan.wave))
     session = open_repository(run.store).writable_session(BRANCH)
-    clear_record(open_root(session), "viewpoints", plan.of_street(first)[0].id)
+    clear_record(open_root(session), "viewpoints", plan.street_viewpoints(first)[0].id)
     commit(session, "one viewpoint is due")
     with monkeypatch.context() as broken:
         broken.setattr(task, "viewpoints_unit", fail)

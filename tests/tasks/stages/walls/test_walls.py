@@ -16,7 +16,7 @@ from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import ingest, with_panoramas
+from facade_core.plan.ingest import ingest, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import changed_parts
@@ -47,7 +47,7 @@ def planned(*poses: Pose) -> Plan:
         storey=3.2,
         walls="exemplar",
     )
-    return with_panoramas(plan, poses, [(512, 1024)] * len(poses))
+    return replace_panoramas(plan, poses, [(512, 1024)] * len(poses))
 
 
 def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> None:
@@ -61,8 +61,8 @@ def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> Non
         assert min(charts.size[own].min(axis=1)) >= 0.6
     shed = plan.walls_near_cameras()[3]
     assert ChartKind.WALL in charts.kind[shed]
-    assert charts.normal()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
-    assert charts.normal()[shed][:, 1].max() < 0.9
+    assert charts.normals()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
+    assert charts.normals()[shed][:, 1].max() < 0.9
     assert names_of_walls(planned(POSES[1])) == ["c"]
     assert planned().walls_near_cameras() == {}
     assert wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
@@ -133,7 +133,7 @@ def long_planned() -> Plan:
         walls="exemplar",
     )
     poses = [Pose(float(x), -8.0, 2.5, 0.0) for x in range(0, 121, 6)]
-    return with_panoramas(plan, [*poses, Pose(135.0, -2.0, 2.5, 0.0)], [(512, 1024)] * (len(poses) + 1))
+    return replace_panoramas(plan, [*poses, Pose(135.0, -2.0, 2.5, 0.0)], [(512, 1024)] * (len(poses) + 1))
 
 
 def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_path: Path) -> None:
@@ -143,9 +143,9 @@ def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_p
     own, taken = first["hall"].arguments
     of_chart = {chart: {int(one.path.stem) for one in of} for chart, of in zip(own, taken, strict=True)}
     assert max(map(len, of_chart.values())) <= CAMERAS
-    (gable,) = (chart for chart in own if charts.normal()[chart, 0] > 0.9)
+    (gable,) = (chart for chart in own if charts.normals()[chart, 0] > 0.9)
     assert of_chart[gable] == {last}, "the others stand behind it"
-    roofs = [chart for chart in own if charts.kind[chart] == ChartKind.ROOF and charts.normal()[chart, 1] < -0.1]
+    roofs = [chart for chart in own if charts.kind[chart] == ChartKind.ROOF and charts.normals()[chart, 1] < -0.1]
     shown = sorted(plan.poses[one].x for one in set().union(*(of_chart[roof] for roof in roofs)))
     assert shown[0] < 20, "from one end"
     assert shown[-1] > 100, "to the other"

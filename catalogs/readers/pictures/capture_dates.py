@@ -1,4 +1,4 @@
-"""The day that a picture was taken, by its EXIF."""
+"""Capture dates of pictures by EXIF."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def exif_capture_date(image: Image) -> str | None:
-    """As "2024-05-17"; None where its EXIF does not tell."""
+    """Return the capture date as "2024-05-17"; None without one in EXIF."""
     from PIL import ExifTags
 
     try:

@@ -1,4 +1,4 @@
-"""GeoPackages looked at before GDAL opens them: a view is a program, which need not end."""
+"""Checks of GeoPackages before GDAL opens them: a view is a program that may not terminate."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from catalogs.broken import short_message
+from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 
 # What GDAL keeps beside the layers: indices of places, of which it reads the tables behind them.
@@ -14,7 +14,7 @@ _ALLOWED_MODULES = ("rtree",)
 
 
 def check_geopackage_tables(path: Path) -> None:
-    """InputError where a GeoPackage holds views, or tables that a program makes up, in place of its layers or its contents.
+    """Raise InputError where views or virtual tables replace the layers or contents of a GeoPackage.
 
     Only the schema is read, which is a table in every file.
     """

@@ -1,4 +1,4 @@
-"""Rows of windows decided together: one goes on in the rhythm of the row beside it, and no floor is left out between others."""
+"""Completion of whole window rows: by the rhythm of the neighbouring row, and where a floor is missing."""
 
 from __future__ import annotations
 
@@ -7,23 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import ONE_LINE, cluster_centres
-from facade_core.facade.layout.grids import box_array
+from facade_core.facade.layout.facade_frame import cluster_centres
+from facade_core.facade.layout.grids import ALIGNMENT_TOLERANCE, box_array
 from facade_core.facade.layout.proposals import Proposals
 from facade_core.facade.layout.rectangles import BALCONY, WINDOW, pairwise_overlap
 from facade_core.facade.layout.selection import select_proposals
 
-# A window is that of the row beside, or a guess of one row, when their sides agree so well (intersection over union).
+# Smallest IoU of the sides of windows in one column or one row.
 _MIN_SIDE_IOU = 0.6
-# A row that has this share of the windows beside it has the others too.
+# A row with this share of its neighbour's windows is completed.
 _MIN_NEIGHBOUR_SHARE = 0.5
-# How far windows are from each other at least: as a share of their width where only single ones are seen; at most; as a share
-# of the least gap that is seen.
-_SINGLE_GAP_SHARE, _MAX_GAP_SHARE, _OBSERVED_GAP_SHARE = 0.1, 0.2, 0.6
-# A row of which nothing is there yet has at least this share of the windows of the row next to it, and lies so many pitches
-# from it.
-_MIN_ROW_COVER, _MIN_ROW_PITCH = 0.5, 0.75
-# Between two floors one is there though it is less likely, by this factor: no storey is blank.
+# Smallest gap between windows as a share of their width, where no floor shows two.
+_SINGLE_GAP_SHARE = 0.1
+# Upper bound of the smallest gap, as a share of the window width.
+_MAX_GAP_SHARE = 0.2
+# Smallest gap as a share of the smallest observed one.
+_OBSERVED_GAP_SHARE = 0.6
+# Smallest number of windows of a new row, as a share of the nearest row's.
+_MIN_ROW_COVER = 0.5
+# Smallest distance of a new row from the nearest row, in pitches.
+_MIN_ROW_PITCH = 0.75
+# Factor of the threshold for a row between two floors, since no floor is blank.
 _INNER_ROW_FACTOR = 0.35
 _NO_BOXES = np.zeros((0, 4))
 
@@ -39,11 +43,23 @@ def find_missing_windows(
     row_threshold: float,
     ground_row_threshold: float,
 ) -> np.ndarray:
-    """(N,) bool, of proposals: windows that are missing in rows of the layout that is picked, `kept`, and rows that are.
+    """Find windows that complete rows of a selection, and whole rows that it lacks.
 
-    likely (N,): how likely each is, 0 of one that is not there; clear (N,) bool: where nothing stands in the way; apart:
-    windows of a row are at least so far from each other. A row comes where its windows are as likely in the mean as `least`,
-    below all others as `standing`; between two a third of it is enough.
+    A row is added if the mean probability of its windows reaches a threshold: `ground_row_threshold` below all
+    others, a share of `row_threshold` between two floors, `row_threshold` above.
+
+    Parameters
+    ----------
+    proposals : N proposals.
+    selected : indices of the selected proposals.
+    probability : (N,) probability of each; 0 excludes a proposal.
+    observed : observed elements.
+    unobstructed : (N,) bool proposals without obstacles.
+    min_gap : smallest distance between windows of a row.
+
+    Returns
+    -------
+    (N,) bool proposals to add.
     """
     fill = np.zeros(len(proposals.box), bool)
     own = selected[proposals.label[selected] == WINDOW]
@@ -52,24 +68,33 @@ def find_missing_windows(
     if not len(windows):
         return fill
     solid = np.concatenate(
-        [box_array([e for e in observed if e.label != "balcony"]), proposals.box[selected[proposals.label[selected] != BALCONY]]]
+        [
+            box_array([e for e in observed if e.label != "balcony"]),
+            proposals.box[selected[proposals.label[selected] != BALCONY]],
+        ]
     )
-    free = unobstructed & (proposals.label == WINDOW) & (probability > 0) & ~pairwise_overlap(proposals.box, solid).any(axis=1)
+    free = (
+        unobstructed
+        & (proposals.label == WINDOW)
+        & (probability > 0)
+        & ~pairwise_overlap(proposals.box, solid).any(axis=1)
+    )
     picked = np.arange(len(windows)) >= len(seen)
     fill[_continue_rows(proposals.box, probability, free, windows, picked, solid)] = True
     windows = np.concatenate([windows, proposals.box[fill]])
     free &= ~pairwise_overlap(proposals.box, windows).any(axis=1)
-    fill[_find_missing_rows(proposals.box, probability, free, windows, min_gap, row_threshold, ground_row_threshold)] = True
+    fill[
+        _find_missing_rows(proposals.box, probability, free, windows, min_gap, row_threshold, ground_row_threshold)
+    ] = True
     return fill
 
 
 def _continue_rows(
     box: np.ndarray, likely: np.ndarray, free: np.ndarray, windows: np.ndarray, picked: np.ndarray, solid: np.ndarray
 ) -> list[int]:
-    """Proposals that stand in a row as windows stand in the row beside it that has most; solid (M, 4): what may take their
-    place, doors and shops too."""
+    """Return proposals that repeat the columns of the fuller neighbouring row; `solid` (M, 4) may take their place."""
     height = float(np.median(windows[:, 3] - windows[:, 1]))
-    floors, row = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ONE_LINE * height)
+    floors, row = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * height)
     found: list[int] = []
     for r in np.unique(row[picked]).tolist():
         beside = [q for q in (r - 1, r + 1) if 0 <= q < len(floors)]
@@ -85,7 +110,11 @@ def _continue_rows(
         if there.mean() < _MIN_NEIGHBOUR_SHARE:
             continue
         for x0, x1 in other[~there][:, [0, 2]].tolist():
-            good = free & (_interval_iou(box[:, [0, 2]], (x0, x1)) >= _MIN_SIDE_IOU) & (_interval_iou(box[:, [1, 3]], (low, high)) >= _MIN_SIDE_IOU)
+            good = (
+                free
+                & (_interval_iou(box[:, [0, 2]], (x0, x1)) >= _MIN_SIDE_IOU)
+                & (_interval_iou(box[:, [1, 3]], (low, high)) >= _MIN_SIDE_IOU)
+            )
             if good.any():
                 found.append(int(np.where(good, likely, -1.0).argmax()))
     return found
@@ -100,12 +129,12 @@ def _find_missing_rows(
     least: float,
     standing: float,
 ) -> list[int]:
-    """Proposals of whole rows where there is none, the likeliest first."""
+    """Return proposals of whole missing rows, the likeliest row first."""
     label = np.full(len(box), WINDOW)
     size = np.median(windows[:, 2:] - windows[:, :2], axis=0)
     taken: list[int] = []
     while True:
-        floors, row_of = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ONE_LINE * float(size[1]))
+        floors, row_of = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * float(size[1]))
         columns = [(windows[row_of == k, 0] + windows[row_of == k, 2]) / 2 for k in range(len(floors))]
         pitch = float(np.median(np.diff(floors))) if len(floors) > 1 else 2 * float(size[1])
         middle = (box[:, 1] + box[:, 3]) / 2
@@ -114,7 +143,7 @@ def _find_missing_rows(
         across = np.array(
             [np.abs(x - columns[k]).min() for x, k in zip((box[:, 0] + box[:, 2]) / 2, nearest, strict=True)]
         )
-        on = across < ONE_LINE * size[0]
+        on = across < ALIGNMENT_TOLERANCE * size[0]
         index = np.flatnonzero(free & on & far)
         index = index[np.argsort(-likely[index], kind="stable")]
         best, best_sum = np.zeros(0, int), 0.0
@@ -128,7 +157,11 @@ def _find_missing_rows(
             above, below = middle[first] < floors[0], middle[first] > floors[-1]
             enough = standing if below else least if above else _INNER_ROW_FACTOR * least
             value = float(likely[row].sum())
-            if len(row) >= _MIN_ROW_COVER * len(columns[nearest[first]]) and value >= enough * len(row) and value > best_sum:
+            if (
+                len(row) >= _MIN_ROW_COVER * len(columns[nearest[first]])
+                and value >= enough * len(row)
+                and value > best_sum
+            ):
                 best, best_sum = row, value
         if not len(best):
             return taken
@@ -140,14 +173,17 @@ def _find_missing_rows(
 
 
 def _interval_iou(sides: np.ndarray, side: tuple[float, float]) -> np.ndarray:
-    """(N,) intersection over union of intervals (N, 2) and one."""
+    """Return the (N,) intersection over union of intervals (N, 2) with one interval."""
     both = np.minimum(sides[:, 1], side[1]) - np.maximum(sides[:, 0], side[0])
     return np.clip(both, 0, None) / (np.maximum(sides[:, 1], side[1]) - np.minimum(sides[:, 0], side[0]))
 
 
 def min_window_gap(observed: Sequence[Element]) -> float:
-    """How far windows that share a floor are from each other at least, most of the least distance that is seen; a part of their
-    width where only single ones are."""
+    """Return the smallest distance between windows of one floor, from the observed ones.
+
+    It is a share of the smallest observed gap, bounded by a share of the window width; a share of the width alone if
+    no floor shows two windows.
+    """
     box = box_array([e for e in observed if e.label == "window"])
     if not len(box):
         return 0.0

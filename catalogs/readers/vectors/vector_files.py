@@ -1,4 +1,7 @@
-"""Footprints and centrelines out of vector files: GeoPackage, GeoJSON, GeoParquet, Shapefile, FlatGeobuf."""
+"""Footprints, centrelines and ground features of vector files.
+
+GeoPackage, GeoJSON, GeoParquet, Shapefile and FlatGeobuf.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +14,15 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
-from catalogs.broken import fault_reason
+from catalogs.crs import coordinate_transform
 from catalogs.features import Centrelines, Fault, Footprints, GroundFeature, Remark
-from catalogs.frames import coordinate_transform
+from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
-from catalogs.readers.vectors.classes import ground_tags
 from catalogs.readers.vectors.columns import CLASS_COLUMNS
+from catalogs.readers.vectors.ground_classes import ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_layers
-from catalogs.readers.vectors.osm import parse_footprint, is_building_part, is_street, split_values
+from catalogs.readers.vectors.osm import is_building_part, is_street, parse_footprint, split_values
 from facade_core.core.errors import InputError
 
 _BUILDING_LAYERS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
@@ -34,12 +37,21 @@ _STREET_LAYERS = ("street", "road", "highway", "centreline", "centerline", "stra
 
 
 def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
-    """Building outlines with the height, storeys, name and roof that the columns state, whatever they are called.
+    """Read building outlines with height, floors, name and roof by columns of any known name.
 
-    A height is one to the ridge, as in OpenStreetMap: where a roof is stated it is taken off. Parts of the outline keep
-    their z only as the height of the ground, where the whole layer is 3D. Where a column `building` is OpenStreetMap's, only
-    what it marks is read. The frame is None where the file states none, or degrees that its coordinates cannot be.
-    `lod` is not looked at. Raises InputError where the file cannot be read or holds no outlines.
+    A height reaches to the ridge, as in OpenStreetMap: a stated roof is subtracted. The z of an outline is the height of the
+    ground where the whole layer is 3D. With OpenStreetMap's column `building` only marked outlines are read. The crs is None
+    where the file states none, or degrees that its coordinates cannot be.
+
+    Parameters
+    ----------
+    path : file.
+    lod : ignored, since outlines have no level of detail.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or holds no outlines.
     """
     features = read_layer_features(path, "outlines", _BUILDING_LAYERS)
     remarks = _layer_remarks(features)
@@ -67,20 +79,24 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
             faults.append(Fault(id, "building", f"footprint {id}: {fault_reason(error)}", finite_points(geometry)))
             continue
         if footprint is not None:
-            if id in features.renamed:
-                remarks.append(Remark(id, f"buildings of {path.name} {features.renamed[id]}", geometry))
+            if id in features.id_remarks:
+                remarks.append(Remark(id, f"buildings of {path.name} {features.id_remarks[id]}", geometry))
             ground = tags.get("ground")
             items.append(replace(footprint, base=float(ground) if ground else base))
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
 def read_vector_centrelines(path: Path) -> Centrelines:
-    """Street centrelines, and what lies on the ground. Where a column states OpenStreetMap's `highway`, only streets that
-    catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; where it states a class in other words, the
-    same of those whose class is known; of OpenDRIVE's roads only those outside junctions. The ground is of all lines, and of
-    what other layers hold.
+    """Read street centrelines and ground features.
 
-    Raises InputError where the file cannot be read or holds no lines.
+    With OpenStreetMap's column `highway` only streets of catalogs.readers.vectors.osm.is_street are read: no footways, service
+    roads or tunnels. The same holds for classes of other maps that are known. Of OpenDRIVE only roads outside junctions are
+    read. Ground features are all lines and the features of other ground layers.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read or holds no lines.
     """
     features = read_layer_features(path, "lines", _STREET_LAYERS)
     opendrive = any(tags.get("junction") == "-1" for tags in features.tags)
@@ -105,16 +121,19 @@ def read_vector_centrelines(path: Path) -> Centrelines:
         for feature, tags in zip(_ground_features(features, ""), features.tags, strict=True)
         if feature is not None and not (opendrive and tags.get("junction") != "-1")
     ]
-    if features.others:
+    if features.other_layers:
         others = read_layers(path, lambda layer, columns: layer != features.layer and _is_ground_layer(layer, columns))
         ground += _project_ground_features(others, features.crs)
     return replace(found, remarks=tuple(_id_remarks(found, features, path)), ground=tuple(ground))
 
 
 def read_vector_ground(path: Path) -> Centrelines:
-    """What all layers of a file hold of the ground: areas, ways and crossings. No camera travels them.
+    """Read the ground features of all layers: areas, ways and crossings, without viewpoints.
 
-    Raises InputError where the file cannot be read, or holds nothing of the ground.
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or holds no ground features.
     """
     layers = read_layers(path, _is_ground_layer)
     frame = next((layer.crs for layer in layers if layer.crs is not None), None)
@@ -124,8 +143,10 @@ def read_vector_ground(path: Path) -> Centrelines:
 
 
 def _is_ground_layer(layer: str, columns: Collection[str]) -> bool:
-    """Whether a layer may hold what lies on the ground, by its name and columns."""
-    return not _GROUND_COLUMNS.isdisjoint(columns) or bool(ground_tags({}, layer, is_area=True) or ground_tags({}, layer))
+    """Return True where a layer may hold ground features, by its name and columns."""
+    return not _GROUND_COLUMNS.isdisjoint(columns) or bool(
+        ground_tags({}, layer, is_area=True) or ground_tags({}, layer)
+    )
 
 
 def _project_ground_features(layers: Sequence[LayerFeatures], frame: str | None) -> list[GroundFeature]:
@@ -143,8 +164,10 @@ def _project_ground_features(layers: Sequence[LayerFeatures], frame: str | None)
 
 
 def _ground_features(features: LayerFeatures, layer: str) -> Iterator[GroundFeature | None]:
-    """What each of a layer's features states of the ground, understood; its name says what those without a class are. None of
-    one without a geometry."""
+    """Yield the ground feature of each row, None without a geometry.
+
+    The name of the layer classifies features without a class.
+    """
     for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True):
         if geometry is None:
             yield None
@@ -154,26 +177,28 @@ def _ground_features(features: LayerFeatures, layer: str) -> Iterator[GroundFeat
 
 
 def _id_remarks(found: Centrelines, features: LayerFeatures, path: Path) -> Iterator[Remark]:
-    """Remarks on lines whose ids are not what the file states; those of one id and name are pieces of one street."""
+    """Yield remarks on lines with changed ids; lines of one id and name are pieces of one street."""
     names = {id: tags.get("name") for id, tags in zip(features.ids, features.tags, strict=True)}
     for item in found.items:
         id = item.id if item.id in names else item.id.rpartition("-")[0]  # a part of a line is id-0, id-1, ...
-        if id not in features.renamed:
+        if id not in features.id_remarks:
             continue
         if names[id] is None or names[id] != names.get(id.rpartition("-")[0]):
-            yield Remark(item.id, f"streets of {path.name} {features.renamed[id]}", None)
+            yield Remark(item.id, f"streets of {path.name} {features.id_remarks[id]}", None)
 
 
 def _layer_remarks(features: LayerFeatures) -> list[Remark]:
-    if not features.others:
+    if not features.other_layers:
         return []
     return [
-        Remark(f"{features.layer}, not {', '.join(features.others)}", "layers read of files that have several", None)
+        Remark(
+            f"{features.layer}, not {', '.join(features.other_layers)}", "layers read of files that have several", None
+        )
     ]
 
 
 def _base_heights(geometries: Any) -> list[float | None]:
-    """The lowest z of each geometry, where all have one; a layer whose z are all zero states nothing."""
+    """Return the lowest z of each geometry; None for all where one has no z or all z are zero."""
     drawn = [geometry for geometry in geometries if geometry is not None and not geometry.is_empty]
     if not drawn or not shapely.has_z(drawn).all():
         return [None] * len(geometries)
@@ -188,7 +213,7 @@ def _lowest_z(geometry: Any) -> float | None:
 
 
 def _plan_outline(geometry: Any) -> Any:
-    """A geometry in plan. Of a collection the polygons; a solid's faces, drawn as one MultiPolygon, become what they cover."""
+    """Return a geometry in plan: of a collection the polygons, of faces of a solid the covered area."""
     flat = shapely.force_2d(geometry)
     if geometry.geom_type == "GeometryCollection":
         polygons = [part for part in shapely.get_parts(flat) if "Polygon" in part.geom_type]

@@ -1,4 +1,4 @@
-"""Text out of data, made safe to look at: what would steer a terminal, end a line or turn the reading direction is shown."""
+"""Escapes for untrusted text: control characters, line ends and bidirectional marks become visible."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _JOINERS = "\u200c\u200d"
 
 
 def escape_invisible(text: str) -> str:
-    """The text with every character that is not seen written as Python would write it: \\x1b, \\n, \\u202e."""
+    r"""Return a text with Python escapes for invisible characters, such as \x1b, \n and \u202e."""
     if text.isprintable():
         return text
     return "".join(ascii(c)[1:-1] if _is_invisible(c) else c for c in text)
 
 
 def escape_invisible_json(text: str) -> str:
-    """JSON text that says the same, with those characters written as JSON would; line breaks between values stay."""
+    """Return equivalent JSON text with JSON escapes for invisible characters; line breaks between values stay."""
     if text.replace("\n", "").isprintable():
         return text
     return "".join(json.dumps(c)[1:-1] if c != "\n" and _is_invisible(c) else c for c in text)
@@ -31,6 +31,6 @@ def _is_invisible(character: str) -> bool:
 
 
 def short_repr(value: Any, max_length: int = 60) -> str:
-    """A value as one short piece of a message."""
+    """Return the repr of a value on one line of at most `max_length` characters."""
     text = " ".join(repr(value).split()) if value is not None else "nothing"
     return text if len(text) <= max_length else text[: max_length - 3] + "..."

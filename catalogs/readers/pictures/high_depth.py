@@ -1,4 +1,4 @@
-"""Pictures of more than 8 bits a band (16, 32, float), brought to 8 by the range that their values have."""
+"""Conversion of pictures of more than 8 bits per band (16, 32, float) by the range of their values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG, _UNSIGNED_FORMAT = 258, 339, 1
 
 
 def is_high_depth(image: Image) -> bool:
-    """Whether a picture whose header was read has values that Pillow would clip, or cut to their upper 8 bits."""
+    """Return True where Pillow would clip the values of a picture or cut them to the upper 8 bits."""
     if image.mode.startswith(("I", "F")):
         return True
     tags: Any = getattr(image, "tag_v2", {})
@@ -37,11 +37,25 @@ def is_high_depth(image: Image) -> bool:
 
 
 def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """RGB (h, w, 3) uint8 as stored, of means of `factor` x `factor` pixels, and what is hidden or no number (h, w) bool.
+    """Read a picture as 8-bit RGB, as stored, averaged over blocks of `factor` x `factor` pixels.
 
-    Whole numbers are scaled by the least of DEPTHS that holds them all, fractions are from 0 to 1 or from 0 to 255. Raises
-    ImageError, with the range that was found, where neither is so. Read twice, a few rows at a time: memory does not grow
-    with the file.
+    Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255. The file
+    is read twice, a few rows at a time, so that memory does not grow with the file.
+
+    Parameters
+    ----------
+    path : PNG or TIFF file.
+    factor : side of a block, pixels.
+
+    Returns
+    -------
+    rgb : (h, w, 3).
+    hidden : (h, w) True where a pixel is transparent or no number.
+
+    Raises
+    ------
+    ImageError
+        Where the values have another range.
     """
     import rasterio
     from rasterio.windows import Window
@@ -85,7 +99,7 @@ def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _colour_bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]:
-    """Which bands are red, green and blue (or grey), which says what is seen, and whether the lowest value is white."""
+    """Return the colour bands, the alpha band or None, and whether the lowest value is white."""
     from rasterio.enums import ColorInterp, PhotometricInterp
 
     if raster.photometric in (PhotometricInterp.cmyk, PhotometricInterp.ycbcr, PhotometricInterp.cielab):
@@ -97,7 +111,7 @@ def _colour_bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]
 
 
 def _read_values(raster: Any, bands: list[int], window: Any) -> np.ndarray:
-    """Values (bands, rows, columns), NaN where the file marks them as unknown."""
+    """Return values (bands, rows, columns), NaN for nodata."""
     values = raster.read(bands, window=window)
     unknown = None if raster.nodata is None else values == raster.nodata
     values = values.astype(np.float32)
@@ -107,7 +121,7 @@ def _read_values(raster: Any, bands: list[int], window: Any) -> np.ndarray:
 
 
 def _white_value(path: Path, kind: str, low: float, high: float) -> float:
-    """The value that is white."""
+    """Return the value of white."""
     if high < low:
         raise ImageError(f"{path.name} has no pixel that is a number; replace or remove it")
     if low == high == 0:
@@ -127,7 +141,7 @@ def _white_value(path: Path, kind: str, low: float, high: float) -> float:
 
 
 def _block_means(values: np.ndarray, known: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """Means of values (h, w, 3) and of what is known (h, w) over squares of `factor` pixels, fewer at the border."""
+    """Return means of values (h, w, 3) and of known (h, w) over blocks of `factor` pixels, smaller at the border."""
     if factor == 1:
         return values, known
     down, across = (np.arange(0, side, factor) for side in known.shape)

@@ -1,4 +1,7 @@
-"""Which reader reads which geometry file. A new format is one function and one row here."""
+"""Selection of the reader of a geometry file by its suffix.
+
+A new format is one function and one row here.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from catalogs.broken import wrap_reader_errors
 from catalogs.features import BuildingModels, Centrelines, Footprints
+from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.limits import apply_limits
 from facade_core.core.errors import InputError
 
@@ -25,40 +28,48 @@ BUILDING_READERS: Mapping[str, tuple[str, str]] = {
     ".gltf": ("meshes.models", "read_meshes"),
     ".ply": ("meshes.models", "read_meshes"),
     ".npz": ("meshes.models", "read_meshes"),
-    ".gpkg": ("vectors.features", "read_vector_footprints"),
-    ".geojson": ("vectors.features", "read_vector_footprints"),
-    ".parquet": ("vectors.features", "read_vector_footprints"),
-    ".geoparquet": ("vectors.features", "read_vector_footprints"),
-    ".shp": ("vectors.features", "read_vector_footprints"),
-    ".fgb": ("vectors.features", "read_vector_footprints"),
+    ".gpkg": ("vectors.vector_files", "read_vector_footprints"),
+    ".geojson": ("vectors.vector_files", "read_vector_footprints"),
+    ".parquet": ("vectors.vector_files", "read_vector_footprints"),
+    ".geoparquet": ("vectors.vector_files", "read_vector_footprints"),
+    ".shp": ("vectors.vector_files", "read_vector_footprints"),
+    ".fgb": ("vectors.vector_files", "read_vector_footprints"),
 }
 CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_centrelines"),
     ".graphml": ("vectors.graphml", "read_graphml"),
-    ".gpkg": ("vectors.features", "read_vector_centrelines"),
-    ".geojson": ("vectors.features", "read_vector_centrelines"),
-    ".json": ("vectors.features", "read_vector_centrelines"),
-    ".parquet": ("vectors.features", "read_vector_centrelines"),
-    ".geoparquet": ("vectors.features", "read_vector_centrelines"),
-    ".shp": ("vectors.features", "read_vector_centrelines"),
-    ".fgb": ("vectors.features", "read_vector_centrelines"),
+    ".gpkg": ("vectors.vector_files", "read_vector_centrelines"),
+    ".geojson": ("vectors.vector_files", "read_vector_centrelines"),
+    ".json": ("vectors.vector_files", "read_vector_centrelines"),
+    ".parquet": ("vectors.vector_files", "read_vector_centrelines"),
+    ".geoparquet": ("vectors.vector_files", "read_vector_centrelines"),
+    ".shp": ("vectors.vector_files", "read_vector_centrelines"),
+    ".fgb": ("vectors.vector_files", "read_vector_centrelines"),
 }
 GROUND_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_centrelines"),
-    ".gpkg": ("vectors.features", "read_vector_ground"),
-    ".geojson": ("vectors.features", "read_vector_ground"),
-    ".json": ("vectors.features", "read_vector_ground"),
-    ".parquet": ("vectors.features", "read_vector_ground"),
-    ".geoparquet": ("vectors.features", "read_vector_ground"),
-    ".shp": ("vectors.features", "read_vector_ground"),
-    ".fgb": ("vectors.features", "read_vector_ground"),
+    ".gpkg": ("vectors.vector_files", "read_vector_ground"),
+    ".geojson": ("vectors.vector_files", "read_vector_ground"),
+    ".json": ("vectors.vector_files", "read_vector_ground"),
+    ".parquet": ("vectors.vector_files", "read_vector_ground"),
+    ".geoparquet": ("vectors.vector_files", "read_vector_ground"),
+    ".shp": ("vectors.vector_files", "read_vector_ground"),
+    ".fgb": ("vectors.vector_files", "read_vector_ground"),
 }
 
 
 def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingModels:
-    """Read buildings; the suffix picks the reader, `lod` the level of detail of a model that has several.
+    """Read the buildings of a file; broken ones and those beyond the limits become faults.
 
-    What is broken or beyond the limits of a block is set aside. Raises InputError for an unknown suffix or a broken file.
+    Parameters
+    ----------
+    path : file; the suffix selects the reader.
+    lod : level of detail of models that have several; None for the highest.
+
+    Raises
+    ------
+    InputError
+        For an unknown suffix or a broken file.
     """
     reader = _find_reader(path, BUILDING_READERS)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
@@ -66,9 +77,12 @@ def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingM
 
 
 def read_centrelines(path: Path) -> Centrelines:
-    """Read street centrelines; the suffix picks the reader. What is broken or beyond the limits of a block is set aside.
+    """Read the street centrelines of a file; broken ones and those beyond the limits become faults.
 
-    Raises InputError for an unknown suffix or a broken file.
+    Raises
+    ------
+    InputError
+        For an unknown suffix or a broken file.
     """
     reader = _find_reader(path, CENTRELINE_READERS)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):
@@ -76,9 +90,12 @@ def read_centrelines(path: Path) -> Centrelines:
 
 
 def read_ground(path: Path) -> Centrelines:
-    """Read what a file states of the ground; the suffix picks the reader.
+    """Read the ground features of a file.
 
-    Raises InputError for an unknown suffix or a broken file.
+    Raises
+    ------
+    InputError
+        For an unknown suffix or a broken file.
     """
     reader = _find_reader(path, GROUND_READERS)
     with wrap_reader_errors(path, f"{path.suffix} file", "export it again"):

@@ -1,4 +1,7 @@
-"""Errors that broken input makes of parsers: a file of it is refused, a unit of it set aside. Faults of the machine pass."""
+"""Conversion of parser errors into input errors.
+
+A broken file is rejected and a broken unit becomes a fault. Errors of the machine, such as a full disk, pass through.
+"""
 
 from __future__ import annotations
 
@@ -22,25 +25,37 @@ _MAX_MESSAGE_LENGTH = 160
 
 
 def is_system_error(error: BaseException) -> bool:
-    """Whether an error is the machine's fault, and not that of what is read."""
+    """Return True where an error is the fault of the machine and not of the input."""
     if isinstance(error, OSError):
         return error.errno in _SYSTEM_ERRNOS
     return isinstance(error, MemoryError | ImportError) or not isinstance(error, Exception)
 
 
 def short_message(error: BaseException) -> str:
-    """An error as one short piece of a line."""
+    """Return the message of an error as a short part of one line."""
     return single_line(str(error))[:_MAX_MESSAGE_LENGTH] or type(error).__name__
 
 
 def single_line(text: str) -> str:
-    """A text as part of one line of UTF-8: what breaks lines, and what is no letter at all, is replaced."""
+    """Return a text as part of one UTF-8 line, with a space for each unprintable character."""
     return "".join(c if c.isprintable() else " " for c in text.encode(errors="replace").decode()).strip()
 
 
 @contextmanager
 def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
-    """Any error within says that a file is no valid `kind`: InputError with the remedy. Our own and the machine's pass."""
+    """Raise errors of parsers as InputError; errors of the project and of the machine pass unchanged.
+
+    Parameters
+    ----------
+    path : file that the wrapped block reads.
+    kind : format of the file in the message "is not a valid `kind`".
+    remedy : advice to the user at the end of the message.
+
+    Raises
+    ------
+    InputError
+        One line with the file, the reason and the remedy.
+    """
     try:
         yield
     except FacadeError:
@@ -57,7 +72,13 @@ def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
 
 
 def fault_reason(error: Exception, remedy: str = "mend or remove it") -> str:
-    """Why a unit is set aside for an error that nothing foresaw, with the remedy. The machine's faults are raised again."""
+    """Return the reason and the remedy of a fault for an error of any class.
+
+    Raises
+    ------
+    Exception
+        The given error, where it is an error of the machine.
+    """
     if is_system_error(error):
         raise error
     if isinstance(error, FacadeError):

@@ -1,4 +1,4 @@
-"""Where a map has shops and the like, which show a shop window on the ground floor, and where one enters buildings."""
+"""Shops, which have shop windows on the ground floor, and entrances of a map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from catalogs.broken import is_system_error
+from catalogs.reader_errors import is_system_error
 
 # Amenities behind shop windows, beside all that is tagged shop=*.
 SHOP_AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
@@ -18,14 +18,14 @@ _EXCLUDED_ENTRANCES = ("no", "garage", "emergency", "exit")
 
 
 class PointsOfInterest(NamedTuple):
-    """Nodes of a map, each (n, 2) lon/lat (EPSG:4326), sorted: shops, cafes and the like; entrances."""
+    """Sorted map nodes (n, 2) in lon/lat (EPSG:4326): shops, cafes and the like; entrances."""
 
     shops: np.ndarray
     entrances: np.ndarray
 
 
 def read_points_of_interest(path: Path) -> PointsOfInterest | None:
-    """The shops and entrances of a .pbf; None where these cannot be told."""
+    """Read the shops and entrances of a .pbf; None where they cannot be read."""
     from pyrosm import OSM
 
     wanted = {"shop": True, "amenity": list(SHOP_AMENITIES), "entrance": True}
@@ -42,7 +42,9 @@ def read_points_of_interest(path: Path) -> PointsOfInterest | None:
     frame = frame[frame.geometry.notna()].reindex(columns=["geometry", "shop", "amenity", "entrance"])
     shops = (frame["shop"].notna() | frame["amenity"].isin(SHOP_AMENITIES)) & ~frame["shop"].isin(_VACANT_VALUES)
     entrances = frame["entrance"].notna() & ~frame["entrance"].isin(_EXCLUDED_ENTRANCES)
-    return PointsOfInterest(*(_unique_coordinates(frame["geometry"][chosen].to_numpy()) for chosen in (shops, entrances)))
+    return PointsOfInterest(
+        *(_unique_coordinates(frame["geometry"][chosen].to_numpy()) for chosen in (shops, entrances))
+    )
 
 
 def _unique_coordinates(points: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""From outlines and models as sources state them to the buildings of a block: cut, projected, repaired, a height each."""
+"""Buildings of a block from footprints and models: clipped, projected, repaired, deduplicated, each with a height."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from catalogs.broken import fault_reason
 from catalogs.buildings.heights import assume_heights
 from catalogs.buildings.models import project_models
-from catalogs.buildings.parts import PartCandidate, find_host_outlines, apply_building_parts
+from catalogs.buildings.parts import PartCandidate, apply_building_parts, find_host_outlines
 from catalogs.buildings.roofs import add_assumed_roofs
+from catalogs.crs import coordinate_transform
 from catalogs.features import BuildingModels, Fault, Footprint, Footprints, natural_sort_key, notes_by_reason
-from catalogs.frames import coordinate_transform
+from catalogs.reader_errors import fault_reason
 from facade_core.core.types import Building
 
 if TYPE_CHECKING:
@@ -30,12 +30,22 @@ MIN_PART_M2 = 4.0  # m2; of a building's parts
 CONTEXT_DISTANCE_M = 500.0  # buildings this near to the area tell heights, too
 MAX_SLIVER_SHARE = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
 DUPLICATE_SHARE = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
-MAX_NEIGHBOUR_OVERLAP = 0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
+MAX_NEIGHBOUR_OVERLAP = (
+    0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
+)
 
 
 @dataclass(frozen=True)
 class BlockBuildings:
-    """The buildings of a block, the pictures that their shells' textures count, what was assumed, and what is broken."""
+    """Buildings of a block.
+
+    Attributes
+    ----------
+    items : buildings, ordered by id.
+    textures : pictures that the texture indices of the shells refer to.
+    notes : assumptions and omissions, one line each.
+    faults : broken buildings.
+    """
 
     items: tuple[Building, ...]
     textures: tuple[Path, ...]
@@ -45,29 +55,40 @@ class BlockBuildings:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A building before heights are assumed: of a model it is ready, of a footprint `stated` says what is known. of: the whole
-    outline of which it is a part, None of a whole one."""
+    """Building before heights are assumed.
+
+    Attributes
+    ----------
+    building : complete for a model, without a height for a footprint.
+    footprint : footprint of the source; None for a model.
+    whole_outline : outline that contains a building part; None otherwise.
+    """
 
     building: Building
-    stated: Footprint | None
-    of: Polygon | None = None
+    footprint: Footprint | None
+    whole_outline: Polygon | None = None
 
     @property
-    def whole(self) -> bool:
-        """Whether it stands on the ground by itself."""
-        return self.of is None and (self.stated is None or not self.stated.starts_above_ground)
+    def is_whole(self) -> bool:
+        """Return True where the building is no part and starts on the ground."""
+        return self.whole_outline is None and (self.footprint is None or not self.footprint.starts_above_ground)
 
 
 def assemble_buildings(
     sources: Sequence[Footprints | BuildingModels], crs: CRS, *, area: Polygon | None, floor_height: float
 ) -> BlockBuildings:
-    """Buildings in the metric frame, ordered by id. Every source states its crs.
+    """Build the buildings of a block in its metric frame, ordered by id.
 
-    area: polygon in the frame; a building is in if its representative point is. A MultiPolygon becomes one building per
-    part, id-0, id-1, ..., from west to east. Height of a footprint: the stated one, else levels x storey (roof levels lie
-    behind the eaves and do not count), else assumed by the known ones. A building that an
-    earlier source states too (SAME of its outline, or over BESIDE and the same id) is left out with a note. One elsewhere
-    that merely has another's id, such as a row's number, is numbered: id-2, id-3, ..., with a note.
+    A MultiPolygon becomes one building per part, id-0, id-1, ... from west to east. A building that an earlier source has
+    too (DUPLICATE_SHARE of its outline, or the same id and more than MAX_NEIGHBOUR_OVERLAP) is dropped with a note. A
+    different building with a used id is numbered: id-2, id-3, ..., with a note.
+
+    Parameters
+    ----------
+    sources : footprints and models with a CRS, in order of precedence.
+    crs : metric frame of the block.
+    area : polygon in the frame that contains the representative points of the buildings; None for no limit.
+    floor_height : metres; the height of a footprint is the stated one, else levels x floor_height, else assumed.
     """
     reasons: dict[str, list[str]] = defaultdict(list)
     faults: list[Fault] = []
@@ -91,8 +112,8 @@ def assemble_buildings(
         found += _drop_duplicates(candidates, found, stated, reasons)
 
     found.sort(key=lambda candidate: natural_sort_key(candidate.building.id))
-    whole = [candidate for candidate in found if candidate.whole]
-    parts = [candidate for candidate in found if not candidate.whole]
+    whole = [candidate for candidate in found if candidate.is_whole]
+    parts = [candidate for candidate in found if not candidate.is_whole]
     buildings, notes = _assume_heights(whole, [*around, *filter(_states_floor_height, parts)], floor_height)
     if parts:
         buildings = _add_parts(buildings, found, parts, floor_height, reasons)
@@ -106,20 +127,20 @@ def _add_parts(
     floor_height: float,
     reasons: dict[str, list[str]],
 ) -> tuple[Building, ...]:
-    """The buildings, with their parts and what begins above the ground, ordered by id."""
+    """Return the buildings with their parts and with buildings that start above the ground, ordered by id."""
     wholes = {id(one.building.footprint): one for one in found}
     stated = []
     for part in parts:
-        assert part.stated is not None
-        of = wholes.get(id(part.of)) if part.of is not None else None
-        if part.of is not None and of is None:
+        assert part.footprint is not None
+        of = wholes.get(id(part.whole_outline)) if part.whole_outline is not None else None
+        if part.whole_outline is not None and of is None:
             continue  # the whole is left out, as an earlier source states it
-        more = of.stated if of is not None else None
+        more = of.footprint if of is not None else None
         kind, built = (
-            part.stated.use or (more.use if more else None),
-            part.stated.year_built or (more.year_built if more else None),
+            part.footprint.use or (more.use if more else None),
+            part.footprint.year_built or (more.year_built if more else None),
         )
-        own = replace(part.stated, kind=kind, built=built)
+        own = replace(part.footprint, use=kind, year_built=built)
         stated.append(PartCandidate(part.building, own, None if of is None else of.building.id))
     found_parts = apply_building_parts(buildings, stated, floor_height, MIN_FOOTPRINT_M2, reasons)
     return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
@@ -133,7 +154,7 @@ def _footprint_candidates(
     reasons: dict[str, list[str]],
     faults: list[Fault],
 ) -> list[_Candidate]:
-    """The buildings of outlines in the area; `around` takes those near it whose height is known."""
+    """Return the buildings of footprints in the area; `around` receives nearby ones of known height."""
     assert source.crs is not None
     pieces: list[tuple[Footprint, str, Polygon]] = []
     outlines = _project([footprint.outline for footprint in source.items], source.crs, crs)
@@ -206,9 +227,9 @@ def _drop_duplicates(
     stated: dict[str, list[Any]],
     reasons: dict[str, list[str]],
 ) -> list[_Candidate]:
-    """The candidates that no earlier source, and no earlier feature of their own, states too, each with an id of its own.
+    """Return the candidates that no earlier feature duplicates, each with a unique id.
 
-    stated: the outlines so far by the id that their source gives them.
+    stated: outlines so far by the id that their source gives them; updated.
     """
     used = {candidate.building.id for candidate in earlier}
     taken = used | {candidate.building.id for candidate in candidates}
@@ -239,13 +260,16 @@ def _overlap(outline: Any, other: Any) -> bool:
 def _assume_heights(
     candidates: list[_Candidate], around: list[_Candidate], floor_height: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    """The buildings with heights and roofs, and a note on what is assumed of heights; those around have heights."""
+    """Return the buildings with heights and roofs, and a note on assumed heights."""
     # the roofs of heights that are known tell where their storeys end
     known_roofs = [
-        add_assumed_roofs(_apply_stated_heights(some, floor_height), [one.stated for one in some]) for some in (candidates, around)
+        add_assumed_roofs(_apply_stated_heights(some, floor_height), [one.footprint for one in some])
+        for some in (candidates, around)
     ]
-    stated = [candidate.stated for candidate in candidates]
-    every = assume_heights([*known_roofs[0], *known_roofs[1]], [*stated, *(one.stated for one in around)], floor_height)
+    stated = [candidate.footprint for candidate in candidates]
+    every = assume_heights(
+        [*known_roofs[0], *known_roofs[1]], [*stated, *(one.footprint for one in around)], floor_height
+    )
     roofed = add_assumed_roofs(every[: len(candidates)], stated)
     unknown = [building.height for building in roofed if building.height_source == "default"]
     if not unknown:
@@ -257,23 +281,27 @@ def _assume_heights(
 
 
 def _apply_stated_heights(candidates: list[_Candidate], floor_height: float) -> list[Building]:
-    """The buildings with the heights that are stated, 0 where none is."""
+    """Return the buildings with their stated heights, 0 without one."""
     buildings = []
     for candidate in candidates:
         building = candidate.building
-        if candidate.stated:
-            height, origin = _stated_height(candidate.stated, floor_height)
+        if candidate.footprint:
+            height, origin = _stated_height(candidate.footprint, floor_height)
             building = replace(building, height=height or 0.0, height_source=origin)
         buildings.append(building)
     return buildings
 
 
 def _states_floor_height(candidate: _Candidate) -> bool:
-    """Whether a building states its height, and so tells that of others; so do parts on the ground that are tagged as
-    buildings."""
-    stated = candidate.stated
+    """Return True for a building whose stated height informs the heights of others.
+
+    Parts on the ground with a tag `building` count too.
+    """
+    stated = candidate.footprint
     return (
-        stated is not None and _states_height(stated) and (candidate.whole or bool(stated.use and not stated.starts_above_ground))
+        stated is not None
+        and _states_height(stated)
+        and (candidate.is_whole or bool(stated.use and not stated.starts_above_ground))
     )
 
 
@@ -296,14 +324,14 @@ def _project(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
 
 
 def _may_intersect(outline: Any, area: Polygon | None) -> bool:
-    """Whether an outline, however broken, reaches into the area; one without a place counts."""
+    """Return True where an outline, however broken, may intersect the area; an outline without a location counts."""
     if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
         return True
     return bool(shapely.box(*outline.bounds).intersects(area))
 
 
 def _without_stray_holes(outline: Any) -> Any:
-    """An outline less the holes that lie outside of it, which make it invalid; itself where there is none."""
+    """Return an outline without holes outside its shell, which make it invalid."""
     if not shapely.is_valid_reason(outline).startswith("Hole lies outside shell"):
         return outline
     polygons = []
@@ -315,12 +343,15 @@ def _without_stray_holes(outline: Any) -> Any:
 
 
 def _find_defect(outline: Any) -> str | None:
-    """Why an outline cannot be believed, with the remedy; None where at most its spelling wants repair."""
+    """Return the defect and the remedy of an outline; None where it is valid or can be repaired."""
     if not np.isfinite(shapely.get_coordinates(outline)).all():
         return "a corner of its footprint is not a number; mend or remove it"
     reason = shapely.is_valid_reason(outline)
     # a ring that merely touches itself, or crosses itself in a sliver, encloses what was meant
-    if reason.startswith("Self-intersection") and abs(_repair(outline).area - outline.area) > MAX_SLIVER_SHARE * outline.area:
+    if (
+        reason.startswith("Self-intersection")
+        and abs(_repair(outline).area - outline.area) > MAX_SLIVER_SHARE * outline.area
+    ):
         return f"its footprint crosses itself ({reason.partition('[')[2].rstrip(']')}); mend or remove it"
     return None
 
@@ -330,7 +361,7 @@ def _repair(outline: Any) -> Any:
 
 
 def _split_polygons(outline: Polygon, min_area: float) -> tuple[list[Polygon], list[Polygon]]:
-    """The valid polygons of an outline, courtyards kept, from west to east: large enough ones, and too small ones."""
+    """Return the large and the small valid polygons of an outline, from west to east, with courtyards."""
     polygons = [part for part in shapely.get_parts(_repair(outline)) if part.geom_type == "Polygon" and part.area > 0]
     polygons = sorted(shapely.normalize(polygons), key=lambda part: part.bounds)
     return [p for p in polygons if p.area >= min_area], [p for p in polygons if p.area < min_area]

@@ -1,4 +1,4 @@
-"""Where a map is built up most: a place to begin with, for those who have a city and want a block."""
+"""Search for the most densely built square of a map, as a first block of a city."""
 
 from __future__ import annotations
 
@@ -13,18 +13,36 @@ _STEPS_PER_SIDE = 4  # a square is moved by this share of its side
 
 
 def square_bounds(longitude: float, latitude: float, size: float) -> Bounds:
-    """(west, south, east, north) in degrees of a square of `size` metres with its middle there."""
+    """Return (west, south, east, north) in degrees of a square of `size` metres around a point.
+
+    Parameters
+    ----------
+    longitude, latitude : centre, degrees.
+    size : length of a side, metres.
+    """
     up = math.degrees(size / 2 / EARTH_RADIUS_M)
     right = up / math.cos(math.radians(latitude))
     return longitude - right, latitude - up, longitude + right, latitude + up
 
 
 def densest_square(sources: Sequence[BuildingSource], size: float) -> Bounds | None:
-    """(west, south, east, north) in degrees of the square of `size` metres where buildings' boxes cover most; None where no
-    building of a possible size lies anywhere. Of equal ones the westernmost, then the southernmost.
+    """Return the square of `size` metres in which the bounding boxes of buildings cover most.
+
+    Ties go to the westernmost, then to the southernmost square.
+
+    Parameters
+    ----------
+    sources : footprints and models; sources without a CRS are ignored.
+    size : length of a side, metres.
+
+    Returns
+    -------
+    (west, south, east, north) in degrees, or None without a building of a plausible size.
     """
     found = [locate_boxes(source.crs, source.bounding_boxes()) for source in sources if source.crs and source.items]
-    corners = np.concatenate([places.corners[places.size <= MAX_BUILDING_SIZE_M] for places in found] or [np.empty((0, 4, 2))])
+    corners = np.concatenate(
+        [places.corners[places.size <= MAX_BUILDING_SIZE_M] for places in found] or [np.empty((0, 4, 2))]
+    )
     if not len(corners):
         return None
     middle = corners.mean(axis=1)
@@ -38,7 +56,9 @@ def densest_square(sources: Sequence[BuildingSource], size: float) -> Bounds | N
     cells, cell = np.unique(np.column_stack([column, row]), axis=0, return_inverse=True)
     covered = np.bincount(cell.ravel(), weights=spans.prod(axis=1))
     # a square begins at any cell that some building's cell lies within
-    begins = cells[:, None] - np.stack(np.meshgrid(range(_STEPS_PER_SIDE), range(_STEPS_PER_SIDE), indexing="ij"), -1).reshape(-1, 2)
+    begins = cells[:, None] - np.stack(
+        np.meshgrid(range(_STEPS_PER_SIDE), range(_STEPS_PER_SIDE), indexing="ij"), -1
+    ).reshape(-1, 2)
     squares, square = np.unique(begins.reshape(-1, 2), axis=0, return_inverse=True)
     within = np.bincount(square.ravel(), weights=np.repeat(covered, _STEPS_PER_SIDE * _STEPS_PER_SIDE))
     west, south = squares[within.argmax()]

@@ -1,4 +1,4 @@
-"""Files that a model names: its pictures, materials and buffers. They lie in the model's own folder or below it."""
+"""Files that a model references: pictures, materials and buffers in the folder of the model or below it."""
 
 from __future__ import annotations
 
@@ -11,21 +11,33 @@ OUTSIDE_FOLDER_REASON = "pictures outside the folder of their model: not read; c
 
 
 def find_referenced_file(model: Path, *names: str, folder: Path | None = None) -> Path | None:
-    """The file that a model names, by the first of `names`, relative to `folder` or to the model's own, that leads to one.
+    """Return the file of the first name that exists and is in the folder of the model, else None.
 
-    None where none does, or where it lies outside the model's folder, links followed: a model that somebody sent could show any
-    picture of this machine.
+    Links are resolved: a received model could otherwise show any picture of this machine.
+
+    Parameters
+    ----------
+    model : file of the model.
+    names : names of the referenced file in order of preference.
+    folder : base of relative names; None for the folder of the model.
     """
     return next((file for file in _existing_files(model, names, folder) if _is_below(file, model)), None)
 
 
 def is_outside_folder(model: Path, *names: str, folder: Path | None = None) -> bool:
-    """Whether one of the names leads to a file outside the model's folder."""
+    """Return True where one of the names leads to a file outside the folder of the model.
+
+    Parameters
+    ----------
+    model : file of the model.
+    names : names of the referenced file.
+    folder : base of relative names; None for the folder of the model.
+    """
     return any(not _is_below(file, model) for file in _existing_files(model, names, folder))
 
 
 def filename_variants(uri: str) -> tuple[str, ...]:
-    """What a file may be called that a URI names: as it stands, unquoted, with the slashes of this system."""
+    """Return the possible file names of a URI: as written and unquoted, with forward slashes."""
     return tuple(dict.fromkeys(name.replace("\\", "/") for name in (uri, unquote(uri))))
 
 

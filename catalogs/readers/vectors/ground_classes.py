@@ -1,4 +1,4 @@
-"""What ground is, in the words of many maps, as the OpenStreetMap tags that mean the same."""
+"""OpenStreetMap tags for the ground classes and words of other maps."""
 
 from __future__ import annotations
 
@@ -66,12 +66,19 @@ _TRAM_WORDS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "stree
 # What says whether there is such a thing, and what OpenStreetMap says of one of which no more is known.
 _YES_WORDS = frozenset(("yes", "true", "t", "1", "ja", "oui", "y"))
 _NO_WORDS = frozenset(("no", "false", "f", "0", "nee", "nein", "non", "n", "none"))
-_VALUES_OF_YES = {"cycleway": "track", "parking": "lane", "sidewalk": "yes", "oneway": "yes", "tunnel": "yes", "covered": "yes"}
+_VALUES_OF_YES = {
+    "cycleway": "track",
+    "parking": "lane",
+    "sidewalk": "yes",
+    "oneway": "yes",
+    "tunnel": "yes",
+    "covered": "yes",
+}
 _ONE_WAY_WORDS = frozenset(("ft", "tf"))
 
 
 def normalize_word(text: str) -> str:
-    """A word as the tables have it."""
+    """Return a word in the form of the tables."""
     word = "_".join(re.findall(r"\w+", text.lower()))
     for letter, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("é", "e"), ("ê", "e")):
         word = word.replace(letter, letters)
@@ -79,10 +86,13 @@ def normalize_word(text: str) -> str:
 
 
 def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = False) -> dict[str, str]:
-    """The tags of an outline, or of a line or point, of the ground with those that its classes mean, else what the name of its
-    layer says.
+    """Return the tags of a ground feature with those of its classes, else of the name of its layer.
 
-    tags: as `catalogs.readers.vectors.columns` has them, `class` with the values of all columns of classes, a line each.
+    Parameters
+    ----------
+    tags : as catalogs.readers.vectors.columns returns them; `class` has the values of all class columns, one per line.
+    layer : name of the layer.
+    is_area : True for an outline, False for a line or point.
     """
     found = {key: value for key, value in tags.items() if key != "class"}
     words = [normalize_word(one) for one in (*tags.get("class", "").split("\n"), layer)]
@@ -99,16 +109,18 @@ def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = Fal
             found["highway"] = street
     if "surface" in found:
         found["surface"] = SURFACES_BY_WORD.get(normalize_word(found["surface"]), found["surface"])
-    return found | {key: value for key, text in found.items() if (value := _value_of_yes_no(key, normalize_word(text))) is not None}
+    return found | {
+        key: value for key, text in found.items() if (value := _value_of_yes_no(key, normalize_word(text))) is not None
+    }
 
 
 def _look_up_word(word: str, table: Mapping[str, str]) -> str | None:
-    """What a word means, in the singular or the plural."""
+    """Return the entry of a word, singular or plural."""
     return table.get(word, table.get(word.removesuffix("s")))
 
 
 def _value_of_yes_no(key: str, word: str) -> str | None:
-    """OpenStreetMap's value where a thing is stated as yes or no; None where it is stated otherwise."""
+    """Return OpenStreetMap's value for a yes or no; None for any other value."""
     thing = key.partition(":")[0]
     if thing not in _VALUES_OF_YES or key.endswith(":width"):
         return None

@@ -1,6 +1,6 @@
-"""Pictures opened: the only place that says which formats are read, how large they may be, and what their values mean.
+"""Decoding of pictures: accepted formats, size limits and value ranges.
 
-Whatever a picture holds, it becomes 8 bits a band, or is refused in one line; never black for want of a range.
+Every picture becomes 8 bits per band or is rejected with a one-line error; none becomes black for an unknown range.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.broken import is_system_error, short_message
-from catalogs.readers.pictures.deep import is_high_depth, read_high_depth
+from catalogs.reader_errors import is_system_error, short_message
+from catalogs.readers.pictures.high_depth import is_high_depth, read_high_depth
 from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
@@ -37,20 +37,39 @@ _STRIP_PIXELS = 1_000_000
 
 @dataclass(frozen=True)
 class Picture:
-    """rgb (h, w, 3) uint8, upright; hidden (h, w) bool, where alpha is below one half or a value is not known; scale, pixels
-    of it per pixel of the file."""
+    """Decoded picture, upright.
+
+    Attributes
+    ----------
+    rgb : (h, w, 3).
+    hidden : (h, w) True where alpha is below one half or a value is unknown.
+    scale : pixels per pixel of the file.
+    """
 
     rgb: np.ndarray
     hidden: np.ndarray
     scale: float = 1.0
 
 
-def read_picture(path: Path, *, max_pixels: int = MAX_PIXELS, max_side: int | None = None, min_side: int = 1) -> Picture:
-    """A picture as RGB, turned as its EXIF says; of several frames the first.
+def read_picture(
+    path: Path, *, max_pixels: int = MAX_PIXELS, max_side: int | None = None, min_side: int = 1
+) -> Picture:
+    """Read a picture as RGB in the orientation of its EXIF; the first of several frames.
 
-    One of more than `most` pixels, or with a side above `longest`, is reduced to that, by means of its pixels and while it is
-    decoded. Raises ImageError, one line with the file's name and the remedy, for what cannot be read, is of another format
-    than FORMATS or of more than MOST_PIXELS, has a side of less than `least` pixels, or values that are no colours.
+    Larger pictures are reduced while they are decoded, by means of pixels.
+
+    Parameters
+    ----------
+    path : file of one of PILLOW_FORMATS.
+    max_pixels : limit of the result.
+    max_side : limit of the longer side of the result, pixels; None for none.
+    min_side : minimum of the shorter side of the result, pixels.
+
+    Raises
+    ------
+    ImageError
+        One line with the file name and the remedy, for an unreadable file, another format, more than MAX_PIXELS, a side below
+        `min_side`, or values that are no colours.
     """
     with open_picture(path) as image:
         width, height = image.size
@@ -82,7 +101,13 @@ def read_picture(path: Path, *, max_pixels: int = MAX_PIXELS, max_side: int | No
 
 @contextmanager
 def open_picture(path: Path) -> Iterator[Image]:
-    """A picture with its header read. Whatever its content makes of Pillow is an ImageError; raises others for the machine."""
+    """Open a picture and read its header.
+
+    Raises
+    ------
+    ImageError
+        For any defect of the content; errors of the machine pass through.
+    """
     from PIL import Image
 
     try:
@@ -117,8 +142,10 @@ def _size_error(path: Path, max_pixels: int) -> ImageError:
 
 
 def _convert_to_rgb(image: Image, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """RGB and what is hidden of a decoded image, of means of `factor` x `factor` pixels; a strip after the other, for
-    conversions hold copies."""
+    """Return RGB and the hidden mask of a decoded image, averaged over blocks of `factor` x `factor` pixels.
+
+    The image is converted in strips, since conversions hold copies.
+    """
     width, height = image.size
     rows, columns = math.ceil(height / factor), math.ceil(width / factor)
     rgb, hidden = np.empty((rows, columns, 3), np.uint8), np.zeros((rows, columns), bool)
@@ -151,7 +178,7 @@ def _to_rgb(image: Image) -> Image:
 
 
 def _exif_orientation(image: Image) -> int:
-    """How a picture is to be turned by its EXIF, 1 to 8; 1, as it is, where the EXIF is damaged."""
+    """Return the EXIF orientation, 1 to 8; 1 where the EXIF is damaged."""
     try:
         found = int(image.getexif().get(0x0112, 1))
     except Exception:  # damaged in any way

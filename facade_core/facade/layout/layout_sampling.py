@@ -1,4 +1,4 @@
-"""Whole layouts for a wall of which nothing is seen: columns, floors, doors and shops after a facade of like proportions."""
+"""Sample whole layouts for walls without any observation, in the styles of database facades."""
 
 from __future__ import annotations
 
@@ -7,21 +7,42 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from facade_core.core.types import Element
-from facade_core.facade.layout.facade_frame import FacadeFrame
-
-Box = tuple[float, float, float, float]
+from facade_core.facade.layout.facade_frame import FacadeFrame, Rectangle
 
 # Columns of LayoutModel.styles: width to height of the facade; columns and floors of windows; a window's width to the column
 # pitch and height to the floor pitch; the first column's margin and the top margin in pitches; the ground floor's height
 # in floor pitches; doors; shops; balconies a window.
-PROPORTION, COLUMNS, FLOORS, WINDOW_WIDTH, WINDOW_HEIGHT, SIDE_MARGIN, TOP_MARGIN, GROUND_HEIGHT, DOORS, SHOPS, BALCONIES = range(11)
+(
+    PROPORTION,
+    COLUMNS,
+    FLOORS,
+    WINDOW_WIDTH,
+    WINDOW_HEIGHT,
+    SIDE_MARGIN,
+    TOP_MARGIN,
+    GROUND_HEIGHT,
+    DOORS,
+    SHOPS,
+    BALCONIES,
+) = range(11)
 STYLE_LENGTH = 11
-# No facade is so low in pixels, and none so high in metres.
+# Domains up to this height are in metres; in pixels no facade is so low.
 _MAX_METRIC_HEIGHT = 60.0
 
 
-def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Box) -> np.ndarray | None:
-    """(STYLE,) of a whole layout; None where its windows show no columns or floors."""
+def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Rectangle) -> np.ndarray | None:
+    """Return the style vector of a whole layout, None where its windows form no columns or floors.
+
+    Parameters
+    ----------
+    elements : all elements of the layout.
+    facade : frame of those elements.
+    domain : (x0, y0, x1, y1) of the facade, y down.
+
+    Returns
+    -------
+    (STYLE_LENGTH,) ratios in the order of the column constants of this module.
+    """
     if len(facade.columns) < 2 or len(facade.floors) < 2:
         return None
     pitch = np.array([np.median(np.diff(facade.columns)), np.median(np.diff(facade.floors))])
@@ -45,18 +66,26 @@ def facade_style(elements: Sequence[Element], facade: FacadeFrame, domain: Box) 
 
 
 def sample_layouts(
-    domain: Box, styles: np.ndarray, metric: Mapping[str, float], count: int, rng: np.random.Generator
+    domain: Rectangle, styles: np.ndarray, metric: Mapping[str, float], count: int, rng: np.random.Generator
 ) -> Iterator[list[Element]]:
-    """Layouts in the styles nearest to the domain's proportions, numbers of columns and floors scaled to it.
+    """Yield layouts in the styles whose proportions are nearest to the domain's.
 
-    A domain at most 60 units high is taken for metres: its floors and columns then follow the metric priors.
+    The numbers of columns and floors are scaled to the domain. A domain at most 60 units high is assumed to be in
+    metres: its floors and columns then follow the metric priors.
+
+    Parameters
+    ----------
+    domain : (x0, y0, x1, y1) of the facade, y down.
+    styles : (S, STYLE_LENGTH) styles of the database.
+    metric : median pitches in metres, keys "floor pitch" and "column pitch".
+    count : number of layouts, at most one for each style.
     """
     width, height = domain[2] - domain[0], domain[3] - domain[1]
-    away = np.abs(np.log(styles[:, PROPORTION] * height / width)) + 0.2 * rng.uniform(size=len(styles))
-    for k in np.argsort(away, kind="stable")[:count]:
+    distance = np.abs(np.log(styles[:, PROPORTION] * height / width)) + 0.2 * rng.uniform(size=len(styles))
+    for k in np.argsort(distance, kind="stable")[:count]:
         style = styles[k]
         floors = style[FLOORS]
-        # a narrower wall has fewer columns of the same proportions
+        # A narrower wall has fewer columns of the same proportions.
         columns = style[COLUMNS] * (width / height) / style[PROPORTION]
         if height <= _MAX_METRIC_HEIGHT:
             floors = height / metric["floor pitch"] - 1 + 0.5 * rng.uniform()
@@ -64,7 +93,7 @@ def sample_layouts(
         yield _draw_layout(domain, style, max(1, round(columns)), max(1, round(floors)))
 
 
-def _draw_layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> list[Element]:
+def _draw_layout(domain: Rectangle, style: np.ndarray, columns: int, floors: int) -> list[Element]:
     x0, y0, x1, y1 = domain
     side = float(np.clip(style[SIDE_MARGIN], 0.45, 1.2))
     pitch_x = (x1 - x0) / (columns - 1 + 2 * side)
@@ -74,23 +103,23 @@ def _draw_layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> l
     ys = y0 + pitch_y * (top + np.arange(floors))
     w, h = style[WINDOW_WIDTH] * pitch_x / 2, style[WINDOW_HEIGHT] * pitch_y / 2
     rail = min(1.2 * w, 0.48 * pitch_x)
-    found = [Element("window", x - w, y - h, x + w, y + h) for y in ys.tolist() for x in xs.tolist()]
+    elements = [Element("window", x - w, y - h, x + w, y + h) for y in ys.tolist() for x in xs.tolist()]
     if style[BALCONIES] > 0.5:
-        found += [
+        elements += [
             Element("balcony", x - rail, y + 0.5 * h, x + rail, y + 1.1 * h)
             for y in ys[ys < ys[-1]].tolist()
             for x in xs.tolist()
         ]
     space, door = y1 - float(ys[-1]) - h, columns // 2 if style[DOORS] else -1
-    if space < 3 * h:  # the ground floor has windows, and the door takes the place of one
+    if space < 3 * h:  # the ground floor has windows, and the door replaces one
         if door >= 0:
-            window = found.pop((floors - 1) * columns + door)
-            found.append(Element("door", window.x0, window.y0 + 0.2 * h, window.x1, y1))
-        return found
+            window = elements.pop((floors - 1) * columns + door)
+            elements.append(Element("door", window.x0, window.y0 + 0.2 * h, window.x1, y1))
+        return elements
     tall = min(2.6 * h, 0.85 * space)
     for k, x in enumerate(xs.tolist()):
         if k == door:
-            found.append(Element("door", x - 1.1 * w, y1 - tall, x + 1.1 * w, y1))
+            elements.append(Element("door", x - 1.1 * w, y1 - tall, x + 1.1 * w, y1))
         elif style[SHOPS] >= 2:
-            found.append(Element("shop", x - 0.42 * pitch_x, y1 - tall, x + 0.42 * pitch_x, y1 - 0.05 * tall))
-    return found
+            elements.append(Element("shop", x - 0.42 * pitch_x, y1 - tall, x + 0.42 * pitch_x, y1 - 0.05 * tall))
+    return elements

@@ -1,4 +1,4 @@
-"""What is visible of a facade's picture, as completion of its layout takes it."""
+"""Visible region of a facade's picture, as layout completion takes it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,27 @@ import numpy as np
 
 from facade_core.core.types import Element
 
-# A window cut by a hole's border reaches so far out of it, as a share of its side.
+# Reach of a cut window out of a hole, as a share of its side.
 _WINDOW_REACH = 0.5
-# Cells of the longer side in which the visible part of a picture is told.
+# Most cells of the longer side of the visible region.
 _MAX_CELLS = 128
 
 
 def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]:
-    """The visible part of a facade as boxes (x0, y0, x1, y1) that do not overlap: the runs of its rows, those that go on
-    unchanged joined. Where the picture is large a cell of several pixels counts as hidden when any of it is, so that there are
-    at most some thousand boxes and none reaches into a hole."""
+    """Cover the visible part of a facade with disjoint boxes.
+
+    Boxes are runs of rows; unchanged runs of neighbouring rows are joined. Large pictures are reduced to cells of
+    several pixels, and a cell is hidden if any of its pixels is: at most some thousand boxes result, and none reaches
+    into a hole.
+
+    Parameters
+    ----------
+    hidden : (H, W) bool.
+
+    Returns
+    -------
+    (x0, y0, x1, y1) boxes in pixels.
+    """
     height, width = hidden.shape
     cell = max(1, max(height, width) // _MAX_CELLS)
     rows, columns = -(-height // cell), -(-width // cell)
@@ -40,8 +51,20 @@ def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]
 
 
 def dilate_by_window(hidden: np.ndarray, observed: Sequence[Element]) -> np.ndarray:
-    """What is hidden, (h, w) bool, and as far around it as a window cut by its border reaches: half a window of those observed.
-    Whether one stands there is told by the picture (`complete`, evidence)."""
+    """Dilate the hidden region by half an observed window.
+
+    A window that the border of the hole cuts may reach so far out of it. The picture decides whether there is one
+    (`complete`, evidence).
+
+    Parameters
+    ----------
+    hidden : (h, w) bool.
+    observed : elements; without windows the region stays as it is.
+
+    Returns
+    -------
+    (h, w) bool.
+    """
     from scipy.ndimage import maximum_filter
 
     size = np.array([(e.height, e.width) for e in observed if e.label == "window"]).reshape(-1, 2)

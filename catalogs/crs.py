@@ -1,4 +1,4 @@
-"""The metric frame of a block: checking the one that is named, or choosing one."""
+"""Coordinate reference systems: parsing, checks, and the choice of a metric frame for a block."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 LONLAT = "EPSG:4326"
 _AREA_MARGIN_DEG = 2.0  # degrees by which blocks at a border may leave the area of their frame
-_EARTH_RADIUS_RANGE_M = (6.3e6, 6.45e6)  # m; the semi-major axes of the ellipsoids and spheres that are meant to be the Earth
+_EARTH_RADIUS_RANGE_M = (
+    6.3e6,
+    6.45e6,
+)  # m; the semi-major axes of the ellipsoids and spheres that are meant to be the Earth
 _MAX_NAME_LENGTH = 60
 _GRID_FILE = re.compile(r"(?:grids|file|init)\s*=[^\s\"]*[/\\~]|PARAMETERFILE\[[^\]]*[/\\~]", re.IGNORECASE)
 # Krovak's frames, whose axes are south and west, and those of east and north beside them.
@@ -27,7 +30,13 @@ _MAX_SCALE_ERROR = 0.01  # a frame whose metre is off by more than this spoils e
 
 
 def parse_metric_crs(text: str) -> CRS:
-    """The horizontal part of a named CRS; InputError unless it is projected and in metres."""
+    """Return the horizontal part of a CRS that is projected in metres.
+
+    Raises
+    ------
+    InputError
+        Where the CRS is unknown, not projected, or not in metres.
+    """
     crs = parse_crs(text)
     if not crs.is_projected or any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info):
         raise InputError(
@@ -38,7 +47,13 @@ def parse_metric_crs(text: str) -> CRS:
 
 @lru_cache(maxsize=64)
 def parse_crs(text: str) -> CRS:
-    """The horizontal part of any CRS by its name. InputError where it is unknown, of no places on Earth, or needs files."""
+    """Return the horizontal part of a CRS by its name.
+
+    Raises
+    ------
+    InputError
+        Where the CRS is unknown, not of the Earth, or needs a grid file.
+    """
     from pyproj import CRS
     from pyproj.exceptions import CRSError, ProjError
 
@@ -61,11 +76,18 @@ def parse_crs(text: str) -> CRS:
     return crs
 
 
-def coordinate_transform(source: CRS | str, target: CRS | str) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """How x (east) and y (north) of one frame become those of another; infinite where the other has no such place.
+def coordinate_transform(
+    source: CRS | str, target: CRS | str
+) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Return a function that transforms x (east) and y (north) from one CRS to another.
 
-    Frames whose axes are north and east are taken in the order east, north; others, such as south and west, in their own.
-    Raises InputError where no way leads from one to the other.
+    Coordinates without an image in the target become infinite. Axes of north and east are taken in the order east, north;
+    axes of other directions, such as south and west, keep the order of the CRS.
+
+    Raises
+    ------
+    InputError
+        Where no transformation is known.
     """
     from pyproj import Transformer
     from pyproj.exceptions import ProjError
@@ -80,13 +102,19 @@ def coordinate_transform(source: CRS | str, target: CRS | str) -> Callable[[np.n
 
 
 def has_east_north_axes(crs: CRS) -> bool:
-    """Whether the axes of a frame are east and north, in either order, or those of a map of a pole."""
+    """Return True where the axes of a CRS are east and north in any order, or those of a polar map."""
     directions = [axis.direction for axis in crs.axis_info]
     return set(directions[:2]) == {"east", "north"} or (len(directions) > 1 and directions[0] == directions[1])
 
 
 def check_crs_axes(crs: CRS, longitude: float, latitude: float) -> None:
-    """InputError where a frame mirrors or turns what is in it: where its x does not run east, or its y not north."""
+    """Raise InputError where a CRS mirrors or turns a block: x does not run east or y does not run north.
+
+    Parameters
+    ----------
+    crs : projected CRS.
+    longitude, latitude : place of the block, degrees.
+    """
     step = 1e-4  # degrees
     x, y = coordinate_transform(LONLAT, crs)(
         np.array([longitude, longitude + step, longitude]), np.array([latitude, latitude, latitude + step])
@@ -104,7 +132,13 @@ def check_crs_axes(crs: CRS, longitude: float, latitude: float) -> None:
 
 
 def choose_block_crs(source: str, longitude: float, latitude: float) -> CRS:
-    """The frame of a block that names none: the source's own where it measures metres there, else the UTM zone."""
+    """Return the CRS of the source where it measures metres at the place, else the UTM zone.
+
+    Parameters
+    ----------
+    source : CRS of the source of the buildings.
+    longitude, latitude : place of the block, degrees.
+    """
     try:
         frame = parse_metric_crs(source)
         check_crs_scale(frame, longitude, latitude)
@@ -115,7 +149,13 @@ def choose_block_crs(source: str, longitude: float, latitude: float) -> CRS:
 
 
 def utm_crs(longitude: float, latitude: float) -> CRS:
-    """The UTM zone (WGS 84) that holds a point; InputError near the poles, where UTM is not defined."""
+    """Return the UTM zone (WGS 84) of a point.
+
+    Raises
+    ------
+    InputError
+        Near the poles, where UTM is not defined.
+    """
     from pyproj import CRS
 
     if not -80.0 <= latitude <= 84.0:
@@ -125,7 +165,13 @@ def utm_crs(longitude: float, latitude: float) -> CRS:
 
 
 def check_crs_scale(crs: CRS, longitude: float, latitude: float) -> None:
-    """InputError where a metre of the frame is not a metre on the ground (Web Mercator, a zone far away)."""
+    """Raise InputError where a unit of the CRS is not a metre on the ground (Web Mercator, a distant zone).
+
+    Parameters
+    ----------
+    crs : projected CRS.
+    longitude, latitude : place of the block, degrees.
+    """
     from pyproj import Proj
     from pyproj.exceptions import ProjError
 
@@ -144,7 +190,13 @@ def check_crs_scale(crs: CRS, longitude: float, latitude: float) -> None:
 
 
 def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
-    """A note where a point lies far outside the area that a frame is made for; none where it does not."""
+    """Return a note where a point is far outside the area of use of a CRS, else an empty tuple.
+
+    Parameters
+    ----------
+    crs : CRS of the block.
+    longitude, latitude : place of the block, degrees.
+    """
     area = crs.area_of_use
     if area is None:
         return ()
@@ -160,7 +212,7 @@ def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tup
 
 
 def area_polygon(area: Sequence[float], crs: CRS) -> Polygon:
-    """A [west, south, east, north] box in degrees as a polygon in the frame, its sides split so that they stay true."""
+    """Return a [west, south, east, north] box in degrees as a densified polygon in a CRS."""
     import shapely
 
     west, south, east, north = area
@@ -169,7 +221,7 @@ def area_polygon(area: Sequence[float], crs: CRS) -> Polygon:
 
 
 def bounds_to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    """(xmin, ymin, xmax, ymax) in a frame -> (west, south, east, north) in degrees."""
+    """Return (xmin, ymin, xmax, ymax) of a CRS as (west, south, east, north) in degrees."""
     from pyproj import Transformer
 
     return Transformer.from_crs(crs, LONLAT, always_xy=True).transform_bounds(*bounds)

@@ -1,0 +1,65 @@
+"""Pending units of a stage: those that the journal does not hold as done for their present inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from catalogs.block import Block
+from facade_core.atlas.journal import Record, read_journal
+from tasks.engine.context import plan_of_run
+from tasks.engine.outcome import is_done
+from tasks.engine.run import Run
+from tasks.engine.stage import Stage
+from tasks.engine.store.carry_over import forget_units
+from tasks.engine.store.commits import newest_group
+from tasks.engine.unit import Piece, Unit
+
+
+@dataclass(frozen=True)
+class PendingUnits:
+    """Pending units of a stage, in pieces of what one worker does in one go, and the records of the others."""
+
+    stage: Stage
+    pieces: tuple[Piece, ...]
+    done: tuple[Record, ...]
+
+    @property
+    def total(self) -> int:
+        """Return the number of units of the stage."""
+        return len(self.done) + sum(map(len, self.pieces))
+
+
+def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Unit] | None = None) -> PendingUnits:
+    """Find the pending units of a stage.
+
+    Records of pending units that write the base layer are deleted, so that later stages cannot read stale data.
+
+    Parameters
+    ----------
+    units : all units of the stage, where they are known and nothing that their keys digest was done since.
+    """
+    if stage.units is None:
+        raise TypeError(f"{stage.stage} are not fanned out")
+    plan = plan_of_run(run)
+    group = newest_group(run)
+    records = read_journal(group, stage.stage)
+    if units is None:
+        units = stage.units(run, block, plan, group)
+    waiting = [unit for unit in units if not is_done(records[unit.index], *unit.keys)]
+    if stage.writes_base_layer:
+        forget_units(run, plan, stage.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
+    indices = {unit.index for unit in waiting}
+    return PendingUnits(
+        stage,
+        tuple(_pieces(waiting)),
+        tuple(record for index, record in enumerate(records) if record and index not in indices),
+    )
+
+
+def _pieces(units: Sequence[Unit]) -> list[Piece]:
+    """Group units that one worker processes in one go: by group, else one by one in the order of their indices."""
+    alone = [(unit,) for unit in units if unit.group_id is None]
+    shared = sorted((unit for unit in units if unit.group_id is not None), key=lambda unit: unit.group_id or 0)
+    return [*alone, *(tuple(piece) for _, piece in groupby(shared, key=lambda unit: unit.group_id))]

@@ -1,0 +1,38 @@
+"""Records of exemplars."""
+
+from __future__ import annotations
+
+from facade_core.atlas.journal import Record
+
+
+class ExemplarRecord(Record, total=False):
+    """Record of a prepared exemplar.
+
+    Attributes
+    ----------
+    width_m : width at the block's density, metres.
+    height_m : height, metres.
+    metres_per_pixel : scale of the picture.
+    metres_per_texel : scale of the stored image.
+    floors : number of floors.
+    columns : number of columns of windows.
+    hidden : masked share.
+    shaded : share of the wall in shadow.
+    cut_found : whether a facade was found in the picture.
+    shop_width : share of the width with shops.
+    look : style descriptor, `facade_core.plan.exemplar_style`.
+    looked : whether faces and plates were looked for.
+    """
+
+    width_m: float
+    height_m: float
+    metres_per_pixel: float
+    metres_per_texel: float
+    floors: int
+    columns: int
+    hidden: float
+    shaded: float
+    cut_found: bool
+    shop_width: float
+    look: list[float]
+    looked: bool

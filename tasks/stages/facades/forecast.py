@@ -1,0 +1,37 @@
+"""Forecast of facades that are done again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from facade_core.atlas.journal import read_journal
+from tasks.engine.pending_reasons import REASONS
+from tasks.engine.stage import ForecastInputs, StageForecast
+from tasks.engine.unit_key import parts_of
+from tasks.stages.bundles.stage import members_of
+from tasks.stages.facades.captures import panoramas_of
+
+
+def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+    """Find the facades that are pending once panoramas and exemplars are done again; their keys do not show that yet."""
+    plan, block, exemplars = inputs.plan, inputs.block, inputs.pending["exemplars"]
+    records = read_journal(inputs.group, "facades")
+    poses = {*inputs.pending["poses"], *members_of(plan, block, sorted(inputs.pending["bundles"]))}
+    sources = {unit.name for unit in inputs.units["exemplars"] if unit.index in exemplars}
+    shown = [(*of.newest, *of.before) for of in panoramas_of(plan, block)] if poses else []
+    found = {}
+    for facade, record in enumerate(records):
+        reason = own.get(facade)
+        if record is not None and exemplars and (reason in (None, REASONS["exemplar"])):
+            reason = REASONS["exemplar"] if record.get("source") in sources else None
+        from_panoramas = record is not None and "panoramas" in parts_of(record["key"])
+        if reason is None and from_panoramas and poses and any(panorama in poses for panorama in shown[facade]):
+            reason = REASONS["panoramas"]
+        if reason is not None:
+            found[facade] = reason
+    building_of = plan.facades.house.tolist()
+    changed = {building_of[facade] for facade, reason in found.items() if reason == REASONS["panoramas"]}
+    for facade, record in enumerate(records):
+        if record is not None and building_of[facade] in changed and "house" in parts_of(record["key"]):
+            found.setdefault(facade, REASONS["house"])
+    return StageForecast(dict(sorted(found.items())))

@@ -1,0 +1,96 @@
+"""Records of facades."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from facade_core.atlas.journal import Record
+
+
+class FacadeRecord(Record, total=False):
+    """Record of a facade.
+
+    Attributes
+    ----------
+    source : pictures or exemplar that the facade is made from.
+    capture_date : day of the newest picture.
+    corrected : whether somebody corrected it.
+    facade : False for a wall that is said to be no facade.
+    changed : share that changed since the earlier capture, of what both show.
+    compared : share of the facade that both captures show.
+    capture_date_before : day of the earlier capture.
+    change_map : changed cells.
+    before_file : stored picture of the facade at the earlier capture.
+    before_digest : its digest.
+    elements : label, x0, y0, x1, y1, confidence.
+    lattice : rows and columns, pixels.
+    windows_seen : windows that pictures show.
+    shop_width : share of the width with shops.
+    window_to_wall : share of the facade that is windows.
+    window_to_wall_low : lower bound, of facades from pictures.
+    occluded : occluded share.
+    masked : boxes of masked objects, pixels.
+    privacy : setting by which masked objects were stored.
+    looked : whether faces and plates were looked for.
+    shop_names : names read over shops; None if they were not looked for.
+    cut_kept : of photos: share of the rectified picture that was cut out.
+    cut_found : whether a facade was found there.
+    stretched : how many times wider, for its height, the wall is than the cut.
+    provenance : share of texels of each provenance.
+    variation_file : stored file of the variations.
+    variation_digest : its digest.
+    """
+
+    source: str
+    capture_date: str | None
+    corrected: bool
+    facade: bool
+    changed: float | None
+    compared: float
+    capture_date_before: str | None
+    change_map: list[str]
+    before_file: str
+    before_digest: str
+    floors: int
+    columns: int
+    elements: list[list[Any]]
+    lattice: dict[str, list[int]]
+    windows: int
+    doors: int
+    balconies: int
+    shops: int
+    windows_seen: int
+    doors_seen: int
+    balconies_seen: int
+    shops_seen: int
+    shop_width: float
+    window_to_wall: float
+    window_to_wall_low: float
+    window_to_wall_high: float
+    windows_low: int
+    windows_high: int
+    floors_low: int
+    floors_high: int
+    occluded: float
+    masked: list[list[int]]
+    masked_share: float
+    privacy: str
+    looked: bool
+    shop_names: str | None
+    cut_kept: float
+    cut_found: bool
+    stretched: float
+    provenance: list[float]
+    variation_types: int
+    variation_levels: int
+    variation_bytes: int
+    variation_file: str
+    variation_digest: str
+    layout_score: float | None
+
+
+def facade_files(unit: int, record: Record) -> dict[str, str]:
+    """Return the stored files of a facade that is done, path -> digest."""
+    facade = cast(FacadeRecord, record)
+    files = {facade["variation_file"]: facade["variation_digest"]} if "variation_file" in facade else {}
+    return files | ({facade["before_file"]: facade["before_digest"]} if "before_file" in facade else {})

@@ -1,0 +1,51 @@
+"""Records of panoramas."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from facade_core.atlas.journal import Record
+
+
+class PoseRecord(Record, total=False):
+    """Record of a panorama whose pose was refined.
+
+    Attributes
+    ----------
+    pose : x, y, z, metres; heading, pitch, roll, degrees.
+    moved_m : distance from the given place, metres.
+    turned_deg : turn from the given pose, degrees.
+    given_deg : angle between lines and axes on the rectified walls with the given pose, degrees; None without lines.
+    residual_deg : the same with the refined pose.
+    left : why parts of the pose were not refined.
+    spread : covariance of place and heading (metres, degrees) by outlines of buildings; None if they do not determine it.
+    over_ground_m : height over the ground, metres; None where the block has no ground there.
+    squares : colours of squares of ground around it.
+    """
+
+    pose: list[Any]
+    moved_m: float
+    turned_deg: float
+    given_deg: float | None
+    residual_deg: float | None
+    left: list[str]
+    spread: list[list[float]] | None
+    over_ground_m: float | None
+    squares: list[list[int]]
+
+
+class RefinedPoseRecord(PoseRecord, total=False):
+    """Record of a panorama with the result of its bundle.
+
+    Attributes
+    ----------
+    shared : surfaces on which other panoramas agree.
+    kept_alone : why the pose refined alone is kept.
+    apart_before_m : median distance between the same points in several panoramas before, metres.
+    apart_m : the same distance after.
+    """
+
+    shared: int
+    kept_alone: str
+    apart_before_m: float | None
+    apart_m: float | None

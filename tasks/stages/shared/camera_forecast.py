@@ -1,0 +1,15 @@
+"""Forecast of stages that take surfaces from panoramas."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tasks.engine.pending_reasons import REASONS
+from tasks.engine.stage import ForecastInputs, StageForecast
+
+
+def forecast_after_poses(stage: str, inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
+    """Find the pending units of a stage: all of them once a pose changes, as all panoramas share one exposure."""
+    if inputs.pending["poses"] or inputs.pending["bundles"]:
+        return StageForecast(dict.fromkeys((unit.index for unit in inputs.units[stage]), REASONS["panoramas"]))
+    return StageForecast(own)

@@ -1,0 +1,86 @@
+"""Integrity of streets and viewpoints: panoramas that are missing or differ, streets over other viewpoints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from facade_core.atlas.integrity import list_chunks
+from facade_core.atlas.journal import read_journal, unit_key
+from facade_core.atlas.rasters import picture_digest
+from facade_core.atlas.store import open_table
+from facade_core.core.grouping import RowIndex
+from facade_core.core.zarr_types import StoreGroup
+from facade_core.plan.plan import Plan
+from tasks.engine.outcome import is_done
+from tasks.engine.run import Run
+from tasks.engine.stage import StoreContents, is_done_record
+from tasks.engine.store.digests import sample_evenly
+from tasks.stages.streets.keys import street_keys
+
+
+def find_lost_viewpoints(store: StoreContents) -> list[int]:
+    """Find viewpoints that are done and whose panorama is not listed. A black one has no chunk: its record says so."""
+    listed = {chunk[0] for chunk in list_chunks(store.session, "panoramas/rgb")}
+    black = ""
+    found = []
+    for viewpoint, record in enumerate(store.records["viewpoints"]):
+        if record is None or not is_done_record(record) or viewpoint in listed:
+            continue
+        black = black or picture_digest(np.zeros(store.group["panoramas/rgb"].shape[1:], np.uint8))
+        if record.get("panorama") != black:
+            found.append(viewpoint)
+    return found
+
+
+def find_lost_streets(store: StoreContents) -> list[int]:
+    """Find streets that are done and blend a viewpoint that is lost or replaced; none of a material field."""
+    street_of = open_table(store.session, "viewpoints").street.values
+    viewpoints_of, lost = RowIndex(street_of), set(store.lost["viewpoints"])
+    held = [
+        None if i in lost or not is_done_record(record) else record
+        for i, record in enumerate(store.records["viewpoints"])
+    ]
+    found = []
+    for street, record in enumerate(store.records["streets"]):
+        if record is None or not is_done_record(record) or not record.get("chain"):
+            continue
+        keys = [one["key"] if (one := held[v]) else None for v in viewpoints_of.rows_with(street).tolist()]
+        if None in keys or record["chain"] != unit_key(keys):
+            found.append(street)
+    return found
+
+
+def confirm_lost_streets(run: Run, plan: Plan, group: StoreGroup, units: Sequence[int]) -> list[int]:
+    """Return the lost streets that are done by their present key: the others are pending anyway."""
+    records = read_journal(group, "streets")
+    return [street for street in units if is_done(records[street], street_keys(run, plan, group, street).street)]
+
+
+def find_differing_panoramas(group: StoreGroup, plan: Plan, sample: int | None) -> dict[str, list[int]]:
+    """Find viewpoints whose panorama differs from its digest, and their streets."""
+    pictures = [
+        (viewpoint, record["panorama"])
+        for viewpoint, record in enumerate(read_journal(group, "viewpoints"))
+        if record and record["status"] == "done" and "panorama" in record
+    ]
+    viewpoints = [
+        viewpoint
+        for viewpoint, digest in sample_evenly(pictures, sample)
+        if picture_digest(group["panoramas/rgb"][viewpoint]) != digest
+    ]
+    return {"viewpoints": viewpoints, "streets": [plan.viewpoints[viewpoint].street for viewpoint in viewpoints]}
+
+
+def charts_written_by_streets(plan: Plan) -> list[list[int]]:
+    """Return the charts that each street writes."""
+    written: list[list[int]] = [[] for _ in plan.streets]
+    for street, chart in plan.street_charts[plan.writable[plan.street_charts[:, 1]]].tolist():
+        written[street].append(chart)
+    return written
+
+
+def viewpoint_names(plan: Plan) -> list[str]:
+    """Return the street and number of each viewpoint."""
+    return [f"{plan.streets[one.street].id}, {one.id}" for one in plan.viewpoints]

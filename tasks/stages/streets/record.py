@@ -1,0 +1,35 @@
+"""Records of streets and viewpoints."""
+
+from __future__ import annotations
+
+from facade_core.atlas.journal import Record, WaveRecord
+
+
+class ViewpointRecord(Record, total=False):
+    """Record of a viewpoint.
+
+    Attributes
+    ----------
+    panorama : digest of the panorama.
+    passes : digest of the parts that other streets blend.
+    textured : share that was textured before translation.
+    """
+
+    panorama: str
+    passes: str
+    textured: float
+
+
+class StreetRecord(WaveRecord, total=False):
+    """Record of a street.
+
+    Attributes
+    ----------
+    texels : texels with a view.
+    chain : digest of the viewpoint keys that it blends; empty for a material field.
+    commits : seconds of each commit of viewpoints.
+    """
+
+    texels: int
+    chain: str
+    commits: list[float]

@@ -1,0 +1,9 @@
+"""Records of walls and roofs from panoramas."""
+
+from __future__ import annotations
+
+from tasks.stages.shared.camera_record import CameraRecord
+
+
+class WallRecord(CameraRecord, total=False):
+    """Record of the walls and roofs of a building."""
