@@ -35,9 +35,9 @@ def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, 
     for facade in facades:
         seen = observe_parse(parse(facade.image, model=model), facade.labels, facade.possible)
         misses.append(seen.misses)
-        halves.append(sure.halves(seen.doubts, seen.unseen))
+        halves.append(sure.half_widths(seen.doubts, seen.unseen))
         for element, is_right in zip(seen.found, seen.right.tolist(), strict=True):
-            said.setdefault(element.label, []).append((element.confidence, sure.probability(element), is_right))
+            said.setdefault(element.label, []).append((element.confidence, sure.element_probability(element), is_right))
     every = [one for of_class in said.values() for one in of_class]
     return {
         "elements": {name: calibration(of_class) for name, of_class in {**said, "all": every}.items()},

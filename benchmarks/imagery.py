@@ -101,7 +101,7 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
     tilts: dict[str, list[float]] = {"before": [], "after": []}
     for chart, wall in enumerate(names):
         shown = find_sightings(scene, chart, given, [image.shape[:2] for image in images])
-        shown = [s for s in shown if s.seen >= LEAST_SEEN][:VIEWS]
+        shown = [s for s in shown if s.seen_share >= LEAST_SEEN][:VIEWS]
         if not shown:
             continue
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))

@@ -65,7 +65,7 @@ def measure(
     seconds = []
     for facade in facades:
         start = time.perf_counter()
-        labels = parse_with_segmenter(facade.image, segmenter, regular=regular).labels
+        labels = parse_with_segmenter(facade.image, segmenter, regularise=regular).labels
         seconds.append(time.perf_counter() - start)
         counts += confusion(facade.labels, labels)
         boxes += matches(elements(facade.labels), elements(np.where(facade.labels == UNKNOWN, UNKNOWN, labels)))

@@ -64,7 +64,7 @@ def left_out(
     told: dict[str, list[float]] = {"psnr": [], "ssim": [], "registered": [], "shift_m": []}
     for chart in walls:
         shown = find_sightings(scene, chart, poses, [image.shape[:2] for image in images])
-        views = {s.panorama: view(chart, s.panorama) for s in shown if s.seen >= LEAST_SEEN}
+        views = {s.panorama: view(chart, s.panorama) for s in shown if s.seen_share >= LEAST_SEEN}
         for number, seen in views.items():
             others = [other for panorama, other in views.items() if panorama != number][:VIEWS]
             if others:
@@ -186,7 +186,7 @@ def amsterdam(data: Path) -> dict[str, Any]:
                 return rectify_view(scene, chart, images[n], taken[n], size)
 
             for chart in facades:
-                shown = [s for s in find_sightings(scene, chart, plan.poses, sizes) if s.seen >= LEAST_SEEN][:VIEWS]
+                shown = [s for s in find_sightings(scene, chart, plan.poses, sizes) if s.seen_share >= LEAST_SEEN][:VIEWS]
                 edges = [edge_tilt(view(chart, s.panorama)) for s in shown]
                 tilts.setdefault(pose_of, []).extend(abs(v) for e in edges for v in e.values() if v is not None)
             if len(images) > 1:  # of the Dam one panorama has a pose

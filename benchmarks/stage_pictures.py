@@ -23,7 +23,7 @@ from facade_core.export.pictures.rendering import encode_image, render_perspecti
 from facade_core.export.pictures.stage_pictures import StoredFacade, iterate_stage_pictures, read_chart_raster
 from facade_core.export.pictures.views import choose_cameras, view_names
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.walls import BACK, SIDE, STREET, is_main_surface
+from facade_core.geometry.walls import WallRole, is_main_surface
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.exposure import exposure_factors, sample_ground, typical_ground_colour
 from facade_core.imagery.cameras.ground import fuse_ground_view
@@ -46,7 +46,7 @@ PAPER, GAP = 255, 8
 SOURCES = np.array(
     [(0, 0, 0), (196, 186, 168), (150, 170, 90), (92, 140, 200), (232, 120, 40), (70, 160, 80)], np.uint8
 )
-ROLES = {STREET: (200, 60, 40), SIDE: (230, 160, 60), BACK: (120, 120, 120)}
+ROLES = {WallRole.STREET: (200, 60, 40), WallRole.SIDE: (230, 160, 60), WallRole.BACK: (120, 120, 120)}
 SEED, WIDTH = 3, 2048
 # Pixels of a map.
 ACROSS = 900
@@ -89,7 +89,7 @@ def from_above(
     drawn = Image.new("RGB", (ACROSS, int(np.ceil((high - low)[1] * scale))), (246, 244, 240))
     pen = ImageDraw.Draw(drawn)
     for line, role in zip(lines[walls], facades.role[walls].tolist(), strict=True):
-        pen.line(on(line), fill=ROLES[role], width=6 if role == STREET else 3)
+        pen.line(on(line), fill=ROLES[role], width=6 if role == WallRole.STREET else 3)
     for which, colour, radius in dots:
         for x, y in on(np.array([plan.viewpoints[number].position[:2] for number in which]).reshape(-1, 2)):
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=colour)
@@ -103,7 +103,7 @@ def imagery(found: Published) -> np.ndarray:
     plan = found.plan
     poses = [Pose(x, y, z, 0.0) for x, y, z in (view.position.tolist() for view in plan.viewpoints)]
     chosen = set(choose_panoramas(plan.scene, plan.facades, poses, [(4096, 8192)] * len(poses)).chosen)
-    on_street = plan.facades.role == STREET
+    on_street = plan.facades.role == WallRole.STREET
     rest = [number for number in range(len(poses)) if number not in chosen]
     return from_above(plan, on_street, ((rest, (150, 150, 150), 4), (sorted(chosen), (40, 90, 170), 9)))
 
@@ -123,7 +123,7 @@ def first_made(found: Published) -> str:
     facades = found.plan.facades
     exemplars = {Path(made["unit"]).stem for made in found.journals["exemplars"] if made}
     for name, role, record in zip(facades.id, facades.role.tolist(), found.records, strict=True):
-        if role == STREET and record and Path(record["source"] or "").stem in exemplars:
+        if role == WallRole.STREET and record and Path(record["source"] or "").stem in exemplars:
             return name
     raise SystemExit(f"{found.block}: no facade on a street is made from an exemplar; name one with --made")
 

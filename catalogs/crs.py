@@ -17,16 +17,14 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 LONLAT = "EPSG:4326"
-_AREA_MARGIN_DEG = 2.0  # degrees by which blocks at a border may leave the area of their frame
-_EARTH_RADIUS_RANGE_M = (
-    6.3e6,
-    6.45e6,
-)  # m; the semi-major axes of the ellipsoids and spheres that are meant to be the Earth
+EARTH_RADIUS_M = 6_371_000.0  # m; mean radius
+_AREA_MARGIN_DEG = 2.0  # tolerance around the area of use, for blocks at a border
+_EARTH_RADIUS_RANGE_M = (6.3e6, 6.45e6)  # m; semi-major axes of ellipsoids and spheres of the Earth
 _MAX_NAME_LENGTH = 60
 _GRID_FILE = re.compile(r"(?:grids|file|init)\s*=[^\s\"]*[/\\~]|PARAMETERFILE\[[^\]]*[/\\~]", re.IGNORECASE)
-# Krovak's frames, whose axes are south and west, and those of east and north beside them.
+# Krovak systems with axes south and west, and their equivalents with axes east and north.
 _EAST_NORTH_EQUIVALENTS = {"EPSG:5513": "EPSG:5514", "EPSG:2065": "EPSG:5221"}
-_MAX_SCALE_ERROR = 0.01  # a frame whose metre is off by more than this spoils every height and floor count
+_MAX_SCALE_ERROR = 0.01  # larger errors falsify heights and floor counts
 
 
 def parse_metric_crs(text: str) -> CRS:

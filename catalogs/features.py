@@ -18,7 +18,7 @@ from facade_core.core.types import PLAIN, Finish, Roof, Shell
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
 
-# File systems allow 255 bytes, of which prefixes and suffixes take some.
+# File systems allow 255 bytes; prefixes and suffixes need some.
 MAX_STEM_LENGTH = 120
 
 

@@ -6,9 +6,9 @@ import json
 import unicodedata
 from typing import Any
 
-# Control and format characters, halves of characters, ends of lines and paragraphs.
+# Control and format characters, surrogates, line and paragraph separators.
 _INVISIBLE_CATEGORIES = {"Cc", "Cf", "Cs", "Zl", "Zp"}
-# Format characters that spelling needs: zero-width joiner and non-joiner.
+# Zero-width joiner and non-joiner, which some spellings need.
 _JOINERS = "\u200c\u200d"
 
 

@@ -15,11 +15,11 @@ from facade_core.core.errors import FacadeError, InputError
 
 log = logging.getLogger(__name__)
 
-# What a full, broken or exhausted machine answers, whatever is read.
+# Errors of a full, broken or exhausted machine.
 _SYSTEM_ERRNOS = frozenset(
     (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EROFS, errno.ESTALE)
 )
-# A file below this needs no memory that a machine lacks, unless it claims to hold more than it does.
+# A smaller file exhausts memory only with false sizes in its header.
 _SMALL_FILE_BYTES = 64 * 2**20
 _MAX_MESSAGE_LENGTH = 160
 
@@ -60,11 +60,11 @@ def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
         yield
     except FacadeError:
         raise
-    except Exception as error:  # parsers let the errors of their own slips through
+    except Exception as error:  # parsers raise errors of any class
         if is_system_error(error) and not (isinstance(error, MemoryError) and _file_size(path) < _SMALL_FILE_BYTES):
             raise
         log.debug("%s: refused", path, exc_info=True)
-        if isinstance(error, MemoryError):  # not from it: it is not the memory that is at fault
+        if isinstance(error, MemoryError):  # `from None`: the memory is not at fault
             raise InputError(f"{path} claims to hold more than memory can; {remedy}") from None
         if isinstance(error, OSError) and error.strerror and error.filename is not None:
             raise InputError(f"{path} cannot be read ({error.strerror}); check its permissions") from error

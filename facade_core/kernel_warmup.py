@@ -16,7 +16,7 @@ from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import render_perspective
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.pipeline import build_facade_from_exemplar
-from facade_core.facade.texture.building_walls import Wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.geometry.charts import ChartKind
@@ -44,7 +44,7 @@ def compile_texture_kernels() -> None:
     """Retarget and inpaint an exemplar."""
     painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
     height, width = painted.labels.shape
-    wall = Wall.alone(SIZE_M[0], SIZE_M[1] + 3, floors=2)
+    wall = FacadeWall.alone(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))
     build_facade_from_exemplar(extract_style(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
     hidden = np.zeros((height, width), bool)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.block.keys import check_keys
-from catalogs.block.paths import named_paths
+from catalogs.block.paths import resolve_paths
 from catalogs.block.reader import Block, read_block
 from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
 from catalogs.block.yaml_files import read_yaml
@@ -18,8 +18,8 @@ from catalogs.crs import bounds_to_lonlat
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import FetchLog, is_fetched, read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
-from catalogs.imagery.remote_panorama import Box, Offer, Wanted
-from catalogs.imagery.services import Service
+from catalogs.imagery.remote_panorama import ImageryQuery, LonLatBox, RemotePanorama
+from catalogs.imagery.services import ImageryService
 from catalogs.readers.pictures.decoding import read_picture
 from catalogs.readers.pictures.panoramas import project_pose
 from facade_core.core.errors import ImageError, InputError
@@ -99,7 +99,7 @@ class Fetched:
 
 def fetch_for_block(
     block_file: Path,
-    service: Service,
+    service: ImageryService,
     *,
     to: Path | None = None,
     dates: str | None = None,
@@ -122,7 +122,7 @@ def fetch_for_block(
     account = read_fetch_log(folder)
     block = read_block(block_file)
     begin_stage("search", 1)
-    offers, faults = _asked(service, Wanted(_box(block), dates, licence, block.crs.to_string()))
+    offers, faults = _asked(service, ImageryQuery(_box(block), dates, licence, block.crs.to_string()))
     advance("search", 1)
     choice = _choice(block, offers)
     chosen = [offers[i] for i in choice.chosen[:most]]
@@ -138,16 +138,16 @@ def fetch_for_block(
 
 
 def fetch_for_box(
-    box: Box,
+    box: LonLatBox,
     to: Path,
-    service: Service,
+    service: ImageryService,
     *,
     dates: str | None = None,
     most: int | None = None,
     licence: str | None = None,
 ) -> Fetched:
     """Fetch all panoramas inside a box in degrees into a folder; no more than `most`, the newest first. As fetch_for_block."""
-    wanted = Wanted(box, dates, licence)
+    wanted = ImageryQuery(box, dates, licence)
     account = read_fetch_log(to)
     begin_stage("search", 1)
     offers, faults = _asked(service, wanted)
@@ -161,12 +161,12 @@ def _named_folder(block_file: Path) -> Path | None:
         keys = check_keys(read_yaml(block_file))
         if keys.imagery.panoramas is None:
             return None
-        return named_paths(keys, block_file)["imagery.panoramas.path"][0]
+        return resolve_paths(keys, block_file)["imagery.panoramas.path"][0]
     except ValueError as error:
         raise InputError(f"{block_file}: {error}") from error
 
 
-def _box(block: Block) -> Box:
+def _box(block: Block) -> LonLatBox:
     """Where pictures that show the block are taken: around its buildings as far as a viewpoint sees."""
     bounds = np.array([building.footprint.bounds for building in block.buildings])
     reach = block.texture.visibility_range
@@ -175,9 +175,9 @@ def _box(block: Block) -> Box:
     return bounds_to_lonlat(block.crs.to_wkt(), (float(west), float(south), float(east), float(north)))
 
 
-def _asked(service: Service, wanted: Wanted) -> tuple[list[Offer], tuple[Fault, ...]]:
+def _asked(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePanorama], tuple[Fault, ...]]:
     """What a service has, the newest first, each once; and what of it cannot be used."""
-    offers: dict[str, Offer] = {}
+    offers: dict[str, RemotePanorama] = {}
     faults = []
     for one in service.search(wanted):
         if isinstance(one, Fault):
@@ -188,7 +188,7 @@ def _asked(service: Service, wanted: Wanted) -> tuple[list[Offer], tuple[Fault, 
     return sorted(by_id, key=lambda offer: offer.captured or "", reverse=True), tuple(faults)
 
 
-def _choice(block: Block, offers: Sequence[Offer]) -> PanoramaChoice:
+def _choice(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
     frames: dict = {}
     poses = [project_pose(offer.pose, _FULL, block.crs, frames) for offer in offers]
     plan = plan_of(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
@@ -198,10 +198,10 @@ def _choice(block: Block, offers: Sequence[Offer]) -> PanoramaChoice:
 
 
 def _fetched(
-    service: Service,
+    service: ImageryService,
     account: FetchLog,
-    offers: Sequence[Offer],
-    chosen: Sequence[Offer],
+    offers: Sequence[RemotePanorama],
+    chosen: Sequence[RemotePanorama],
     faults: tuple[Fault, ...],
     choice: PanoramaChoice | None,
 ) -> Fetched:
@@ -212,7 +212,7 @@ def _fetched(
         advance("fetch", 1, 0 if usable else 1)
 
     try:
-        broken = fetch_panoramas(service.name, chosen, account, service.get, _look, arrived)
+        broken = fetch_panoramas(service.name, chosen, account, service.download, _look, arrived)
     finally:
         account.write_poses()
     held = [account.find_picture(service.name, offer.id) for offer in chosen]

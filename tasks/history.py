@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facade_core.atlas.journal import journal_path
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
 from facade_core.plan.plan import Plan
@@ -59,7 +60,7 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
     own = plan.street_viewpoints(chosen[0])
     if not 0 <= step < len(own):
         raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
-    if not group["journal/viewpoints"][own[step].id].item():
+    if not group[journal_path("viewpoints")][own[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
     field = field_of(group, plan)
     window = replay(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)

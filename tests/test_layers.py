@@ -31,13 +31,10 @@ MUST_NOT = {
 # The rooms of a layer and the modules beside them, in storeys from the ground up: each imports from lower storeys only.
 STOREYS = {
     "tasks": (
-        ("run", "outcome", "progress"),
-        ("units",),
-        ("keys",),
-        ("kinds",),
-        ("store", "compute"),
-        ("published",),
+        ("engine",),
         ("stages",),
+        ("published",),
+        ("stages.publish",),
         (
             "city",
             "doctor",
@@ -129,7 +126,8 @@ def upward(layer: str, imported: dict[str, set[str]]) -> set[tuple[str, str]]:
     storey = {f"{layer}.{room}": number for number, rooms in enumerate(STOREYS[layer]) for room in rooms}
 
     def room(module: str) -> str:
-        return ".".join(module.split(".")[:2])
+        parts = module.split(".")
+        return next((name for depth in (3, 2) if (name := ".".join(parts[:depth])) in storey), ".".join(parts[:2]))
 
     pairs = ((one, other) for one, others in imported.items() for other in others if {one, other}.isdisjoint({layer}))
     return {(a, b) for a, b in pairs if room(a) != room(b) and storey[room(a)] <= storey[room(b)]}
@@ -155,7 +153,10 @@ def test_no_arrow_against_the_layers(layer: str) -> None:
 
 
 def test_an_arrow_the_other_way_is_found() -> None:
-    assert wrong_arrows("facade_core", ["tasks.engine.run.Run", "numpy", "dask.array"]) == ["dask.array", "tasks.engine.run.Run"]
+    assert wrong_arrows("facade_core", ["tasks.engine.run.Run", "numpy", "dask.array"]) == [
+        "dask.array",
+        "tasks.engine.run.Run",
+    ]
     assert wrong_arrows("catalogs", ["facade_core.core.types.Element", "facade_core.parse.parse"]) == [
         "facade_core.parse.parse"
     ]
@@ -163,17 +164,19 @@ def test_an_arrow_the_other_way_is_found() -> None:
 
 @pytest.mark.parametrize("layer", STOREYS)
 def test_rooms_import_from_lower_storeys_only(layer: str) -> None:
-    listed = sorted(room for rooms in STOREYS[layer] for room in rooms)
+    listed = sorted({room.split(".")[0] for rooms in STOREYS[layer] for room in rooms})
     assert listed == sorted({name.split(".")[1] for name in modules(layer) if name != layer})
     assert upward(layer, arrows([layer], for_types=True)) == set()
 
 
 def test_an_arrow_up_is_found() -> None:
-    up = ("tasks.stages.poses.worker", "tasks.stages.shared.key_parts")
+    up = ("tasks.engine.forecast", "tasks.stages.facades.stage")
     across = ("tasks.export.city", "tasks.viewing.reading")
-    down = ("tasks.stages.poses", "tasks.stages.poses.worker")
-    inside = ("tasks.stages.streets.keys", "tasks.stages.shared.key_parts")
-    assert upward("tasks", {one: {other} for one, other in (up, across, down, inside)}) == {up, across}
+    published = ("tasks.published.rows", "tasks.stages.publish.task")
+    down = ("tasks.stages.publish.task", "tasks.published.rows")
+    inside = ("tasks.stages.facades.stage", "tasks.stages.bundles.stage")
+    arrows_of = {one: {other} for one, other in (up, across, published, down, inside)}
+    assert upward("tasks", arrows_of) == {up, across, published}
 
 
 @pytest.mark.parametrize("layers", [["facade_core"], ["catalogs", "tasks", "flows"]])
@@ -187,14 +190,18 @@ def test_modules_import_each_other_in_no_circle(layers: list[str]) -> None:
     TopologicalSorter(imported).prepare()  # names the circle where there is one
 
 
-def test_units_know_no_room_above_them_and_no_prefect() -> None:
-    """What runs on a worker starts without Prefect, which takes seconds to import, whatever of the house it imports."""
+def test_workers_start_without_prefect() -> None:
+    """What runs on a worker reaches neither Prefect, which takes seconds to import, nor the coordinator's modules."""
     everything = ("facade_core", "catalogs", "tasks", "flows", "benchmarks")
-    units = [name for name in modules("tasks") if within(name, ["tasks.units"])]
-    seen = reached(units, arrows(everything))
-    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.decoding"} <= seen
-    own = {name for name in seen if not within(name, ["facade_core", "catalogs", "tasks.units"])}
-    assert own <= {"tasks", "tasks.engine.run", "tasks.engine.outcome", "tasks.engine.progress"}
+    workers = [name for name in modules("tasks") if name.startswith("tasks.stages.") and name.endswith(".worker")]
+    assert len(workers) == 12
+    seen = reached(workers, arrows(everything))
+    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.opening"} <= seen
+    engine = {name for name in seen if within(name, ["tasks.engine"])}
+    known = ("context", "outcome", "progress", "run", "seeds", "unit")
+    assert engine <= {"tasks.engine", *(f"tasks.engine.{name}" for name in known)}
+    stages = {name for name in seen if within(name, ["tasks.stages"])}
+    assert not {name for name in stages if name.endswith((".stage", ".task", ".keys", ".forecast", ".order"))}
     paths = {name: path for layer in everything for name, path in modules(layer).items()}
     world = {name.split(".")[0] for module in seen for name in imports(paths[module], for_types=False)}
     assert "numpy" in world

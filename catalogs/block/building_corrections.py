@@ -39,7 +39,7 @@ def apply_corrections(block: Block, corrections: Corrections) -> Block:
     buildings, left = correct_buildings(block.buildings, known, block.storey)
     part = block.part
     if part is not None:
-        beyond, _ = correct_buildings(part.beyond, known, block.storey)
+        beyond, _ = correct_buildings(part.distant_buildings, known, block.storey)
         part, known = replace(part, beyond=beyond), select_corrections(known, part.buildings, block.buildings, block.crs)
     return replace(block, buildings=buildings, part=part, corrections=known, notes=block.notes + left)
 

@@ -73,7 +73,7 @@ AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
     ("highway", {"pedestrian": None, "footway": None, "service": "asphalt", "rest_area": "asphalt"}),
     ("area:highway", {"pedestrian": None, "footway": None, "residential": "asphalt", "cycleway": "track"}),
 )  # fmt: skip
-PAVEMENT_M = 2.5
+DEFAULT_PAVEMENT_WIDTH_M = 2.5
 # How wide cars stand along a kerb, by how they do.
 PARKING_WIDTH_M = {"parallel": 2.1, "diagonal": 4.3, "perpendicular": 5.0, "half_on_kerb": 1.1}
 # A cycle track beside a road: its width, and what lies between it and the kerb; metres.
@@ -293,7 +293,7 @@ def _pavement_width(tags: Mapping[str, str], side: str, name: str) -> float:
     if stated in ("no", "none"):
         return 0.0
     widths = (f"sidewalk:{side}:width", "sidewalk:both:width", "sidewalk:width")
-    return next((found for key in widths if (found := _length_tag(tags, key, 15.0)) is not None), PAVEMENT_M)
+    return next((found for key in widths if (found := _length_tag(tags, key, 15.0)) is not None), DEFAULT_PAVEMENT_WIDTH_M)
 
 
 def _parking_width(tags: Mapping[str, str], side: str) -> float:

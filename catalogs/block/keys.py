@@ -14,13 +14,13 @@ from catalogs.printable_text import short_repr
 from facade_core.core.types import Privacy, Sun
 
 
-def _even(value: int) -> int:
+def _check_even(value: int) -> int:
     if value % 2:
         raise ValueError("must be even, since the height of a panorama is half its width")
     return value
 
 
-def _box(area: list[float]) -> list[float]:
+def _check_area(area: list[float]) -> list[float]:
     west, south, east, north = area
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
         turned = "; west and east, or south and north, are changed about" if west > east or south > north else ""
@@ -28,11 +28,11 @@ def _box(area: list[float]) -> list[float]:
     return area
 
 
-def _between(low: float, high: float) -> Any:
+def _float_range(low: float, high: float) -> Any:
     return Field(strict=True, ge=low, le=high, allow_inf_nan=False)
 
 
-def _whole(low: int, high: int) -> Any:
+def _int_range(low: int, high: int) -> Any:
     return Field(strict=True, ge=low, le=high)
 
 
@@ -43,7 +43,7 @@ class MaterialSettings:
     __pydantic_config__ = ConfigDict(extra="forbid")
 
     path: Annotated[str, Field(min_length=1)]
-    metres_per_pixel: Annotated[float, _between(0.0001, 1)]
+    metres_per_pixel: Annotated[float, _float_range(0.0001, 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,8 @@ class SunSettings(Sun):
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    azimuth: Annotated[float, _between(0, 360)]
-    elevation: Annotated[float, _between(5, 90)]
+    azimuth: Annotated[float, _float_range(0, 360)]
+    elevation: Annotated[float, _float_range(5, 90)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +62,13 @@ class TextureSettings:
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    texels_per_metre: Annotated[float, _between(1, 100)] = 32.0
-    viewpoint_spacing: Annotated[float, _between(0.5, 50)] = 5.0
-    viewpoint_height: Annotated[float, _between(0.5, 20)] = 2.5
-    visibility_range: Annotated[float, _between(5, 200)] = 40.0
+    texels_per_metre: Annotated[float, _float_range(1, 100)] = 32.0
+    viewpoint_spacing: Annotated[float, _float_range(0.5, 50)] = 5.0
+    viewpoint_height: Annotated[float, _float_range(0.5, 20)] = 2.5
+    visibility_range: Annotated[float, _float_range(5, 200)] = 40.0
     walls: Literal["exemplar", "translate"] = "exemplar"
     translator: Literal["exemplar", "neural"] = "exemplar"
-    panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
+    panorama_width: Annotated[int, _int_range(64, 8192), AfterValidator(_check_even)] = 1024
     levelling: Annotated[bool, Field(strict=True)] = True
     roof_material: MaterialSettings | None = None
     materials: Annotated[str, Field(min_length=1)] | None = None
@@ -90,7 +90,7 @@ class PartKeys(PathKeys):
 class BuildingKeys(_Keys):
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
-    offset: Annotated[list[Annotated[float, _between(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
+    offset: Annotated[list[Annotated[float, _float_range(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
     lod: str | None = None
 
 
@@ -134,15 +134,15 @@ class ModelKeys(_Keys):
 
 
 # Characters of a block's name.
-LONGEST_NAME = 80
+MAX_NAME_LENGTH = 80
 
 
 class BlockKeys(_Keys):
     """A block file as written, checked key by key; no file has been looked at."""
 
-    name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{LONGEST_NAME - 1}}}$")]
+    name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{MAX_NAME_LENGTH - 1}}}$")]
     crs: str | None = None
-    area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_box)] | None = None
+    area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_check_area)] | None = None
     buildings: BuildingKeys
     streets: StreetKeys | None = None
     ground: GroundKeys | None = None
@@ -150,23 +150,23 @@ class BlockKeys(_Keys):
     imagery: ImageryKeys = ImageryKeys()
     texture: TextureSettings = TextureSettings()
     models: ModelKeys = ModelKeys()
-    storey: Annotated[float, _between(2, 8)] = 3.2
-    geoid_separation: Annotated[float, _between(-120, 120)] | None = None
-    failed_limit: Annotated[float, _between(0, 1)] = 0.2
+    storey: Annotated[float, _float_range(2, 8)] = 3.2
+    geoid_separation: Annotated[float, _float_range(-120, 120)] | None = None
+    failed_limit: Annotated[float, _float_range(0, 1)] = 0.2
     part: PartKeys | None = None
-    seed: Annotated[int, _whole(0, 2**32 - 1)] = 0
+    seed: Annotated[int, _int_range(0, 2**32 - 1)] = 0
 
 
-def known_keys(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
+def allowed_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
     """Every key in dotted form with its range ("1 to 100"), "" where it has none."""
     found: dict[str, str] = {}
     for name, hint in get_type_hints(model, include_extras=True).items():
         if name.startswith("_") or name == "model_config":
             continue
-        found[prefix + name] = _range(hint)
-        for nested in _members(hint):
+        found[prefix + name] = _bounds_text(hint)
+        for nested in _alternatives(hint):
             if isinstance(nested, type) and (issubclass(nested, _Keys) or is_dataclass(nested)):
-                found |= known_keys(nested, f"{prefix}{name}.")
+                found |= allowed_ranges(nested, f"{prefix}{name}.")
     return found
 
 
@@ -178,15 +178,15 @@ def check_keys(values: Any) -> BlockKeys:
         return BlockKeys.model_validate(values)
     except ValidationError as error:
         # A mistyped key also shows as a missing one: the unknown key is the one to tell about.
-        faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN)
-        raise ValueError(_line(faults[0])) from None
+        faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN_KEY_TYPES)
+        raise ValueError(_format_fault(faults[0])) from None
 
 
-_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
+_UNKNOWN_KEY_TYPES = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
 # Keys that only the file of a city has.
-OF_A_CITY = ("cut", "blocks")
-_OUTSIDE = ("greater_than_equal", "less_than_equal", "finite_number")
-_EXPECTED = {
+CITY_KEYS = ("cut", "blocks")
+_OUT_OF_RANGE_TYPES = ("greater_than_equal", "less_than_equal", "finite_number")
+_EXPECTED_BY_TYPE = {
     "float_type": ("a number", "write it in digits, without quotes"),
     "int_type": ("a whole number", "write it in digits, without quotes"),
     "int_from_float": ("a whole number", "write it without a fraction"),
@@ -196,13 +196,13 @@ _EXPECTED = {
 }
 
 
-def _line(fault: Mapping[str, Any]) -> str:
+def _format_fault(fault: Mapping[str, Any]) -> str:
     kind, value = fault["type"], fault["input"]
-    key = str(fault["loc"][-1]) if kind == "invalid_key" else dotted(fault["loc"])
-    if kind in _UNKNOWN and key in OF_A_CITY:
+    key = str(fault["loc"][-1]) if kind == "invalid_key" else key_path(fault["loc"])
+    if kind in _UNKNOWN_KEY_TYPES and key in CITY_KEYS:
         return f"{key}: is a key of a city, and this is to be one block; run it with `streetloom city`"
-    if kind in _UNKNOWN:
-        return f"{key if len(key) <= 60 else key[:57] + '...'}: unknown key; {_suggestion(key[:60])}"
+    if kind in _UNKNOWN_KEY_TYPES:
+        return f"{key if len(key) <= 60 else key[:57] + '...'}: unknown key; {_suggest_key(key[:60])}"
     if kind == "missing":
         example = f"{key}: {{path: FILE}}" if "." not in key else "path: FILE"
         example = {"name": "name: my-block", "metres_per_pixel": "metres_per_pixel: 0.01"}.get(
@@ -210,15 +210,15 @@ def _line(fault: Mapping[str, Any]) -> str:
         )
         return f"{key}: missing; write {example}"
     if kind in ("model_type", "dataclass_type"):
-        inner = [k.removeprefix(key + ".") for k in known_keys() if k.startswith(key + ".")]
+        inner = [k.removeprefix(key + ".") for k in allowed_ranges() if k.startswith(key + ".")]
         example = (
             f"path: {' '.join(value.split())[:60]}"
             if "path" in inner and isinstance(value, str)
             else f"{inner[0]}: ..."
         )
         return f"{key}: holds {short_repr(value)} where keys are expected; write {key}: {{{example}}}"
-    if kind in _OUTSIDE:
-        return f"{key}: {short_repr(value)} is out of range; allowed is {_allowed(key)}"
+    if kind in _OUT_OF_RANGE_TYPES:
+        return f"{key}: {short_repr(value)} is out of range; allowed is {_range_text(key)}"
     if kind == "literal_error":
         return f"{key}: {short_repr(value)} is not known; choose {fault['ctx']['expected']}"
     if kind == "value_error":
@@ -232,16 +232,16 @@ def _line(fault: Mapping[str, Any]) -> str:
         return f"{key}: {short_repr(value)} is no usable name; use letters, digits, '.', '_' and '-' only"
     if kind == "string_too_short" or (kind == "string_type" and value is None):
         return f"{key}: is empty; fill it in"
-    expected, remedy = _EXPECTED.get(kind, ("understood", "give another value"))
+    expected, remedy = _EXPECTED_BY_TYPE.get(kind, ("understood", "give another value"))
     return f"{key}: {short_repr(value)} is not {expected}; {remedy}"
 
 
-def _allowed(key: str) -> str:
+def _range_text(key: str) -> str:
     """The range of a key, or of the entries of a list."""
-    return known_keys().get(key) or "up to 100 000 km either way"
+    return allowed_ranges().get(key) or "up to 100 000 km either way"
 
 
-def dotted(loc: Sequence[str | int]) -> str:
+def key_path(loc: Sequence[str | int]) -> str:
     """("area", 1) -> area[1]; ("texture", "walls") -> texture.walls"""
     end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic goes on with which of text and list it tried
     parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
@@ -249,8 +249,8 @@ def dotted(loc: Sequence[str | int]) -> str:
     return key.lstrip(".")
 
 
-def _suggestion(key: str) -> str:
-    known = known_keys()
+def _suggest_key(key: str) -> str:
+    known = allowed_ranges()
     parent, _, leaf = key.rpartition(".")
     siblings = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == parent}
     leaves = {k.rpartition(".")[2]: k for k in known}
@@ -261,16 +261,16 @@ def _suggestion(key: str) -> str:
     return f"known here are {', '.join(siblings) or 'none'}"
 
 
-def _members(hint: Any) -> list[Any]:
+def _alternatives(hint: Any) -> list[Any]:
     """A hint without its Optional and Annotated wrapping, as a list of the alternatives."""
     if get_origin(hint) is Annotated:
-        return _members(get_args(hint)[0])
+        return _alternatives(get_args(hint)[0])
     if get_origin(hint) in (Union, types.UnionType):
-        return [member for arg in get_args(hint) for member in _members(arg)]
+        return [member for arg in get_args(hint) for member in _alternatives(arg)]
     return [hint]
 
 
-def _range(hint: Any) -> str:
+def _bounds_text(hint: Any) -> str:
     bounds: dict[str, float] = {}
     for part in (hint, *get_args(hint)):
         for info in getattr(part, "__metadata__", ()):

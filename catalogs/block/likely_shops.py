@@ -11,13 +11,13 @@ import shapely
 from facade_core.core.types import Building, Way
 
 # The share of the buildings on a road that have a shop, by its rank: tertiary, secondary and primary roads.
-SHARES = {5: 0.2, 6: 0.3, 7: 0.35}
+SHOP_SHARE_BY_RANK = {5: 0.2, 6: 0.3, 7: 0.35}
 # They stand so near to the carriageway's edge, and cover so much, metres and square metres; lower ones have none.
-BEFORE_M, LEAST_M2, LEAST_M = 8.0, 80.0, 5.0
+MAX_SETBACK_M, MIN_SHOP_AREA_M2, MIN_SHOP_HEIGHT_M = 8.0, 80.0, 5.0
 # A shop that the map has is the nearest building's, at most so far.
-SHOP_M = 15.0
+MAX_SHOP_DISTANCE_M = 15.0
 # Of edges that are no farther from the road than the nearest and this, the longest is the front.
-FRONT_M = 3.0
+FRONT_TOLERANCE_M = 3.0
 
 
 def likely_shops(
@@ -32,35 +32,35 @@ def likely_shops(
     has = np.zeros(len(buildings), bool)
     if len(places):
         points = shapely.points(np.array(places).reshape(-1, 2))
-        has[shapely.STRtree(footprints).query_nearest(points, max_distance=SHOP_M)[1]] = True
+        has[shapely.STRtree(footprints).query_nearest(points, max_distance=MAX_SHOP_DISTANCE_M)[1]] = True
     houses = {building.whole_id for building, one in zip(buildings, has, strict=True) if one}
     _, road = shapely.STRtree([way.line for way in roads]).query_nearest(footprints, all_matches=False)
     found = []
     for building, nearest in zip(buildings, road.tolist(), strict=True):
         way = roads[nearest]
-        low = building.raised > 0 or building.height < LEAST_M or building.footprint.area < LEAST_M2
-        if low or building.whole_id in houses or _chance(building.whole_id) >= SHARES.get(way.rank, 0.0):
+        low = building.raised > 0 or building.height < MIN_SHOP_HEIGHT_M or building.footprint.area < MIN_SHOP_AREA_M2
+        if low or building.whole_id in houses or _hash_fraction(building.whole_id) >= SHOP_SHARE_BY_RANK.get(way.rank, 0.0):
             continue
-        front = _front(building, way)
+        front = _front_midpoint(building, way)
         if front is not None:
             found.append(front)
     return found
 
 
-def _front(building: Building, way: Way) -> tuple[float, float] | None:
+def _front_midpoint(building: Building, way: Way) -> tuple[float, float] | None:
     """The middle of a building's front on a road; None where it stands back from it."""
     rings = [np.asarray(part.exterior.coords)[:, :2] for part in shapely.get_parts(building.footprint).tolist()]
     ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     middles = ends.mean(axis=1)
     away = shapely.distance(shapely.points(middles), way.line)
-    if shapely.distance(building.footprint, way.line) > way.width / 2 + BEFORE_M:
+    if shapely.distance(building.footprint, way.line) > way.width / 2 + MAX_SETBACK_M:
         return None
-    length = np.where(away <= away.min() + FRONT_M, np.hypot(*(ends[:, 1] - ends[:, 0]).T), 0.0)
+    length = np.where(away <= away.min() + FRONT_TOLERANCE_M, np.hypot(*(ends[:, 1] - ends[:, 0]).T), 0.0)
     x, y = middles[int(length.argmax())].tolist()
     return x, y
 
 
-def _chance(id: str) -> float:
+def _hash_fraction(id: str) -> float:
     """A number from 0 to 1 that an id always has."""
     digest = blake2b(id.encode(errors="surrogatepass"), digest_size=4, person=b"shop").digest()
     return int.from_bytes(digest, "big") / 2**32

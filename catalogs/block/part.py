@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 # A map puts a shop into its building, or so far before it, metres.
-SHOP_M = 15.0
+MAX_SHOP_DISTANCE_M = 15.0
 # An entrance is in the nearest wall, at most so far: maps put it on the outline.
-ENTRANCE_M = 1.5
+MAX_ENTRANCE_DISTANCE_M = 1.5
 # Ground is drawn of ways and areas that come so near to what the block holds; pictures are of use that were taken so near to a
 # building of its own. Metres.
-GROUND_M, PICTURE_M = 120.0, 150.0
+PART_GROUND_MARGIN_M, MAX_PICTURE_DISTANCE_M = 120.0, 150.0
 
 
 @dataclass(frozen=True)
-class Part:
+class CityPart:
     """What of a block is its own where it is a part of a city; all else in it is context, which is seen and not textured.
 
     buildings, streets: ids. beyond: buildings farther away, before whose choice of an exemplar none of the block's own can be
@@ -38,24 +38,24 @@ class Part:
 
     buildings: tuple[str, ...]
     streets: tuple[str, ...]
-    beyond: tuple[Building, ...]
-    fronts: tuple[str, ...]
-    shops: tuple[int, ...]
+    distant_buildings: tuple[Building, ...]
+    front_streets: tuple[str, ...]
+    shop_flags: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Chosen:
+class PartSelection:
     """What of a city is of a block, by ids: its own buildings and segments of streets; context and passing, those around it;
     beyond, buildings before whose choice of an exemplar none of its own can be made."""
 
     buildings: tuple[str, ...]
     streets: tuple[str, ...]
-    context: tuple[str, ...] = ()
-    passing: tuple[str, ...] = ()
-    beyond: tuple[str, ...] = ()
+    halo_buildings: tuple[str, ...] = ()
+    halo_streets: tuple[str, ...] = ()
+    distant_buildings: tuple[str, ...] = ()
 
 
-class Whole:
+class CityIndex:
     """A city that is read as one block, and what is looked up in it for every part: worked out once.
 
     segments: its streets cut at junctions; fronts: the name of the street next to each building, shops: as of `Part`, both in
@@ -65,8 +65,8 @@ class Whole:
     def __init__(self, block: Block) -> None:
         self.block = block
         self.segments = segments(block.streets)
-        self.fronts = fronts_of(block.buildings, self.segments)
-        self.shops = _with_shops(block.buildings, block.shops)
+        self.front_streets = nearest_street_names(block.buildings, self.segments)
+        self.shop_flags = _shop_flags(block.buildings, block.shops)
         self._building = {building.id: index for index, building in enumerate(block.buildings)}
         self._segment = {street.id: index for index, street in enumerate(self.segments)}
         self._photos: dict[str, list[str]] = {}
@@ -78,39 +78,39 @@ class Whole:
         self._ways = shapely.STRtree([way.line for way in block.ground.ways])
         self._areas = shapely.STRtree([area.outline for area in block.ground.areas])
 
-    def part(self, chosen: Chosen) -> Block:
+    def extract_part(self, selection: PartSelection) -> Block:
         """The part of the city that is chosen."""
         block = self.block
-        own = sorted(self._building[one] for one in chosen.buildings)
+        own = sorted(self._building[one] for one in selection.buildings)
         mine = [block.buildings[i] for i in own]
-        kept = [block.buildings[i] for i in sorted({*own, *(self._building[one] for one in chosen.context)})]
-        walked = {self._segment[one] for one in chosen.streets}
-        lines = [self.segments[i] for i in sorted({*walked, *(self._segment[one] for one in chosen.passing)})]
-        beyond = [self._building[one] for one in chosen.beyond]
-        part = Part(
+        kept = [block.buildings[i] for i in sorted({*own, *(self._building[one] for one in selection.halo_buildings)})]
+        walked = {self._segment[one] for one in selection.streets}
+        lines = [self.segments[i] for i in sorted({*walked, *(self._segment[one] for one in selection.halo_streets)})]
+        beyond = [self._building[one] for one in selection.distant_buildings]
+        part = CityPart(
             tuple(building.id for building in mine),
             tuple(self.segments[i].id for i in sorted(walked)),
             tuple(block.buildings[i] for i in beyond),
-            tuple(self.fronts[i] for i in (*own, *beyond)),
-            tuple(self.shops[i] for i in (*own, *beyond)),
+            tuple(self.front_streets[i] for i in (*own, *beyond)),
+            tuple(self.shop_flags[i] for i in (*own, *beyond)),
         )
         around = shapely.box(
             *shapely.total_bounds([*(one.footprint for one in kept), *(one.line for one in lines)])
-        ).buffer(GROUND_M, join_style="mitre")
-        near = shapely.union_all([one.footprint for one in mine]).buffer(PICTURE_M)
+        ).buffer(PART_GROUND_MARGIN_M, join_style="mitre")
+        near = shapely.union_all([one.footprint for one in mine]).buffer(MAX_PICTURE_DISTANCE_M)
         pictured = np.sort(self._panoramas.query(near, predicate="covers"))
         names = {name for one in mine for name in (one.id, file_stem(one.id))}
-        beside = shapely.union_all([one.footprint for one in mine]).buffer(ENTRANCE_M)
+        beside = shapely.union_all([one.footprint for one in mine]).buffer(MAX_ENTRANCE_DISTANCE_M)
         entrances = np.sort(self._entrances.query(beside, predicate="covers"))
         photos = {facade for name in names for facade in self._photos.get(name, ())}
-        kept, textures = _with_textures(kept, block.textures)
+        kept, textures = _select_textures(kept, block.textures)
         return replace(
             block,
             buildings=tuple(kept),
             streets=tuple(lines),
             shops=None,
             entrances=tuple(block.entrances[i] for i in entrances.tolist()),
-            ground=self._ground(around),
+            ground=self._ground_around(around),
             photos={facade: block.photos[facade] for facade in sorted(photos)},
             panoramas=tuple(block.panoramas[i] for i in pictured.tolist()),
             textures=textures,
@@ -119,7 +119,7 @@ class Whole:
             part=part,
         )
 
-    def _ground(self, around: shapely.Polygon) -> Ground:
+    def _ground_around(self, around: shapely.Polygon) -> Ground:
         ground = self.block.ground
         ways, areas = (np.sort(tree.query(around, predicate="intersects")) for tree in (self._ways, self._areas))
         return replace(
@@ -129,7 +129,7 @@ class Whole:
         )
 
 
-def _with_textures(
+def _select_textures(
     buildings: Sequence[Building], textures: tuple[Path, ...]
 ) -> tuple[list[Building], tuple[Path, ...]]:
     """Buildings whose shells count only the pictures that they have, and these."""
@@ -149,7 +149,7 @@ def _with_textures(
     )
 
 
-def fronts_of(buildings: Sequence[Building], streets: Sequence[Street]) -> list[str]:
+def nearest_street_names(buildings: Sequence[Building], streets: Sequence[Street]) -> list[str]:
     """The name, else the id, of the street that is nearest to each building."""
     if not streets:
         return [""] * len(buildings)
@@ -161,11 +161,11 @@ def fronts_of(buildings: Sequence[Building], streets: Sequence[Street]) -> list[
     return [min(streets[one].name or streets[one].id for one in nearest[i]) for i in range(len(buildings))]
 
 
-def _with_shops(buildings: Sequence[Building], places: Sequence[tuple[float, float]] | None) -> list[int]:
+def _shop_flags(buildings: Sequence[Building], places: Sequence[tuple[float, float]] | None) -> list[int]:
     """Whether each building of a city has a shop: 1, or 0; -1 where no map tells."""
     if places is None:
         return [-1] * len(buildings)
     tree = shapely.STRtree([building.footprint for building in buildings])
-    at = tree.query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=SHOP_M)[1]
+    at = tree.query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=MAX_SHOP_DISTANCE_M)[1]
     found = set(at.tolist())
     return [int(index in found) for index in range(len(buildings))]

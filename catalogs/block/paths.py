@@ -15,14 +15,14 @@ from catalogs.block.keys import BlockKeys
 FOLDERS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
 
 
-def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
+def resolve_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
     """Dotted key -> the paths it names, relative to the block file, all of which exist.
 
     `${NAME}` in a path stands for an environment variable. Raises ValueError, "key: problem; remedy".
     """
-    named = {"buildings.path": _listed(keys.buildings.path)}
+    named = {"buildings.path": _as_list(keys.buildings.path)}
     if keys.ground:
-        named["ground.path"] = _listed(keys.ground.path)
+        named["ground.path"] = _as_list(keys.ground.path)
     imagery = keys.imagery
     for key, holder in (
         ("streets.path", keys.streets),
@@ -44,23 +44,23 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
         named["models.layout"] = [keys.models.layout]
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
-    return {key: tuple(_existing(key, text, block) for text in texts) for key, texts in named.items()}
+    return {key: tuple(_resolve_path(key, text, block) for text in texts) for key, texts in named.items()}
 
 
-def _listed(stated: str | list[str]) -> list[str]:
+def _as_list(stated: str | list[str]) -> list[str]:
     return [stated] if isinstance(stated, str) else stated
 
 
-def _existing(key: str, text: str, block: Path) -> Path:
-    path = block.parent / _home(key, _expanded(key, text))
+def _resolve_path(key: str, text: str, block: Path) -> Path:
+    path = block.parent / _expand_user(key, _expand_variables(key, text))
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        close = nearest(path)
+        close = suggest_name(path)
         remedy = f"did you mean {close}?" if close else "paths are relative to the block file"
-        raise ValueError(f"{key}: {shortened(path)} does not exist; {remedy}") from None
+        raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
     except OSError as error:  # a name that is too long, links in a circle, a folder that may not be entered
-        raise ValueError(f"{key}: {shortened(path)} cannot be opened ({error.strerror}); name another path") from error
+        raise ValueError(f"{key}: {shorten_path(path)} cannot be opened ({error.strerror}); name another path") from error
     except ValueError as error:  # a name that no file can have
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
     if key not in FOLDERS and not stat.S_ISREG(kind):
@@ -69,13 +69,13 @@ def _existing(key: str, text: str, block: Path) -> Path:
     return path
 
 
-def shortened(path: Path, limit: int = 240) -> str:
+def shorten_path(path: Path, limit: int = 240) -> str:
     """A path in a message: its end where it is so long that nobody reads it."""
     text = str(path)
     return text if len(text) <= limit else f"...{text[-limit:]}"
 
 
-def nearest(path: Path) -> str | None:
+def suggest_name(path: Path) -> str | None:
     """The name of what the folder of a missing file holds instead; of the first thousand of its files."""
     try:
         near = [found.name for found in islice(path.parent.iterdir(), 1000)]
@@ -85,7 +85,7 @@ def nearest(path: Path) -> str | None:
     return close[0] if close else None
 
 
-def _home(key: str, text: str) -> Path:
+def _expand_user(key: str, text: str) -> Path:
     try:
         return Path(text).expanduser()
     except RuntimeError:
@@ -95,13 +95,13 @@ def _home(key: str, text: str) -> Path:
         ) from None
 
 
-def _expanded(key: str, text: str) -> str:
+def _expand_variables(key: str, text: str) -> str:
     def value(match: re.Match[str]) -> str:
         found = os.environ.get(match[1])
         if not found:
             raise ValueError(
                 f"{key}: the environment variable {match[1]} is not set; set it to the folder that is meant"
             )
-        return str(_home(key, found).absolute())
+        return str(_expand_user(key, found).absolute())
 
     return re.sub(r"\$\{(\w+)\}", value, text)

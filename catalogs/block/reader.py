@@ -15,8 +15,8 @@ from catalogs.block.corrections import NO_CORRECTIONS, Corrections, read_correct
 from catalogs.block.digest import block_digest
 from catalogs.block.geometry import NamedFiles, buildings_extent, read_geometry
 from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
-from catalogs.block.part import Part
-from catalogs.block.paths import named_paths
+from catalogs.block.part import CityPart
+from catalogs.block.paths import resolve_paths
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.block.yaml_files import read_yaml
 from catalogs.crs import parse_crs
@@ -80,7 +80,7 @@ class Block:
     faults: tuple[Fault, ...]
     digest: str
     corrections: Corrections = NO_CORRECTIONS
-    part: Part | None = None
+    part: CityPart | None = None
     models: ModelFiles = SHIPPED_MODELS
 
 
@@ -103,7 +103,7 @@ def read_block(path: Path | str) -> Block:
 def block_of(keys: BlockKeys, file: BlockFile) -> Block:
     """The block of keys that were read of a file, as its sources state it, without a digest. Raises as `read_block`."""
     try:
-        files = named_paths(keys, file.path)
+        files = resolve_paths(keys, file.path)
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
     if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from catalogs.block.keys import SunSettings, TextureSettings
-from catalogs.block.part import Part
+from catalogs.block.part import CityPart
 from catalogs.features import Fault
 from catalogs.readers.pictures.aerial import Aerial
 from catalogs.readers.pictures.panoramas import PosedPanorama
@@ -56,7 +56,7 @@ SCHEMAS: Mapping[type, SerialSchema] = {
     Fault: _schema("Fault", "id kind reason place"),
     Finish: _schema("Finish", "wall_colour roof_colour wall_material roof_material"),
     Ground: _schema("Ground", "ways areas outline"),
-    Part: _schema("Part", "buildings streets beyond fronts shops"),
+    CityPart: _schema("Part", "buildings streets beyond fronts shops"),
     Pose: _schema("Pose", "x y z heading pitch roll view"),
     PosedPanorama: _schema("PosedPanorama", "id path pose captured"),
     Roof: _schema("Roof", "shape height direction across pitch confidence"),

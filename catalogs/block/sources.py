@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 from catalogs.block.keys import check_keys
-from catalogs.block.paths import FOLDERS, named_paths
+from catalogs.block.paths import FOLDERS, resolve_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import EXAMPLE_SOURCES
 from catalogs.imagery.fetch_log import is_fetched, read_fetch_log
@@ -24,7 +24,7 @@ def sources_of(block_file: Path) -> tuple[SourceFact, ...]:
     brings, by its checksum, or an extract of OpenStreetMap; of a folder of fetched pictures each of theirs is one.
     None of them where the block file cannot be read any more."""
     try:
-        paths = named_paths(check_keys(read_yaml(block_file)), block_file)
+        paths = resolve_paths(check_keys(read_yaml(block_file)), block_file)
         return tuple(
             SourceFact(key, path.name, licence)
             for key, found in paths.items()

@@ -25,14 +25,13 @@ from facade_core.core.types import Building
 if TYPE_CHECKING:
     from pyproj import CRS
 
-MIN_FOOTPRINT_M2 = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
-MIN_PART_M2 = 4.0  # m2; of a building's parts
-CONTEXT_DISTANCE_M = 500.0  # buildings this near to the area tell heights, too
-MAX_SLIVER_SHARE = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
-DUPLICATE_SHARE = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
-MAX_NEIGHBOUR_OVERLAP = (
-    0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
-)
+MIN_FOOTPRINT_M2 = 10.0  # m2; smaller outlines are kiosks, masts or mapping errors
+MIN_PART_M2 = 4.0  # m2; of building parts
+CONTEXT_DISTANCE_M = 500.0  # m; known heights of buildings within this distance of the area count too
+MAX_SLIVER_SHARE = 0.02  # area share by which repair may change a self-intersecting outline
+DUPLICATE_SHARE = 0.5  # area share inside a building of an earlier source, above which both are the same
+# Area share of the smaller outline by which two buildings of one id may overlap.
+MAX_NEIGHBOUR_OVERLAP = 0.05
 
 
 @dataclass(frozen=True)
@@ -132,16 +131,16 @@ def _add_parts(
     stated = []
     for part in parts:
         assert part.footprint is not None
-        of = wholes.get(id(part.whole_outline)) if part.whole_outline is not None else None
-        if part.whole_outline is not None and of is None:
-            continue  # the whole is left out, as an earlier source states it
-        more = of.footprint if of is not None else None
+        whole = wholes.get(id(part.whole_outline)) if part.whole_outline is not None else None
+        if part.whole_outline is not None and whole is None:
+            continue  # the whole building was dropped as a duplicate
+        more = whole.footprint if whole is not None else None
         kind, built = (
             part.footprint.use or (more.use if more else None),
             part.footprint.year_built or (more.year_built if more else None),
         )
-        own = replace(part.footprint, use=kind, year_built=built)
-        stated.append(PartCandidate(part.building, own, None if of is None else of.building.id))
+        merged = replace(part.footprint, use=kind, year_built=built)
+        stated.append(PartCandidate(part.building, merged, None if whole is None else whole.building.id))
     found_parts = apply_building_parts(buildings, stated, floor_height, MIN_FOOTPRINT_M2, reasons)
     return tuple(sorted(found_parts, key=lambda building: natural_sort_key(building.id)))
 
@@ -166,7 +165,7 @@ def _footprint_candidates(
                 reasons["holes outside their outlines ignored"].append(footprint.id)
             reason = _find_defect(outline)
             large, small = ([], []) if reason else _split_polygons(outline, smallest)
-        except Exception as error:  # what GEOS makes of it is no other outline's fault
+        except Exception as error:  # an error of GEOS affects this outline only
             reason = fault_reason(error)
         if reason:
             if _may_intersect(outline, area):
@@ -181,8 +180,10 @@ def _footprint_candidates(
             for index, part in enumerate(large)
         ]
     candidates: list[_Candidate] = []
-    of = find_host_outlines([outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces])
-    for (footprint, id, outline), host in zip(pieces, of, strict=True):
+    host_indices = find_host_outlines(
+        [outline for _, _, outline in pieces], [footprint.is_part for footprint, _, _ in pieces]
+    )
+    for (footprint, id, outline), host in zip(pieces, host_indices, strict=True):
         whole = pieces[host][2] if host >= 0 else None
         inside = area is None or area.contains((outline if whole is None else whole).representative_point())
         levels = max(1, int(footprint.levels)) if footprint.levels else None
@@ -261,7 +262,7 @@ def _assume_heights(
     candidates: list[_Candidate], around: list[_Candidate], floor_height: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
     """Return the buildings with heights and roofs, and a note on assumed heights."""
-    # the roofs of heights that are known tell where their storeys end
+    # floor counts of known heights end at the eaves, below assumed roofs
     known_roofs = [
         add_assumed_roofs(_apply_stated_heights(some, floor_height), [one.footprint for one in some])
         for some in (candidates, around)
@@ -347,7 +348,7 @@ def _find_defect(outline: Any) -> str | None:
     if not np.isfinite(shapely.get_coordinates(outline)).all():
         return "a corner of its footprint is not a number; mend or remove it"
     reason = shapely.is_valid_reason(outline)
-    # a ring that merely touches itself, or crosses itself in a sliver, encloses what was meant
+    # a ring that touches itself, or crosses itself in a sliver, encloses the intended area
     if (
         reason.startswith("Self-intersection")
         and abs(_repair(outline).area - outline.area) > MAX_SLIVER_SHARE * outline.area

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.buildings.extents import EARTH_RADIUS_M, MAX_BUILDING_SIZE_M, Bounds, BuildingSource, locate_boxes
+from catalogs.buildings.extents import MAX_BUILDING_SIZE_M, Bounds, BuildingSource, locate_boxes
+from catalogs.crs import EARTH_RADIUS_M
 
-_STEPS_PER_SIDE = 4  # a square is moved by this share of its side
+_STEPS_PER_SIDE = 4  # positions of the square per side
 
 
 def square_bounds(longitude: float, latitude: float, size: float) -> Bounds:
@@ -48,14 +49,14 @@ def densest_square(sources: Sequence[BuildingSource], size: float) -> Bounds | N
     middle = corners.mean(axis=1)
     step = size / _STEPS_PER_SIDE
     up = math.degrees(step / EARTH_RADIUS_M)
-    # many small boxes far apart are many cells: those that hold something are kept, by number
+    # sparse cells: boxes far apart would need a large grid
     row = np.floor(middle[:, 1] / up).astype(np.int64)
     right = up / np.cos(np.radians(np.median(middle[:, 1])))
     column = np.floor(middle[:, 0] / right).astype(np.int64)
     spans = np.ptp(corners, axis=1) / (right, up)
     cells, cell = np.unique(np.column_stack([column, row]), axis=0, return_inverse=True)
     covered = np.bincount(cell.ravel(), weights=spans.prod(axis=1))
-    # a square begins at any cell that some building's cell lies within
+    # candidate squares contain at least one occupied cell
     begins = cells[:, None] - np.stack(
         np.meshgrid(range(_STEPS_PER_SIDE), range(_STEPS_PER_SIDE), indexing="ij"), -1
     ).reshape(-1, 2)

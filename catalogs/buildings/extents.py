@@ -12,22 +12,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.crs import coordinate_transform, has_east_north_axes, parse_crs
+from catalogs.crs import EARTH_RADIUS_M, LONLAT, coordinate_transform, has_east_north_axes, parse_crs
 from catalogs.features import BuildingModels, Centrelines, Fault, Footprints
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-EARTH_RADIUS_M = 6_371_000.0  # m
-MAX_BUILDING_SIZE_M = 5_000.0  # the longest building; the largest halls and terminals are 1 to 3 km long
-MAX_BLOCK_SPAN_M = 50_000.0  # what a block, or a city of them, spans at most
+MAX_BUILDING_SIZE_M = 5_000.0  # the largest halls and terminals are 1 to 3 km long
+MAX_BLOCK_SPAN_M = 50_000.0  # limit of a block and of a city
 NEIGHBOUR_DISTANCE_M = 5_000.0  # buildings nearer than this are neighbours
-MAX_STRAY_SHARE = 0.5  # a group of buildings apart from the largest one is set aside up to this share of it
-_CELLS_PER_DISTANCE = 5  # a neighbourhood is looked at in cells of this share of it
-_AREA_MARGIN_DEG = 2.0  # degrees by which places may leave the area of their frame
+MAX_STRAY_SHARE = 0.5  # size of a stray group over that of the largest one
+_CELLS_PER_DISTANCE = 5  # grid cells per NEIGHBOUR_DISTANCE_M
+_AREA_MARGIN_DEG = 2.0  # tolerance around the area of use of a CRS
 
-MAX_AREA_SPAN_M = 200_000.0  # of the area that a block is looked for in
+MAX_AREA_SPAN_M = 200_000.0  # limit of a search area
 
 BuildingSource = Footprints | BuildingModels
 Bounds = tuple[float, float, float, float]
@@ -97,7 +96,7 @@ def locate_boxes(crs: str, boxes: np.ndarray) -> BoxLocations:
     """
     frame = parse_crs(crs)
     corners = boxes[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 2)
-    longitude, latitude = coordinate_transform(frame, "EPSG:4326")(corners[:, 0], corners[:, 1])
+    longitude, latitude = coordinate_transform(frame, LONLAT)(corners[:, 0], corners[:, 1])
     lonlat = np.column_stack([longitude, latitude])
     nowhere = ~(np.isfinite(lonlat).all(axis=1) & (np.abs(lonlat) <= (360.0, 90.0)).all(axis=1))
     lonlat[nowhere] = np.nan
@@ -105,7 +104,7 @@ def locate_boxes(crs: str, boxes: np.ndarray) -> BoxLocations:
     points = EARTH_RADIUS_M * np.column_stack([np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)])
     points = points.reshape(-1, 4, 3)
     size = np.linalg.norm(points[:, :2] - points[:, 2:], axis=2).max(axis=1)
-    if frame.is_geographic:  # the chord of what goes all around is short
+    if frame.is_geographic:  # a chord is short for boxes around the globe
         size = np.maximum(
             size, EARTH_RADIUS_M * np.cos(phi.reshape(-1, 4).mean(axis=1)) * np.radians(boxes[:, 2] - boxes[:, 0])
         )
@@ -245,8 +244,8 @@ def _main_groups(places: BoxLocations, group: np.ndarray, centrelines: Centrelin
     span = _diagonal(places.centre[np.isin(group, main)]) / 1000
     where = [f"{counts[g]} at {x:.4f}, {y:.4f}" for g in main[:3] for x, y in [places.mean_lonlat(group == g)]]
     raise InputError(
-        f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {MAX_BLOCK_SPAN_M / 1000:g} km; give area, or mend "
-        "the coordinates of those elsewhere"
+        f"the buildings span {span:,.0f} km ({'; '.join(where)}), and a block up to {MAX_BLOCK_SPAN_M / 1000:g} km; "
+        "give area, or mend the coordinates of those elsewhere"
     )
 
 

@@ -15,19 +15,20 @@ from catalogs.buildings.roofs import ATTACHED_DISTANCE_M, SHED_USES, hash_unifor
 from catalogs.features import Footprint
 from facade_core.core.types import Building
 
-# What is known counts by its distance (metres) and by how unlike its area is (the logarithm of the ratio): it falls to 1/e, and
-# as a bell curve, over these. Set by hand in view of errors on Helsinki's tagged buildings (`python -m benchmarks.heights`): no
-# command chose them, and none of these buildings is apart from that.
-DISTANCE_SCALE_M, LOG_AREA_SCALE = 250.0, 2.0
-# So much counts what is known far away; and so many of the nearest are looked at.
-FAR_WEIGHT, MAX_NEIGHBOURS = 1e-3, 64
-# Sheds of one storey: by use, or smaller than the first (m2), or free-standing and smaller than the second.
-MAX_LOW_AREA_M2, MAX_DETACHED_LOW_AREA_M2 = 45.0, 100.0
+# Weight of a known building: exponential in the distance, Gaussian in the logarithm of the area ratio. Both scales were set by
+# hand on the errors of Helsinki's tagged buildings (`python -m benchmarks.heights`), without a held-out part.
+DISTANCE_SCALE_M = 250.0  # m
+LOG_AREA_SCALE = 2.0  # natural logarithm
+FAR_WEIGHT = 1e-3  # weight of distance at any distance
+MAX_NEIGHBOURS = 64  # nearest known buildings that count
+# Buildings of one floor: by use, by area, or by area where they are detached.
+MAX_LOW_AREA_M2 = 45.0  # m2
+MAX_DETACHED_LOW_AREA_M2 = 100.0  # m2
 ONE_FLOOR_USES = SHED_USES | {"kiosk", "pavilion", "greenhouse", "glasshouse", "toilets", "bungalow", "farm_auxiliary"}
-# Where no building of a block has a height.
+# Height in metres where no building of a block has one.
 FALLBACK_HEIGHT_M = 12.0
-# These shares of all are one storey below the median, and one above, as about so many tagged ones are by a look that no command
-# repeats. They keep a block from one height; the mean error grows by them (the same command).
+# Share of buildings one floor below the median, and the same share above, estimated by eye from tagged buildings. The variation
+# avoids blocks of one height; the mean error grows by it (the same command).
 VARIATION_SHARE = 0.23
 
 
@@ -48,7 +49,7 @@ def assume_heights(
     outlines = np.array([building.footprint for building in buildings], dtype=object)
     area, centre = shapely.area(outlines), shapely.get_coordinates(shapely.centroid(outlines))
     low = _is_single_floor(outlines, area, footprints)
-    # a model's height is to its top, and says nothing of storeys
+    # the height of a model reaches to its top, so it gives no floor count
     known = ~unknown & ~low & np.array([building.shell is None for building in buildings], bool)
     levels = np.array([building.height / floor_height for building in buildings])
     chance = np.array([hash_uniform_pair(building.id)[0] for building in buildings])
@@ -76,7 +77,7 @@ def _is_single_floor(outlines: np.ndarray, area: np.ndarray, stated: Sequence[Fo
     )
     small = np.flatnonzero(~low & (area < MAX_DETACHED_LOW_AREA_M2))
     near, _ = shapely.STRtree(outlines).query(outlines[small], predicate="dwithin", distance=ATTACHED_DISTANCE_M)
-    low[small[np.bincount(near, minlength=len(small)) <= 1]] = True  # each is near itself
+    low[small[np.bincount(near, minlength=len(small)) <= 1]] = True  # each building is its own neighbour
     return low
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon, Polygon
 
 GROUND = SEMANTICS.index("ground")
-WELD_M = 0.001  # m; corners of neighbouring triangles are the same within this
-MAX_GAP_M = 0.01  # m; slits between triangles that miss each other by a hair are closed
+WELD_M = 0.001  # m; corners within this distance are the same
+MAX_GAP_M = 0.01  # m; gaps between triangles up to this width are closed
 
 
 def project_models(
@@ -61,7 +61,7 @@ def project_models(
             continue
         try:
             outline = shell_outline(shell)
-        except Exception as error:  # what GEOS makes of it is no other model's fault
+        except Exception as error:  # an error of GEOS affects this model only
             yield model, shell, fault_reason(error)
             continue
         yield model, shell, outline if not outline.is_empty else "it covers no ground (walls only); give a closed model"

@@ -15,16 +15,16 @@ from catalogs.buildings.roofs import MIN_WALL_M, add_assumed_roof
 from catalogs.features import Footprint
 from facade_core.core.types import Building, Finish, Roof
 
-# A part lies in the outline that has over this share of it; one lies on others that have this share of it.
-MIN_HOST_SHARE, MIN_SUPPORT_SHARE = 0.5, 0.95
-# Walls of a part are at least this high, metres; narrower pieces than twice the second figure are slips of the mapper.
-MIN_PART_WALL_M, MIN_HALF_WIDTH_M = 0.3, 0.5
-# A part less of whose border lies on its building's is not free below: it goes down to what is under it.
-MIN_OPEN_BORDER_SHARE, BORDER_TOLERANCE_M = 0.1, 0.3
-# Overlaps up to the first (m2) are slips, and so are corners so near to a line (m). A building that states no height ends below
-# raised parts that cover over the third, a share, of it.
-MAX_OVERLAP_M2, SIMPLIFY_TOLERANCE_M, MIN_COVERED_SHARE = 1.0, 0.01, 0.5
-# How sure it is that a part without a stated roof is flat, where none is assumed.
+MIN_HOST_SHARE = 0.5  # share of a part inside its host outline
+MIN_SUPPORT_SHARE = 0.95  # share of a part above the items that support it
+MIN_PART_WALL_M = 0.3  # m; lowest wall of a part
+MIN_HALF_WIDTH_M = 0.5  # m; half the width of pieces, narrower ones are mapping errors
+MIN_OPEN_BORDER_SHARE = 0.1  # share of the border on that of the building; below it a part extends down to its support
+BORDER_TOLERANCE_M = 0.3  # m; distance within which two borders coincide
+MAX_OVERLAP_M2 = 1.0  # m2; smaller overlaps are mapping errors
+SIMPLIFY_TOLERANCE_M = 0.01  # m; corners nearer to a line are dropped
+MIN_COVERED_SHARE = 0.5  # share covered by raised parts, above which a building without a height ends below them
+# Confidence in the flat roof of a part without a stated one.
 FLAT_ROOF_CONFIDENCE = 0.6
 
 
@@ -69,7 +69,7 @@ def find_host_outlines(outlines: Sequence[Polygon], is_part: Sequence[bool]) -> 
             shared = [outlines[one].intersection(outlines[other]).area for other in near.tolist()]
             if shared and max(shared) > MIN_HOST_SHARE * area[one]:
                 found[one] = near[int(np.argmax(shared))]
-    for one in np.flatnonzero(found >= 0).tolist():  # a part of a part that is one itself
+    for one in np.flatnonzero(found >= 0).tolist():  # a part may be hosted by a part
         while found[found[one]] >= 0:
             found[one] = found[found[one]]
     return found.tolist()
@@ -109,7 +109,7 @@ def apply_building_parts(
         known = {one.building.id: one.footprint for one in mine}
         raised = [one for part in mine for one in _extrude_part(part, whole, floor_height, reasons)]
         found += _split_building(whole, raised, known, floor_height, min_area, reasons) if raised else [whole]
-    for left in own.values():  # of what is set aside itself
+    for left in own.values():  # parts of buildings that were set aside
         found += [one for part in left for one in _extrude_part(part, None, floor_height, reasons)]
     return found
 

@@ -13,7 +13,7 @@ import shapely
 from catalogs.features import Footprint
 from facade_core.core.types import Building, Roof
 
-# Uses of a building, as OpenStreetMap has them, by the roof that they mostly have.
+# Values of the OpenStreetMap tag `building` by their most frequent roof.
 FLAT_ROOF_USES = frozenset(
     [
         "industrial",
@@ -42,21 +42,33 @@ FLAT_ROOF_USES = frozenset(
 )
 SHED_USES = frozenset(("shed", "garage", "garages", "carport", "hut", "service", "utility", "entrance"))
 CHURCH_USES = frozenset(("church", "cathedral", "chapel", "basilica", "monastery"))
-# From this year on, over wings deeper than this (half their depth, metres), or over walls higher than this, roofs are flat.
-FLAT_ROOF_SINCE_YEAR, MAX_PITCHED_HALF_DEPTH_M, MAX_PITCHED_HEIGHT_M = 1945, 15.0, 30.0
-# Sheds cover less than this (m2) or are less deep; halls of one storey are flat from the second figure on.
-MAX_SHED_AREA_M2, MAX_SHED_HALF_DEPTH_M, MIN_HALL_AREA_M2 = 30.0, 2.0, 200.0
-# Houses that stand alone, up to this: gables of these pitches. Others have the pitches of a row along a street.
-MAX_HOUSE_AREA_M2, MAX_HOUSE_HEIGHT_M = 400.0, 11.0
-HOUSE_PITCH_RANGE_DEG, ROW_PITCH_RANGE_DEG = (32.0, 42.0), (24.0, 34.0)
-MANSARD_PITCH_DEG, CHURCH_PITCH_DEG, SHED_PITCH_DEG = 66.0, 45.0, 8.0
-# How high a roof is at most, over a row, a church, a shed; what is deeper has a flat middle.
-MAX_ROW_ROOF_M, MAX_CHURCH_ROOF_M, MAX_SHED_ROOF_M, MANSARD_ROOF_M = 5.0, 12.0, 1.0, 4.4
-# Of a row's roofs these shares are mansards (where they are deep enough for one) and hipped; the others have gables.
-MANSARD_SHARE, HIPPED_SHARE, MIN_MANSARD_HALF_DEPTH_M = 0.2, 0.15, 6.7
-# No roof is taken off walls that are then lower than this.
+# Roofs are flat from this year on, and over deeper wings or higher walls.
+FLAT_ROOF_SINCE_YEAR = 1945
+MAX_PITCHED_HALF_DEPTH_M = 15.0  # m
+MAX_PITCHED_HEIGHT_M = 30.0  # m
+MAX_SHED_AREA_M2 = 30.0  # m2
+MAX_SHED_HALF_DEPTH_M = 2.0  # m
+MIN_HALL_AREA_M2 = 200.0  # m2; larger buildings of one floor have flat roofs
+# Detached houses have gables of house pitches; other buildings have the pitches of a row along a street.
+MAX_HOUSE_AREA_M2 = 400.0  # m2
+MAX_HOUSE_HEIGHT_M = 11.0  # m
+HOUSE_PITCH_RANGE_DEG = (32.0, 42.0)  # degrees
+ROW_PITCH_RANGE_DEG = (24.0, 34.0)  # degrees
+MANSARD_PITCH_DEG = 66.0  # degrees
+CHURCH_PITCH_DEG = 45.0  # degrees
+SHED_PITCH_DEG = 8.0  # degrees
+# Roof heights in metres; deeper buildings have a flat middle.
+MAX_ROW_ROOF_M = 5.0
+MAX_CHURCH_ROOF_M = 12.0
+MAX_SHED_ROOF_M = 1.0
+MANSARD_ROOF_M = 4.4
+# Shares of roof shapes in a row; the others have gables.
+MANSARD_SHARE = 0.2
+HIPPED_SHARE = 0.15
+MIN_MANSARD_HALF_DEPTH_M = 6.7  # m
+# Lowest walls, in metres, after a roof is subtracted from a height.
 MIN_WALL_M = 2.5
-# Neighbours stand nearer than this.
+# Distance, in metres, within which neighbours are attached.
 ATTACHED_DISTANCE_M = 0.3
 
 

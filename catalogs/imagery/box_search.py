@@ -7,7 +7,7 @@ from itertools import chain
 from typing import Any
 
 from catalogs.features import Fault
-from catalogs.imagery.remote_panorama import Box, fault
+from catalogs.imagery.remote_panorama import LonLatBox, panorama_fault
 
 # An answer of a round number of pictures, whatever limit was asked for, may be cut off at the service's own.
 LIMIT_MULTIPLE = 100
@@ -16,7 +16,7 @@ MAX_QUARTERING_DEPTH = 8
 
 
 def search_quarters(
-    boxes: Iterable[Box], search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]]
+    boxes: Iterable[LonLatBox], search: Callable[[LonLatBox], Iterator[Mapping[str, Any] | Fault]]
 ) -> Iterator[Mapping[str, Any] | Fault]:
     """All that a search finds in boxes (west, south, east, north in degrees), each once by its id: where an answer has a
     round number of records there may be more, and the quarters of its box are searched too."""
@@ -30,7 +30,7 @@ def search_quarters(
 
 
 def _search_box(
-    box: Box, search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]], depth: int
+    box: LonLatBox, search: Callable[[LonLatBox], Iterator[Mapping[str, Any] | Fault]], depth: int
 ) -> Iterator[Mapping[str, Any] | Fault]:
     count, faulty = 0, False
     for one in search(box):
@@ -40,7 +40,7 @@ def _search_box(
     if faulty or not count or count % LIMIT_MULTIPLE:
         return
     if depth == MAX_QUARTERING_DEPTH:
-        yield fault(
+        yield panorama_fault(
             " ".join(f"{value:g}" for value in box), f"has over {count} pictures; fetch the others with --dates"
         )
         return

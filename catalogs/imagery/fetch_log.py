@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 from catalogs.features import file_stem
-from catalogs.imagery.remote_panorama import Offer
+from catalogs.imagery.remote_panorama import RemotePanorama
 from catalogs.readers.pictures.poses import LONLAT
 from facade_core.core.errors import InputError
 
@@ -109,7 +109,7 @@ class FetchLog:
                 os.fsync(file.fileno())
             self.pictures[picture.source, picture.id] = picture
 
-    def choose_stem(self, source: str, offer: Offer) -> str:
+    def choose_stem(self, source: str, offer: RemotePanorama) -> str:
         """The name of a picture's file without suffix: its id, where that is one on every system and no other source's."""
         others = {Path(one.file).stem for one in self.pictures.values() if one.source != source}
         stem = file_stem(offer.id)

@@ -13,8 +13,8 @@ from pathlib import Path
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import PARTIAL_FOLDER, FetchLog, FetchedPicture
-from catalogs.imagery.http_client import Away, Refused
-from catalogs.imagery.remote_panorama import Offer, fault
+from catalogs.imagery.http_client import ServiceUnavailable, RequestRejected
+from catalogs.imagery.remote_panorama import RemotePanorama, panorama_fault
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import check_picture
 from catalogs.readers.pictures.panoramas import check_equirectangular
@@ -27,13 +27,13 @@ MAX_CONSECUTIVE_FAILURES = 8
 _SUFFIX_BY_FORMAT = {"JPEG": ".jpg", "MPO": ".jpg", "PNG": ".png", "WEBP": ".webp", "TIFF": ".tif"}
 
 # Writes an offer's bytes into a file; their sha256. Raises Refused, Away.
-Downloader = Callable[[Offer, Path], str]
+Downloader = Callable[[RemotePanorama, Path], str]
 # Raises InputError where a whole equirectangular picture is none after all.
 PictureCheck = Callable[[Path], None]
 
 
 def fetch_panoramas(
-    source: str, panoramas: Sequence[Offer], fetch_log: FetchLog, download: Downloader, check: PictureCheck, on_fetched: Callable[[bool], None]
+    source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog, download: Downloader, check: PictureCheck, on_fetched: Callable[[bool], None]
 ) -> list[Fault]:
     """Fetch pictures into an account's folder; those that are there, or were refused for what they are, are not asked for.
 
@@ -44,9 +44,9 @@ def fetch_panoramas(
     arriving = fetch_log.folder / PARTIAL_FOLDER
     shutil.rmtree(arriving, ignore_errors=True)
     arriving.mkdir()
-    lost: list[Away] = []
+    lost: list[ServiceUnavailable] = []
 
-    def one(offer: Offer) -> Fault | None:
+    def one(offer: RemotePanorama) -> Fault | None:
         if len(failed := lost[:]) >= MAX_CONSECUTIVE_FAILURES:  # a copy: another thread may clear it meanwhile
             raise failed[-1]
         found = fetch_log.find_picture(source, offer.id)
@@ -55,13 +55,13 @@ def fetch_panoramas(
             try:
                 problem = _fetch_panorama(source, offer, stems[offer.id], fetch_log, arriving / stems[offer.id], download, check)
                 lost.clear()
-            except Away as error:
+            except ServiceUnavailable as error:
                 lost.append(error)
                 problem = str(error)
             except (InputError, ValueError) as error:
                 problem = str(error)
         on_fetched(problem is None)
-        return None if problem is None else fault(offer.id, problem.removeprefix(f"{stems[offer.id]} "))
+        return None if problem is None else panorama_fault(offer.id, problem.removeprefix(f"{stems[offer.id]} "))
 
     pool = ThreadPoolExecutor(MAX_DOWNLOADS)
     try:
@@ -74,7 +74,7 @@ def fetch_panoramas(
         shutil.rmtree(arriving, ignore_errors=True)
 
 
-def _drop_duplicates(source: str, panoramas: Sequence[Offer], fetch_log: FetchLog) -> list[Fault]:
+def _drop_duplicates(source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog) -> list[Fault]:
     """Drop the pictures of which the same bytes are there already: once all are, as threads come in any order."""
     asked = {(source, offer.id) for offer in panoramas}
     first = {one.sha256: one for key, one in fetch_log.pictures.items() if key not in asked and not one.refused}
@@ -88,11 +88,11 @@ def _drop_duplicates(source: str, panoramas: Sequence[Offer], fetch_log: FetchLo
             reason = f"is the same picture as {twin.id}, which is used; nothing is to be done"
             fetch_log.append(replace(kept, file="", refused=reason))
             (fetch_log.folder / kept.file).unlink()
-            faults.append(fault(offer.id, reason))
+            faults.append(panorama_fault(offer.id, reason))
     return faults
 
 
-def _file_stems(source: str, panoramas: Sequence[Offer], fetch_log: FetchLog) -> dict[str, str]:
+def _file_stems(source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog) -> dict[str, str]:
     """A name for each picture; of two whose ids are one name where letters' case does not count, the second has its digest."""
     stems: dict[str, str] = {}
     taken: set[str] = set()
@@ -105,7 +105,7 @@ def _file_stems(source: str, panoramas: Sequence[Offer], fetch_log: FetchLog) ->
     return stems
 
 
-def _fetch_panorama(source: str, panorama: Offer, stem: str, fetch_log: FetchLog, part: Path, download: Downloader, check: PictureCheck) -> str | None:
+def _fetch_panorama(source: str, panorama: RemotePanorama, stem: str, fetch_log: FetchLog, part: Path, download: Downloader, check: PictureCheck) -> str | None:
     """Fetch one picture, or take what arrived before a kill could be accounted for; why it is refused for what it is, or None.
 
     Raises Refused, Away and InputError for what another run may find mended.
@@ -116,11 +116,11 @@ def _fetch_panorama(source: str, panorama: Offer, stem: str, fetch_log: FetchLog
     try:
         digest = file_digest(part) if there is not None else download(panorama, part)
         if panorama.sha256 not in (None, digest):
-            raise Refused("is not what its service says (checksum differs); run again, or tell its service")
+            raise RequestRejected("is not what its service says (checksum differs); run again, or tell its service")
         try:
             check_picture(part)
         except InputError as error:  # which names its folder too
-            raise Refused(str(error).removeprefix(f"{part.parent}: ")) from error
+            raise RequestRejected(str(error).removeprefix(f"{part.parent}: ")) from error
         suffix, problem = _check_format(part, check)
         pose = panorama.pose
         name = "" if problem else f"{stem}{suffix}"

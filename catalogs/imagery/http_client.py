@@ -32,16 +32,16 @@ _AGAIN = frozenset((408, 425, 429, 500, 502, 503, 504))
 _PIECE = 1 << 16
 
 
-class Refused(InputError):
+class RequestRejected(InputError):
     """An answer that another try would not change: a picture that is gone, too large, or not to be had without a token."""
 
 
-class Away(InputError):
+class ServiceUnavailable(InputError):
     """A service that did not answer, whatever was tried: a later run may find it."""
 
 
 @dataclass(frozen=True)
-class Token:
+class ServiceToken:
     """What a service knows its user by: sent in a header to `host` (with its port) alone, and never shown."""
 
     host: str
@@ -54,74 +54,74 @@ class Token:
 
 
 @dataclass
-class Web:
+class HttpClient:
     """Requests of one service, from any thread. sleep: how a pause is made."""
 
-    token: Token | None = None
+    token: ServiceToken | None = None
     sleep: Callable[[float], None] = time.sleep
     _session: Session | None = None
     _not_before: float = 0.0
     _lock: Lock = field(default_factory=Lock)
 
-    def text(self, url: str, *, params: Mapping[str, Any] | None = None, body: Any = None) -> str:
+    def fetch_text(self, url: str, *, params: Mapping[str, Any] | None = None, body: Any = None) -> str:
         """An answer as text: of GET, or of POST where there is a body, as JSON. Raises Refused, Away."""
 
         def read(response: Response) -> str:
-            return b"".join(_pieces(response, LARGEST_PAGE, url)).decode("utf-8", "replace")
+            return b"".join(_read_pieces(response, LARGEST_PAGE, url)).decode("utf-8", "replace")
 
-        return self._asked(url, read, params=params, json=body)
+        return self._request(url, read, params=params, json=body)
 
-    def save(self, url: str, path: Path) -> str:
+    def download(self, url: str, path: Path) -> str:
         """Write a picture to `path`, which is there whole or not at all; its sha256. Raises Refused, Away."""
         part = path.with_name(f".{path.name}.part")
 
         def write(response: Response) -> str:
             digest = hashlib.sha256()
             with part.open("wb") as file:
-                for piece in _pieces(response, LARGEST, url):
+                for piece in _read_pieces(response, LARGEST, url):
                     digest.update(piece)
                     file.write(piece)
             return digest.hexdigest()
 
         try:
-            digest = self._asked(url, write)
+            digest = self._request(url, write)
             os.replace(part, path)
             return digest
         finally:
             part.unlink(missing_ok=True)
 
-    def _asked(self, url: str, use: Callable[[Response], Any], **options: Any) -> Any:
+    def _request(self, url: str, use: Callable[[Response], Any], **options: Any) -> Any:
         import requests
 
-        where = shown_url(url)
+        where = display_url(url)
         if urlsplit(url).scheme not in ("http", "https"):
-            raise Refused(f"{where} is no address of http or https; tell its service")
+            raise RequestRejected(f"{where} is no address of http or https; tell its service")
         problem = ""
         for attempt in range(ATTEMPTS):
-            self._pause()
+            self._wait_until_allowed()
             try:
-                with self._response(url, options) as response:
+                with self._open_response(url, options) as response:
                     if response.ok:
                         return use(response)
                     problem = f"answers {response.status_code}"
                     if response.status_code not in _AGAIN:
-                        raise Refused(f"{where} {problem}; {_remedy(response.status_code, url, self.token)}")
-                    wait = _asked_pause(response.headers.get("Retry-After"))
+                        raise RequestRejected(f"{where} {problem}; {_remedy(response.status_code, url, self.token)}")
+                    wait = _parse_retry_after(response.headers.get("Retry-After"))
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
-                problem, wait = f"cannot be read ({_kind(error)})", None
+                problem, wait = f"cannot be read ({_error_name(error)})", None
             except requests.TooManyRedirects:
-                raise Refused(f"{where} leads to another address {REDIRECTS} times over; tell its service") from None
+                raise RequestRejected(f"{where} leads to another address {REDIRECTS} times over; tell its service") from None
             except requests.RequestException as error:
-                raise Refused(f"{where} cannot be asked ({_kind(error)}); check the address") from None
+                raise RequestRejected(f"{where} cannot be asked ({_error_name(error)}); check the address") from None
             if wait is not None and wait > LONGEST_WAIT_S:
-                raise Away(f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that")
-            self._postpone(FIRST_WAIT_S * 2**attempt if wait is None else wait)
-        raise Away(f"{where} {problem}, {ATTEMPTS} times; run again later, what is here stays")
+                raise ServiceUnavailable(f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that")
+            self._delay_requests(FIRST_WAIT_S * 2**attempt if wait is None else wait)
+        raise ServiceUnavailable(f"{where} {problem}, {ATTEMPTS} times; run again later, what is here stays")
 
     @contextmanager
-    def _response(self, url: str, options: Mapping[str, Any]) -> Iterator[Response]:
+    def _open_response(self, url: str, options: Mapping[str, Any]) -> Iterator[Response]:
         method = "GET" if options.get("json") is None else "POST"
-        response = self._opened().request(
+        response = self._get_session().request(
             method, url, auth=self.token, timeout=(CONNECT_S, READ_S), stream=True, **options
         )
         try:
@@ -129,7 +129,7 @@ class Web:
         finally:
             response.close()
 
-    def _opened(self) -> Session:
+    def _get_session(self) -> Session:
         import requests
 
         from catalogs.imagery import USER_AGENT
@@ -142,38 +142,38 @@ class Web:
                 self._session.headers["Accept-Encoding"] = "identity"  # so that lengths are those of what is kept
             return self._session
 
-    def _postpone(self, seconds: float) -> None:
+    def _delay_requests(self, seconds: float) -> None:
         with self._lock:
             self._not_before = max(self._not_before, time.monotonic() + seconds)
 
-    def _pause(self) -> None:
+    def _wait_until_allowed(self) -> None:
         """Whoever asks too much waits with all its threads."""
         left = self._not_before - time.monotonic()
         if left > 0:
             self.sleep(left)
 
 
-def shown_url(url: str) -> str:
+def display_url(url: str) -> str:
     """An address as messages have it: without the query, which may hold a signature, and without a user's name."""
     parts = urlsplit(url)
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"[:120]
 
 
-def _pieces(response: Response, largest: int, url: str) -> Iterator[bytes]:
+def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes]:
     """The bytes of an answer, no more than `max_chart_side` and for no longer than WHOLE_S."""
     import requests
 
     ends, total = time.monotonic() + WHOLE_S, 0
     stated = response.headers.get("Content-Length", "")
     length = int(stated) if stated.isdecimal() else None
-    if length is not None and length > largest:
-        raise Refused(
-            f"{shown_url(url)} has {length / 1e6:.0f} MB, over {largest / 1e6:.0f}; take a smaller one by hand"
+    if length is not None and length > max_bytes:
+        raise RequestRejected(
+            f"{display_url(url)} has {length / 1e6:.0f} MB, over {max_bytes / 1e6:.0f}; take a smaller one by hand"
         )
     for piece in response.iter_content(_PIECE):
         total += len(piece)
-        if total > largest:
-            raise Refused(f"{shown_url(url)} has over {largest / 1e6:.0f} MB; take a smaller one by hand")
+        if total > max_bytes:
+            raise RequestRejected(f"{display_url(url)} has over {max_bytes / 1e6:.0f} MB; take a smaller one by hand")
         if time.monotonic() > ends:
             raise requests.Timeout("too slow")
         yield piece
@@ -181,7 +181,7 @@ def _pieces(response: Response, largest: int, url: str) -> Iterator[bytes]:
         raise requests.ConnectionError(f"{total} of {length} bytes")
 
 
-def _asked_pause(header: str | None) -> float | None:
+def _parse_retry_after(header: str | None) -> float | None:
     """The seconds of a Retry-After, which are a number or a date; None where there is none."""
     if header is None:
         return None
@@ -193,7 +193,7 @@ def _asked_pause(header: str | None) -> float | None:
         return None
 
 
-def _remedy(status: int, url: str, token: Token | None) -> str:
+def _remedy(status: int, url: str, token: ServiceToken | None) -> str:
     if status in (401, 403):
         if token is None:
             return "it wants a token; set STREETLOOM_IMAGERY_TOKEN"
@@ -203,7 +203,7 @@ def _remedy(status: int, url: str, token: Token | None) -> str:
     return "it is gone, or never was there" if status in (404, 410) else "check the address"
 
 
-def _kind(error: Exception) -> str:
+def _error_name(error: Exception) -> str:
     """What an error of a request is, without its address."""
     text = str(error)
     known = (("refused", "connection refused"), ("resolve", "unknown host"), ("timed out", "timed out"),

@@ -10,12 +10,12 @@ from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_quarters
-from catalogs.imagery.http_client import Refused, Web, shown_url
-from catalogs.imagery.remote_panorama import Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.imagery.http_client import RequestRejected, HttpClient, display_url
+from catalogs.imagery.remote_panorama import LonLatBox, RemotePanorama, ImageryQuery, panorama_fault, resolve_licence, finite_number, parse_pose
 from catalogs.readers.pictures.poses import camera_angles
 from facade_core.core.errors import InputError
 
-API = "https://graph.mapillary.com"
+MAPILLARY_API = "https://graph.mapillary.com"
 # What all its pictures are under, by its terms of use; answers do not say so.
 LICENCE, LICENCE_URL = "CC-BY-SA-4.0", "https://creativecommons.org/licenses/by-sa/4.0/"
 FIELDS = (
@@ -27,7 +27,7 @@ MAX_PICTURES_PER_PAGE, MAX_MAPILLARY_PAGES, MAX_BOX_SIDE_DEG = 2000, 100, 0.05
 _FULL_SPHERE_TYPES = ("spherical", "equirectangular")
 
 
-def search_mapillary(client: Web, api: str, query: Wanted) -> Iterator[Offer | Fault]:
+def search_mapillary(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
     """What Mapillary has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
 
     Raises InputError without a token, or where the API does not answer as it should.
@@ -40,7 +40,7 @@ def search_mapillary(client: Web, api: str, query: Wanted) -> Iterator[Offer | F
             yield found
 
 
-def _split_box(box: Box) -> Iterator[Box]:
+def _split_box(box: LonLatBox) -> Iterator[LonLatBox]:
     """Boxes of SIDE at most."""
     west, south, east, north = box
     across, up = max(1, -int(-(east - west) // MAX_BOX_SIDE_DEG)), max(1, -int(-(north - south) // MAX_BOX_SIDE_DEG))
@@ -54,7 +54,7 @@ def _split_box(box: Box) -> Iterator[Box]:
             )
 
 
-def _search_pages(client: Web, api: str, box: Box, dates: str | None) -> Iterator[Mapping[str, Any] | Fault]:
+def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | None) -> Iterator[Mapping[str, Any] | Fault]:
     first, last = _time_span(dates)
     asked = {
         "bbox": ",".join(f"{value:.7f}" for value in box),
@@ -68,11 +68,11 @@ def _search_pages(client: Web, api: str, box: Box, dates: str | None) -> Iterato
     params: Mapping[str, str] | None = asked
     while url:
         page += 1
-        content = _parse_answer(client.text(url, params=params), api)
+        content = _parse_answer(client.fetch_text(url, params=params), api)
         records = [one for one in content["data"] if isinstance(one, Mapping)]
         fresh = [one for one in records if str(one.get("id")) not in known]
         if page > MAX_MAPILLARY_PAGES or (records and not fresh):
-            yield fault(shown_url(api), f"pages without end (page {page} brings nothing new); what came before is used")
+            yield panorama_fault(display_url(api), f"pages without end (page {page} brings nothing new); what came before is used")
             return
         known |= {str(one.get("id")) for one in fresh}
         yield from fresh
@@ -94,7 +94,7 @@ def _parse_answer(text: str, api: str) -> dict[str, Any]:
     except ValueError:
         content = None
     if not isinstance(content, dict) or not isinstance(content.get("data"), list):
-        raise Refused(f"{shown_url(api)} answers with no list of pictures; check the address")
+        raise RequestRejected(f"{display_url(api)} answers with no list of pictures; check the address")
     return content
 
 
@@ -104,7 +104,7 @@ def _time_span(dates: str | None) -> tuple[str | None, str | None]:
     return (None if first == ".." else f"{first}T00:00:00Z"), (None if last == ".." else f"{last}T23:59:59Z")
 
 
-def _parse_record(record: Mapping[str, Any]) -> Offer | Fault | None:
+def _parse_record(record: Mapping[str, Any]) -> RemotePanorama | Fault | None:
     identifier = str(record.get("id") or "")
     kind = str(record.get("camera_type") or "")
     if record.get("is_pano") is False or kind in ("perspective", "brown"):
@@ -119,13 +119,13 @@ def _parse_record(record: Mapping[str, Any]) -> Offer | Fault | None:
         angles = [record.get("computed_compass_angle", record.get("compass_angle"))]
         if record.get("computed_rotation"):
             angles = [*camera_angles(record["computed_rotation"])]
-        pose = placed(record.get("computed_geometry") or record.get("geometry"), *angles)
-        rights = licensed(LICENCE, LICENCE_URL, None)
+        pose = parse_pose(record.get("computed_geometry") or record.get("geometry"), *angles)
+        rights = resolve_licence(LICENCE, LICENCE_URL, None)
     except (ValueError, TypeError) as error:
-        return fault(identifier, str(error))
-    creator, taken = record.get("creator"), number(record.get("captured_at"))
-    down, across = number(record.get("height")), number(record.get("width"))
-    return Offer(
+        return panorama_fault(identifier, str(error))
+    creator, taken = record.get("creator"), finite_number(record.get("captured_at"))
+    down, across = finite_number(record.get("height")), finite_number(record.get("width"))
+    return RemotePanorama(
         identifier,
         url,
         pose,

@@ -14,16 +14,16 @@ from catalogs.readers.pictures.poses import LONLAT, SourcePose, find_implausible
 from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
-Box = tuple[float, float, float, float]
+LonLatBox = tuple[float, float, float, float]
 # A full panorama sees all around, degrees.
-ALL_AROUND = 360.0
+FULL_TURN_DEG = 360.0
 # What STAC says of a licence that has no identifier.
-_UNCLEAR = ("", "proprietary", "other", "various")
-_BY_HAND = "give its pose in a poses file, and fetch it from a folder"
+_UNSPECIFIC_LICENCES = ("", "proprietary", "other", "various")
+_MANUAL_POSE_REMEDY = "give its pose in a poses file, and fetch it from a folder"
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ImageryQuery:
     """What a service is asked for.
 
     Args:
@@ -33,7 +33,7 @@ class Wanted:
         frame: of places that a folder's poses file gives without one.
     """
 
-    box: Box
+    box: LonLatBox
     dates: str | None = None
     licence: str | None = None
     frame: str = LONLAT
@@ -53,7 +53,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class RemotePanorama:
     """An equirectangular panorama with a pose and a licence.
 
     Args:
@@ -79,46 +79,46 @@ class Offer:
     sha256: str | None = None
 
 
-def fault(identifier: str, reason: str) -> Fault:
+def panorama_fault(identifier: str, reason: str) -> Fault:
     """A picture that is left out, in one line with the remedy."""
     return Fault(single_line(identifier)[:80] or "unnamed", "panorama", single_line(reason)[:200])
 
 
-def number(value: Any) -> float | None:
+def finite_number(value: Any) -> float | None:
     """A finite number, or None."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     return float(value)
 
 
-def placed(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None) -> SourcePose:
+def parse_pose(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None) -> SourcePose:
     """The pose of a GeoJSON point and angles in degrees; ValueError says what is missing of it, with the remedy."""
     point = geometry.get("coordinates") if isinstance(geometry, Mapping) else None
-    lon, lat = [number(value) for value in point[:2]] if isinstance(point, list) and len(point) >= 2 else (None, None)
+    lon, lat = [finite_number(value) for value in point[:2]] if isinstance(point, list) and len(point) >= 2 else (None, None)
     if lon is None or lat is None:
-        raise ValueError(f"states no place; {_BY_HAND}")
-    looks = number(heading)
+        raise ValueError(f"states no place; {_MANUAL_POSE_REMEDY}")
+    looks = finite_number(heading)
     if looks is None:
-        raise ValueError(f"states a place but no heading; {_BY_HAND}")
+        raise ValueError(f"states a place but no heading; {_MANUAL_POSE_REMEDY}")
     if not (abs(lon) <= 360.0 and abs(lat) <= 90.0):
         raise ValueError(f"states longitude {lon:g}, latitude {lat:g}, which is no place on earth; tell its service")
-    pose = SourcePose(LONLAT, lon, lat, None, looks, number(pitch) or 0.0, number(roll) or 0.0)
+    pose = SourcePose(LONLAT, lon, lat, None, looks, finite_number(pitch) or 0.0, finite_number(roll) or 0.0)
     if problem := find_implausible_value(pose):
         raise ValueError(f"{problem}; tell its service")
     return pose
 
 
-def licensed(stated: Any, text: str | None, given: str | None) -> str:
+def resolve_licence(stated: Any, text_url: str | None, user_licence: str | None) -> str:
     """The licence of a service's picture: as stated, with the address of its text where there is one, else as given by whoever
     fetches it. ValueError says why the picture may not be used, with the remedy."""
     licence = stated if isinstance(stated, str) else ""
-    if licence.lower() in _UNCLEAR and not text:
-        if given:
-            return given
+    if licence.lower() in _UNSPECIFIC_LICENCES and not text_url:
+        if user_licence:
+            return user_licence
         said = f'says "{licence}" and names no text of a licence' if licence else "states no licence"
         raise ValueError(f"{said}; ask who took it, and name what they say with --licence")
     if re.search(r"(?<![a-z])ND(?![a-z])", licence, re.IGNORECASE):
         raise ValueError(
             f"is under {licence}, which forbids changed copies, as textures are; ask who took it for another"
         )
-    return licence or str(text)
+    return licence or str(text_url)

@@ -14,31 +14,31 @@ from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import POSES_NAME, is_fetched, read_fetch_log
 from catalogs.imagery.fetching import Downloader
-from catalogs.imagery.http_client import Refused, Token, Web, shown_url
-from catalogs.imagery.mapillary import API as MAPILLARY
+from catalogs.imagery.http_client import RequestRejected, ServiceToken, HttpClient, display_url
+from catalogs.imagery.mapillary import MAPILLARY_API as MAPILLARY
 from catalogs.imagery.mapillary import search_mapillary
-from catalogs.imagery.remote_panorama import Offer, Wanted
-from catalogs.imagery.stac import stac_offers
+from catalogs.imagery.remote_panorama import RemotePanorama, ImageryQuery
+from catalogs.imagery.stac import search_stac
 from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
 from catalogs.readers.pictures.poses import LONLAT, SourcePose
 from facade_core.core.errors import InputError
 
 # The federated search over Panoramax's instances.
-PANORAMAX = "https://api.panoramax.xyz/api"
-TOKEN = "STREETLOOM_IMAGERY_TOKEN"
-Search = Callable[[Wanted], Iterator[Offer | Fault]]
+PANORAMAX_API = "https://api.panoramax.xyz/api"
+TOKEN_VARIABLE = "STREETLOOM_IMAGERY_TOKEN"
+Search = Callable[[ImageryQuery], Iterator[RemotePanorama | Fault]]
 
 
 @dataclass(frozen=True)
-class Service:
+class ImageryService:
     """Whom to ask: name, as accounts and messages have it; search and get."""
 
     name: str
     search: Search
-    get: Downloader
+    download: Downloader
 
 
-def service_of(source: str, poses: Path | None = None) -> Service:
+def resolve_service(source: str, poses: Path | None = None) -> ImageryService:
     """The service that a word names. poses: of the pictures of a folder.
 
     The token is read from the environment; raises InputError where the word names nothing that is known.
@@ -47,51 +47,51 @@ def service_of(source: str, poses: Path | None = None) -> Service:
         if poses is not None:
             raise InputError(f"--poses: {source} tells where its pictures were taken; leave it out")
         if source == "mapillary":
-            return mapillary(MAPILLARY)
-        return stac(PANORAMAX if source == "panoramax" else source)
+            return mapillary_service(MAPILLARY)
+        return stac_service(PANORAMAX_API if source == "panoramax" else source)
     folder = Path(source)
     if not folder.is_dir():
         raise InputError(
             f"--from {source}: is no folder here; give one, panoramax, mapillary, or a STAC API's https://..."
         )
-    return _folder(folder, poses)
+    return folder_service(folder, poses)
 
 
-def stac(api: str) -> Service:
+def stac_service(api: str) -> ImageryService:
     """A STAC API at an address."""
-    web = Web(_token(api, "Bearer"))
-    return Service(shown_url(api), partial(stac_offers, web, api), lambda offer, path: web.save(offer.url, path))
+    web = HttpClient(_read_token(api, "Bearer"))
+    return ImageryService(display_url(api), partial(search_stac, web, api), lambda offer, path: web.download(offer.url, path))
 
 
-def mapillary(api: str) -> Service:
+def mapillary_service(api: str) -> ImageryService:
     """Mapillary's Graph API at an address."""
-    web = Web(_token(api, "OAuth"))
-    return Service(shown_url(api), partial(search_mapillary, web, api), lambda offer, path: web.save(offer.url, path))
+    web = HttpClient(_read_token(api, "OAuth"))
+    return ImageryService(display_url(api), partial(search_mapillary, web, api), lambda offer, path: web.download(offer.url, path))
 
 
-def _token(api: str, kind: str) -> Token | None:
+def _read_token(api: str, kind: str) -> ServiceToken | None:
     """The token of the environment, for the host of an API. Raises InputError where others could read it on its way."""
-    secret = os.environ.get(TOKEN, "").strip()
+    secret = os.environ.get(TOKEN_VARIABLE, "").strip()
     if not secret:
         return None
     parts = urlsplit(api)
     if parts.scheme != "https" and parts.hostname not in ("127.0.0.1", "localhost", "::1"):
         raise InputError(
-            f"{shown_url(api)} is no https, and {TOKEN} would be read by others on its way; name https://..."
+            f"{display_url(api)} is no https, and {TOKEN_VARIABLE} would be read by others on its way; name https://..."
         )
     if not secret.isprintable() or " " in secret:
-        raise InputError(f"{TOKEN} holds what no token has; set it again")
-    return Token(parts.netloc.rpartition("@")[2].lower(), f"{kind} {secret}")
+        raise InputError(f"{TOKEN_VARIABLE} holds what no token has; set it again")
+    return ServiceToken(parts.netloc.rpartition("@")[2].lower(), f"{kind} {secret}")
 
 
-def _folder(folder: Path, poses: Path | None) -> Service:
-    def search(wanted: Wanted) -> Iterator[Offer | Fault]:
+def folder_service(folder: Path, poses: Path | None) -> ImageryService:
+    def search(wanted: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
         from pyproj import CRS
 
         if wanted.dates is not None:
             raise InputError("--dates: folders are taken as they are; leave it out, or put what is to be used into one")
         frame, lonlat = CRS.from_user_input(wanted.frame), CRS.from_user_input(LONLAT)
-        found = read_panoramas(folder, poses or _beside(folder), frame)
+        found = read_panoramas(folder, poses or _default_poses_file(folder), frame)
         yield from found.faults
         # of pictures that this fetched before, who took them and what for they may be used
         told_of = {one.file: one for one in read_fetch_log(folder).pictures.values()} if is_fetched(folder) else {}
@@ -103,7 +103,7 @@ def _folder(folder: Path, poses: Path | None) -> Service:
             if west <= place.x <= east and south <= place.y <= north:
                 told = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
                 before = told_of.get(one.path.name)
-                yield Offer(
+                yield RemotePanorama(
                     one.id,
                     str(one.path),
                     told,
@@ -113,17 +113,17 @@ def _folder(folder: Path, poses: Path | None) -> Service:
                     licence_url=before.licence_url if before else None,
                 )
 
-    return Service(str(folder.resolve()), search, _copied)  # two folders of one name are two sources
+    return ImageryService(str(folder.resolve()), search, _copy_picture)  # two folders of one name are two sources
 
 
-def _beside(folder: Path) -> Path | None:
+def _default_poses_file(folder: Path) -> Path | None:
     """The poses file that lies with the pictures, as this writes one."""
     return folder / POSES_NAME if (folder / POSES_NAME).is_file() else None
 
 
-def _copied(offer: Offer, path: Path) -> str:
+def _copy_picture(offer: RemotePanorama, path: Path) -> str:
     try:
         shutil.copyfile(offer.url, path)
     except OSError as error:
-        raise Refused(f"cannot be copied ({error.strerror}); check its permissions") from error
+        raise RequestRejected(f"cannot be copied ({error.strerror}); check its permissions") from error
     return file_digest(path)

@@ -9,19 +9,19 @@ from typing import Any
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_quarters
-from catalogs.imagery.http_client import Refused, Web, shown_url
-from catalogs.imagery.remote_panorama import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.imagery.http_client import RequestRejected, HttpClient, display_url
+from catalogs.imagery.remote_panorama import FULL_TURN_DEG, LonLatBox, RemotePanorama, ImageryQuery, panorama_fault, resolve_licence, finite_number, parse_pose
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.poses import parse_day
 from facade_core.core.errors import InputError
 
 # Items of a page, and pages of a search at most: more belong to a smaller box.
-PAGE, PAGES = 1000, 100
+PAGE_SIZE, MAX_STAC_PAGES = 1000, 100
 # What services call the picture at its full size.
-_FULL_SIZE = ("hd", "data", "visual", "image")
+_FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
 
 
-def stac_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
+def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
     """What a STAC API has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
 
     A search that may have been cut off is asked again by quarters of its box. Raises InputError where the API cannot be
@@ -30,10 +30,10 @@ def stac_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
     import pystac_client
 
     try:
-        client = pystac_client.Client.open(api, stac_io=_io(web))
-        search = _searching(client, wanted.dates)
-        for item in search_quarters([wanted.box], search):
-            found = _offer(item, wanted.licence)
+        client = pystac_client.Client.open(api, stac_io=_stac_io(client))
+        search = _box_search(client, query.dates)
+        for item in search_quarters([query.box], search):
+            found = _parse_item(item, query.licence)
             if found is not None:
                 yield found
     except InputError:
@@ -42,23 +42,23 @@ def stac_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
         if is_system_error(error):
             raise
         raise InputError(
-            f"{shown_url(api)} is no STAC API that can be searched ({short_message(error)}); check the address"
+            f"{display_url(api)} is no STAC API that can be searched ({short_message(error)}); check the address"
         ) from error
 
 
-def _searching(client: Any, dates: str | None) -> Any:
+def _box_search(client: Any, dates: str | None) -> Any:
     """A search of a box: its items, by pages; endless paging ends with a fault."""
 
-    def search(box: Box) -> Iterator[Mapping[str, Any] | Fault]:
+    def search(box: LonLatBox) -> Iterator[Mapping[str, Any] | Fault]:
         known: set[str] = set()
         # by GET: what services answer to POST differs
-        pages = client.search(method="GET", bbox=list(box), datetime=dates, limit=PAGE).pages_as_dicts()
+        pages = client.search(method="GET", bbox=list(box), datetime=dates, limit=PAGE_SIZE).pages_as_dicts()
         for number_of_page, page in enumerate(pages, 1):
             items = [item for item in page.get("features") or () if isinstance(item, Mapping)]
             fresh = [item for item in items if str(item.get("id")) not in known]
-            if number_of_page > PAGES or (items and not fresh):
-                reason = f"page {number_of_page} brings nothing new" if not fresh else f"there are over {PAGES} pages"
-                yield fault(shown_url(client.get_self_href() or ""), f"pages without end ({reason}); what came before "
+            if number_of_page > MAX_STAC_PAGES or (items and not fresh):
+                reason = f"page {number_of_page} brings nothing new" if not fresh else f"there are over {MAX_STAC_PAGES} pages"
+                yield panorama_fault(display_url(client.get_self_href() or ""), f"pages without end ({reason}); what came before "
                             "is used: fetch smaller boxes, and tell its service")  # fmt: skip
                 return
             known |= {str(item.get("id")) for item in fresh}
@@ -67,7 +67,7 @@ def _searching(client: Any, dates: str | None) -> Any:
     return search
 
 
-def _offer(item: Mapping[str, Any] | Fault, licence: str | None) -> Offer | Fault | None:
+def _parse_item(item: Mapping[str, Any] | Fault, licence: str | None) -> RemotePanorama | Fault | None:
     """An item as an offer; a fault where it is a panorama that cannot be used, None where it is none."""
     if isinstance(item, Fault):
         return item
@@ -75,39 +75,39 @@ def _offer(item: Mapping[str, Any] | Fault, licence: str | None) -> Offer | Faul
     properties = properties if isinstance(properties, Mapping) else {}
     inner = properties.get("pers:interior_orientation")
     inner = inner if isinstance(inner, Mapping) else {}
-    if (number(inner.get("field_of_view")) or 0.0) < ALL_AROUND:
+    if (finite_number(inner.get("field_of_view")) or 0.0) < FULL_TURN_DEG:
         return None
     identifier = str(item.get("id") or "")
     try:
-        asset = _picture(item.get("assets"))
-        pose = placed(
-            item.get("geometry"), _heading(properties), *(properties.get(f"pers:{a}") for a in ("pitch", "roll"))
+        asset = _picture_asset(item.get("assets"))
+        pose = parse_pose(
+            item.get("geometry"), _parse_heading(properties), *(properties.get(f"pers:{a}") for a in ("pitch", "roll"))
         )
         links = [link for link in item.get("links") or () if isinstance(link, Mapping) and link.get("rel") == "license"]
         text = str(links[0].get("href")) if links else None
-        rights = licensed(properties.get("license"), text, licence)
+        rights = resolve_licence(properties.get("license"), text, licence)
         if not identifier:
             raise ValueError("has no id; tell its service")
     except ValueError as error:
-        return fault(identifier, str(error))
-    return Offer(
+        return panorama_fault(identifier, str(error))
+    return RemotePanorama(
         identifier,
         str(asset["href"]),
         pose,
         captured=parse_day(properties.get("datetime")),
-        author=_author(item, properties),
+        author=_provider_names(item, properties),
         licence=rights,
         licence_url=text,
-        size=_size(inner.get("sensor_array_dimensions")),
-        sha256=_sha256(asset.get("file:checksum")),
+        size=_image_size(inner.get("sensor_array_dimensions")),
+        sha256=_checksum_sha256(asset.get("file:checksum")),
     )
 
 
-def _heading(properties: Mapping[str, Any]) -> Any:
+def _parse_heading(properties: Mapping[str, Any]) -> Any:
     """view:azimuth, which GeoVisio rounds to whole degrees; the EXIF tag that it gives beside, where that is the one."""
     heading, exif = properties.get("view:azimuth"), properties.get("exif")
     tag = exif.get("Exif.GPSInfo.GPSImgDirection") if isinstance(exif, Mapping) else None
-    told = number(heading)
+    told = finite_number(heading)
     try:
         exact = float(Fraction(tag)) if isinstance(tag, str) else None
     except (ValueError, ZeroDivisionError, OverflowError):
@@ -117,15 +117,15 @@ def _heading(properties: Mapping[str, Any]) -> Any:
     return exact if abs((exact - told + 180.0) % 360.0 - 180.0) <= 0.5 else heading
 
 
-def _size(dimensions: Any) -> tuple[int, int] | None:
+def _image_size(dimensions: Any) -> tuple[int, int] | None:
     """Rows and columns of [columns, rows]."""
-    found = [number(value) for value in dimensions] if isinstance(dimensions, list) else []
+    found = [finite_number(value) for value in dimensions] if isinstance(dimensions, list) else []
     if len(found) != 2 or not found[0] or not found[1]:
         return None
     return int(found[1]), int(found[0])
 
 
-def _picture(assets: Any) -> Mapping[str, Any]:
+def _picture_asset(assets: Any) -> Mapping[str, Any]:
     """The asset with the picture at its full size; ValueError where there is none."""
     all_of = assets.items() if isinstance(assets, Mapping) else ()
     named = [(name, asset) for name, asset in all_of if isinstance(asset, Mapping) and asset.get("href")]
@@ -134,26 +134,26 @@ def _picture(assets: Any) -> Mapping[str, Any]:
     jpeg = [(n, a) for n, a in of_data if a.get("type") == "image/jpeg"] or of_data
     if not jpeg:
         raise ValueError("names no picture; tell its service")
-    return min(jpeg, key=lambda one: _rank(one[0]))[1]
+    return min(jpeg, key=lambda one: _asset_rank(one[0]))[1]
 
 
-def _rank(name: str) -> tuple[int, str]:
-    return (_FULL_SIZE.index(name) if name in _FULL_SIZE else len(_FULL_SIZE), name)
+def _asset_rank(name: str) -> tuple[int, str]:
+    return (_FULL_SIZE_ASSETS.index(name) if name in _FULL_SIZE_ASSETS else len(_FULL_SIZE_ASSETS), name)
 
 
-def _author(item: Mapping[str, Any], properties: Mapping[str, Any]) -> str | None:
+def _provider_names(item: Mapping[str, Any], properties: Mapping[str, Any]) -> str | None:
     providers = item.get("providers") or properties.get("providers") or ()
     names = [str(one["name"]) for one in providers if isinstance(one, Mapping) and one.get("name")]
     return "; ".join(dict.fromkeys(names))[:200] or None
 
 
-def _sha256(checksum: Any) -> str | None:
+def _checksum_sha256(checksum: Any) -> str | None:
     """Of a multihash in hexadecimal digits that is sha2-256; None of another."""
     found = re.fullmatch(r"1220([0-9a-f]{64})", checksum) if isinstance(checksum, str) else None
     return found[1] if found else None
 
 
-def _io(web: Web) -> Any:
+def _stac_io(client: HttpClient) -> Any:
     from pystac_client.stac_api_io import StacApiIO
 
     class Io(StacApiIO):
@@ -161,12 +161,12 @@ def _io(web: Web) -> Any:
 
         def read_text(self, source: Any, *args: Any, **kwargs: Any) -> str:
             if isinstance(source, str) and "://" not in source:
-                raise Refused(f"{source[:80]} is no address; tell its service")
+                raise RequestRejected(f"{source[:80]} is no address; tell its service")
             return super().read_text(source, *args, **kwargs)
 
         def request(self, href: str, method: str | None = None, headers: Any = None, parameters: Any = None) -> str:
             if (method or "GET").upper() == "POST":
-                return web.text(href, body=parameters or {})
-            return web.text(href, params=parameters or None)
+                return client.fetch_text(href, body=parameters or {})
+            return client.fetch_text(href, params=parameters or None)
 
     return Io()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,49 +16,68 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 
-def write_layers(
-    path: Path,
-    *,
-    items: Folder,
-    crs: str,
-    walls: Mapping[str, Polygon],
-    buildings: Sequence[Mapping[str, Any]],
-    roofs: Sequence[Mapping[str, Any]],
-    ground: Sequence[Mapping[str, Any]],
-    streets: Sequence[Mapping[str, Any]],
-    chosen: Collection[str],
-    no_facades: Collection[str],
-    attribution: Mapping[str, str],
-) -> None:
-    """Write layers in the block's `crs`: facades (foot lines, with every column of the catalogue, and whether they are one),
-    walls (the same as upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights),
-    streets, and set_aside (units without geometry, and why).
+@dataclass(frozen=True)
+class LayerContent:
+    """Content of the layers; buildings, roofs, ground and streets are rows with a geometry.
 
-    items: the catalogue; walls: facade -> its polygon; buildings, roofs, ground, streets: rows with a geometry; chosen: the
-    buildings of which facades are written; no_facades: walls that somebody said are none; attribution: whom to name, which the
-    file and each layer say in their metadata.
-    A layer without rows is left out. Raises InputError for a catalogue that cannot be read.
+    Attributes
+    ----------
+    items : the catalogue.
+    crs : frame of all geometries, the block's.
+    walls : facade -> its polygon.
+    chosen : buildings whose facades are written.
+    no_facades : walls that a correction declares no facade.
+    attribution : metadata that names the sources, for the file and each layer.
+    """
+
+    items: Folder
+    crs: str
+    walls: Mapping[str, Polygon]
+    buildings: Sequence[Mapping[str, Any]]
+    roofs: Sequence[Mapping[str, Any]]
+    ground: Sequence[Mapping[str, Any]]
+    streets: Sequence[Mapping[str, Any]]
+    chosen: Collection[str]
+    no_facades: Collection[str]
+    attribution: Mapping[str, str]
+
+
+def write_layers(path: Path, content: LayerContent) -> None:
+    """Write the layers of a block into a GeoPackage; a layer without rows is left out.
+
+    The layers are facades (foot lines with every column of the catalogue, and whether they are facades), walls (the same as
+    upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets, and set_aside
+    (units without geometry, and why).
+
+    Raises
+    ------
+    InputError : the catalogue cannot be read.
     """
     import geopandas as gpd
     import pyarrow as pa
     import pyogrio
 
     try:
-        rows = gpd.read_parquet(io.BytesIO(items.read_bytes()))
+        rows = gpd.read_parquet(io.BytesIO(content.items.read_bytes()))
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
-    facades = rows[(rows.kind == "facade") & rows.building.isin(chosen)]
+        raise InputError(f"{content.items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
+    facades = rows[(rows.kind == "facade") & rows.building.isin(content.chosen)]
     layers = {
-        "facades": facades.to_crs(crs).assign(**{IS_FACADE_COLUMN: ~facades.id.isin(no_facades)}),
-        "walls": facades.set_geometry([walls.get(id) for id in facades.id], crs=crs),
+        "facades": facades.to_crs(content.crs).assign(**{IS_FACADE_COLUMN: ~facades.id.isin(content.no_facades)}),
+        "walls": facades.set_geometry([content.walls.get(id) for id in facades.id], crs=content.crs),
         **{
-            name: gpd.GeoDataFrame(list(own), geometry="geometry", crs=crs) if own else None
-            for name, own in (("buildings", buildings), ("roofs", roofs), ("ground", ground), ("streets", streets))
+            name: gpd.GeoDataFrame(list(layer_rows), geometry="geometry", crs=content.crs) if layer_rows else None
+            for name, layer_rows in (
+                ("buildings", content.buildings),
+                ("roofs", content.roofs),
+                ("ground", content.ground),
+                ("streets", content.streets),
+            )
         },
         "set_aside": rows[rows.kind != "facade"].drop(columns="geometry"),
     }
-    # the file states when it was changed: as of its newest row, so that the same catalogue gives the same file
-    about = dict(attribution)
+    # the time of the newest row makes the file reproducible
+    about = dict(content.attribution)
     changed = rows.updated.max().strftime("%Y-%m-%dT%H:%M:%S.000Z") if len(rows) else None
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": changed})
     try:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import statistics
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -40,54 +41,80 @@ class StreetPages(NamedTuple):
         return [row for rows in self.rows for row in rows]
 
 
-def write_report(
-    folder: Path,
-    *,
-    summary: Mapping[str, Any],
-    rows: Sequence[Mapping[str, Any]],
-    set_aside: Sequence[Mapping[str, Any]],
-    records: Mapping[str, Mapping[str, Any]],
-    streets: Sequence[Mapping[str, Any]],
-    viewpoints: Sequence[Mapping[str, Any]],
-    views: Sequence[str],
-    panoramas: Sequence[tuple[str, str]],
-    sheets: Mapping[str, Sequence[tuple[str, str]]],
-    textures_only: frozenset[str],
-    exemplars: Sequence[Mapping[str, Any]],
-    poses: Sequence[Mapping[str, Any]],
-    heights: Mapping[str, int],
-    models: Sequence[str],
-    changed_from: float,
-    before: Mapping[str, str],
-) -> None:
-    """Write index.html, exemplars.html and streets/ into `folder`, beside its images/, which are there already.
+@dataclass(frozen=True)
+class ReportContent:
+    """Content of a report; pictures are given by their names in the report's images/.
 
-    Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title);
-    rows have `look_first` beside the columns of the catalogue, by which those to look at are in order.
-    textures_only: the facades of which no other stage is shown. exemplars: their records, with `pictures` (name, title) and
-    how many facades are made of each, `used`. models: files of the snapshot, from its folder. before: by facade,
-    the picture of how it was at an earlier capture; those of which more than `changed_from` changed are listed.
+    Attributes
+    ----------
+    summary : facts about the block.
+    rows : rows of the catalogue, with `look_first` as the order of review.
+    set_aside : rows of the units that were set aside.
+    records : facade -> its record.
+    streets, viewpoints : records.
+    views : pictures along streets.
+    panoramas : (name, title) of translated panoramas.
+    sheets : facade -> (name, title) of its pictures.
+    textures_only : facades of which only the texture is shown.
+    exemplars : records, with `pictures` (name, title) and the number of facades made from each, `used`.
+    poses : records of posed panoramas.
+    heights : source of the height -> number of buildings.
+    models : files of the snapshot, relative to its folder.
+    min_change : smallest share of change of a listed facade.
+    before : facade -> picture at an earlier capture.
     """
+
+    summary: Mapping[str, Any]
+    rows: Sequence[Mapping[str, Any]]
+    set_aside: Sequence[Mapping[str, Any]]
+    records: Mapping[str, Mapping[str, Any]]
+    streets: Sequence[Mapping[str, Any]]
+    viewpoints: Sequence[Mapping[str, Any]]
+    views: Sequence[str]
+    panoramas: Sequence[tuple[str, str]]
+    sheets: Mapping[str, Sequence[tuple[str, str]]]
+    textures_only: frozenset[str]
+    exemplars: Sequence[Mapping[str, Any]]
+    poses: Sequence[Mapping[str, Any]]
+    heights: Mapping[str, int]
+    models: Sequence[str]
+    min_change: float
+    before: Mapping[str, str]
+
+
+def write_report(folder: Path, content: ReportContent) -> None:
+    """Write index.html, exemplars.html and streets/ into `folder`, which holds images/ already."""
     environment = _environment()
-    pages = street_pages(rows)
+    pages = street_pages(content.rows)
     for street in pages:
-        for number, (path, shown) in enumerate(zip(street.paths, street.rows, strict=True), 1):
-            page = environment.get_template("report_street.html.j2").render(
-                summary=summary,
-                street=street.name,
-                number=number,
-                pages=[Path(one).name for one in street.paths],
-                facades=[_facade(row, records.get(row["id"], {}), sheets.get(row["id"], ())) for row in shown],
-                textures_only=sum(row["id"] in textures_only for row in shown),
-            )
-            (folder / path).parent.mkdir(parents=True, exist_ok=True)
-            (folder / path).write_text(page, encoding="utf-8")
-    if exemplars:
+        _write_street(folder, street, content, environment)
+    if content.exemplars:
         page = environment.get_template("report_exemplars.html.j2").render(
-            summary=summary,
-            exemplars=[{**one, "pictures": _linked("images", one["pictures"])} for one in exemplars],
+            summary=content.summary,
+            exemplars=[{**one, "pictures": _linked("images", one["pictures"])} for one in content.exemplars],
         )
         (folder / "exemplars.html").write_text(page, encoding="utf-8")
+    _write_index(folder, pages, content, environment)
+
+
+def _write_street(folder: Path, street: StreetPages, content: ReportContent, environment: Environment) -> None:
+    for number, (path, rows) in enumerate(zip(street.paths, street.rows, strict=True), 1):
+        page = environment.get_template("report_street.html.j2").render(
+            summary=content.summary,
+            street=street.name,
+            number=number,
+            pages=[Path(one).name for one in street.paths],
+            facades=[
+                _facade(row, content.records.get(row["id"], {}), content.sheets.get(row["id"], ())) for row in rows
+            ],
+            textures_only=sum(row["id"] in content.textures_only for row in rows),
+        )
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(page, encoding="utf-8")
+
+
+def _write_index(folder: Path, pages: Sequence[StreetPages], content: ReportContent, environment: Environment) -> None:
+    rows = content.rows
     links = {
         row["id"]: f"{quote(path)}#{quote(row['id'])}"
         for street in pages
@@ -96,28 +123,32 @@ def write_report(
     }
     doubtful = to_look_at(rows)
     changed = sorted(
-        (row for row in rows if (row["changed"] or 0) >= changed_from), key=lambda row: (-row["changed"], row["id"])
+        (row for row in rows if (row["changed"] or 0) >= content.min_change),
+        key=lambda row: (-row["changed"], row["id"]),
     )
     page = environment.get_template("report.html.j2").render(
-        summary=summary,
+        summary=content.summary,
         index=[_line(street) for street in pages],
         doubtful=len(doubtful),
         assumed=sum(row["quality"] == ASSUMED for row in rows),
-        told=len(rows),
+        total=len(rows),
         most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
-        changed=[_changed(row, records.get(row["id"], {}), sheets, before, links) for row in changed[:CHANGES]],
+        changed=[
+            _changed(row, content.records.get(row["id"], {}), content.sheets, content.before, links)
+            for row in changed[:CHANGES]
+        ],
         changes=len(changed),
         compared=sum(row["changed"] is not None for row in rows),
-        exemplars=len(exemplars),
-        set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],
-        streets=streets,
+        exemplars=len(content.exemplars),
+        set_aside=[*content.set_aside, *(row for row in rows if row["status"] == "failed")],
+        streets=content.streets,
         above=(folder / "images" / "above.jpg").is_file(),
-        panoramas=[(title, f"images/{name}") for name, title in panoramas],
-        poses=poses,
-        heights=heights,
-        models=models,
-        views=[f"images/{name}" for name in views],
-        timings=[*_timings("facade", records.values()), *_timings("viewpoint", viewpoints)],
+        panoramas=[(title, f"images/{name}") for name, title in content.panoramas],
+        poses=content.poses,
+        heights=content.heights,
+        models=content.models,
+        views=[f"images/{name}" for name in content.views],
+        timings=[*_timings("facade", content.records.values()), *_timings("viewpoint", content.viewpoints)],
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
 

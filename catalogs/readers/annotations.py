@@ -11,9 +11,9 @@ from catalogs.features import file_stem
 from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
 
-# (id of a facade or building, what is corrected, value): see `catalogs.block.corrections`.
+# (id of a facade or building, corrected property, value): see `catalogs.block.corrections`.
 Annotation = tuple[str, str, Any]
-# How high CityJSON says that a building is, a `Measured`: an edit of it is one of the eaves.
+# Property of a `MeasuredHeight`: an edit of it changes the eaves.
 MEASURED_HEIGHT = "measured height"
 
 
@@ -32,7 +32,7 @@ class MeasuredHeight(NamedTuple):
     eaves: Any
 
 
-# What the table `buildings` of a GeoPackage, and the attributes of CityJSON's buildings, call what can be corrected.
+# Property by column of the GeoPackage table `buildings`, and by attribute of CityJSON buildings.
 GEOPACKAGE_COLUMNS = {
     "height_m": "height",
     "levels": "levels",
@@ -53,9 +53,9 @@ CITYJSON_ATTRIBUTES = {
     "wallColour": "wall_colour",
     "roofColour": "roof_colour",
 }
-# What CityJSON's buildings call the measured height that was exported, by which an edit of it is told.
+# Attribute with the measured height at export; a difference is an edit.
 EXPORTED_HEIGHT_ATTRIBUTE = "measuredHeightExported"
-# What the table `facades` of a GeoPackage calls that a wall is one.
+# Column of the GeoPackage table `facades`: True for a facade.
 IS_FACADE_COLUMN = "is_facade"
 
 
@@ -90,13 +90,13 @@ def _read_file(path: Path, facades: dict[str, str]) -> list[Annotation]:
         files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
-        return [said for file in files for said in read_annotations(file, facades)]
+        return [annotation for file in files for annotation in read_annotations(file, facades)]
     if path.suffix.lower() == ".gpkg":
         return _read_geopackage(path)
     try:
         if path.suffix.lower() == ".jsonl":
             lines = path.read_text(encoding="utf-8").split("\n")
-            return [said for line in lines if line.strip() for said in _parse_cityjson(json.loads(line))]
+            return [annotation for line in lines if line.strip() for annotation in _parse_cityjson(json.loads(line))]
         document = load_json(path)
         if isinstance(document, dict) and document.get("type") == "CityJSON":
             return list(_parse_cityjson(document))
@@ -131,7 +131,7 @@ def parse_corrections(corrections: Sequence[Mapping[str, Any]], source_name: str
         One line that begins with `source_name`.
     """
     try:
-        return [said for one in corrections for said in _parse_correction(one)]
+        return [annotation for one in corrections for annotation in _parse_correction(one)]
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"{source_name} cannot be understood ({error}); catalogs/README.md shows what can be"
@@ -148,15 +148,17 @@ def _parse_coco(document: dict[str, Any], facades: dict[str, str]) -> list[Annot
         found[one["image_id"]].append(
             (names[one["category_id"]], x / width, y / height, (x + w) / width, (y + h) / height)
         )
-    of = {image["id"]: image.get("facade") or _facade_id(image["file_name"], facades) for image in document["images"]}
-    return [(of[image], "elements", elements) for image, elements in found.items()]
+    facade_ids = {
+        image["id"]: image.get("facade") or _facade_id(image["file_name"], facades) for image in document["images"]
+    }
+    return [(facade_ids[image], "elements", elements) for image, elements in found.items()]
 
 
 def _parse_labelme(document: dict[str, Any], facades: dict[str, str]) -> Annotation:
     width, height = float(document["imageWidth"]), float(document["imageHeight"])
     elements = []
     for shape in document["shapes"]:
-        if shape.get("shape_type") == "circle":  # its points are the middle and one of the rim
+        if shape.get("shape_type") == "circle":  # its points are the centre and one on the circle
             raise ValueError(f"{shape['label']} is a circle; draw a rectangle")
         xs, ys = zip(*((float(x), float(y)) for x, y in shape["points"]), strict=True)
         elements.append((shape["label"], min(xs) / width, min(ys) / height, max(xs) / width, max(ys) / height))
@@ -185,12 +187,12 @@ def _read_geopackage(path: Path) -> list[Annotation]:
     import geopandas
     import pyogrio
 
-    of_facades = {IS_FACADE_COLUMN: "facade"}
+    facade_columns = {IS_FACADE_COLUMN: "facade"}
     found: list[Annotation] = []
     known = False
     try:
         layers = set(pyogrio.list_layers(path)[:, 0].tolist())
-        for layer, names in (("buildings", GEOPACKAGE_COLUMNS), ("facades", of_facades)):
+        for layer, names in (("buildings", GEOPACKAGE_COLUMNS), ("facades", facade_columns)):
             if layer not in layers:
                 continue
             table = geopandas.read_file(path, layer=layer, ignore_geometry=True)
@@ -198,43 +200,43 @@ def _read_geopackage(path: Path) -> list[Annotation]:
                 continue
             known = True
             for row in table.to_dict("records"):
-                said = {name: value for name, value in row.items() if value == value}  # an empty cell of numbers is NaN
-                if said.get(IS_FACADE_COLUMN) in (0, 1):  # as programs without truth values write it
-                    said[IS_FACADE_COLUMN] = bool(said[IS_FACADE_COLUMN])
-                id = said.get("id")
-                found += _building_annotations("" if id is None else str(id), said, names)
+                cells = {name: value for name, value in row.items() if value == value}  # empty numeric cells are NaN
+                if cells.get(IS_FACADE_COLUMN) in (0, 1):  # some programs have no booleans
+                    cells[IS_FACADE_COLUMN] = bool(cells[IS_FACADE_COLUMN])
+                id = cells.get("id")
+                found += _building_annotations("" if id is None else str(id), cells, names)
     except Exception as error:
         raise InputError(
             f"{path} cannot be read ({' '.join(str(error).split())[:80]}); give one that `export --format gpkg` wrote"
         ) from error
     if not known:
         raise InputError(
-            f"{path} has no table buildings with id and {', '.join(GEOPACKAGE_COLUMNS)}, nor facades with id and {IS_FACADE_COLUMN}; give one "
-            "that `export --format gpkg` wrote"
+            f"{path} has no table buildings with id and {', '.join(GEOPACKAGE_COLUMNS)}, nor facades with "
+            f"id and {IS_FACADE_COLUMN}; give one that `export --format gpkg` wrote"
         )
     return found
 
 
 def _parse_cityjson(document: Mapping[str, Any]) -> Iterator[Annotation]:
     """Yield the annotations of building attributes, and of walls that are marked as facades."""
-    for id, one in document.get("CityObjects", {}).items():
-        if one["type"] not in ("Building", "BuildingPart"):
+    for id, city_object in document.get("CityObjects", {}).items():
+        if city_object["type"] not in ("Building", "BuildingPart"):
             continue
-        attributes = one.get("attributes", {})
+        attributes = city_object.get("attributes", {})
         yield from _building_annotations(id, attributes, CITYJSON_ATTRIBUTES)
         if attributes.get("measuredHeight") not in (None, ""):
-            said = (attributes.get(name) for name in ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight"))
-            yield id, MEASURED_HEIGHT, MeasuredHeight(*said)
+            heights = (attributes.get(name) for name in ("measuredHeight", EXPORTED_HEIGHT_ATTRIBUTE, "eavesHeight"))
+            yield id, MEASURED_HEIGHT, MeasuredHeight(*heights)
         surfaces = [
-            s for geometry in one.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
+            s for geometry in city_object.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
         ]
-        # a wall that is cut into several surfaces is what one of them is said to be
-        told = {surface["facade"]: True for surface in surfaces if "facade" in surface and "isFacade" in surface}
-        told |= {
+        # an edit of one surface counts for the whole wall
+        is_facade = {surface["facade"]: True for surface in surfaces if "facade" in surface and "isFacade" in surface}
+        is_facade |= {
             surface["facade"]: surface["isFacade"] for surface in surfaces if surface.get("isFacade", True) is not True
         }
-        for facade, is_one in told.items():
-            yield facade, "facade", is_one
+        for facade, value in is_facade.items():
+            yield facade, "facade", value
 
 
 def _building_annotations(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Annotation]:

@@ -11,17 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.crs import LONLAT
+from catalogs.crs import EARTH_RADIUS_M, LONLAT
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-EARTH_RADIUS_M = 6_371_000.0  # m
-_AREA_MARGIN_SHARE, _MAX_AREA_MARGIN_DEG = (
-    0.3,
-    2.0,
-)  # of an area's extent, degrees; 25832 serves Passau too, 1.5 degrees east of its area
+# Tolerance around the area of use: EPSG:25832 is used in Passau too, 1.5 degrees east of its area.
+_AREA_MARGIN_SHARE = 0.3  # share of the extent
+_MAX_AREA_MARGIN_DEG = 2.0  # degrees
 _BARE_CODE = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
 _EPSG_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
 _SURVEY_CODES = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)

@@ -11,13 +11,13 @@ import numpy as np
 from facade_core.core.errors import GeometryError
 from facade_core.core.types import SEMANTICS, Shell
 
-_MIN_DOUBLE_FACE_AREA_M2 = 1e-6  # m2; twice the area that a face encloses at least
-MAX_COORDINATE = 1e9  # no coordinate of a real frame is larger
-MAX_CORNERS = 10_000  # of a face or an outline; cutting one into triangles takes time by its square
-_MIN_DOUBLE_TRIANGLE_AREA_M2 = 1e-9  # m2; twice the area of a triangle at least
+_MIN_DOUBLE_FACE_AREA_M2 = 1e-6  # m2; smallest double area of a face
+MAX_COORDINATE = 1e9  # larger than any coordinate of a real CRS
+MAX_CORNERS = 10_000  # of a face or an outline; triangulation takes quadratic time
+_MIN_DOUBLE_TRIANGLE_AREA_M2 = 1e-9  # m2; smallest double area of a triangle
 
 
-# What the surfaces of CityGML (2.0 and 3.0) and CityJSON are; those inside a building are not read.
+# Semantics of the surface types of CityGML (2.0 and 3.0) and CityJSON; interior surfaces are skipped.
 SURFACE_SEMANTICS = {
     "RoofSurface": "roof",
     "OuterFloorSurface": "roof",

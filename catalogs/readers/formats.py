@@ -15,7 +15,7 @@ from catalogs.reader_errors import wrap_reader_errors
 from catalogs.readers.limits import apply_limits
 from facade_core.core.errors import InputError
 
-# Suffix -> module and function; modules are imported when a file of theirs is read.
+# Suffix -> module and function; modules are imported on first use.
 BUILDING_READERS: Mapping[str, tuple[str, str]] = {
     ".pbf": ("vectors.osm", "read_osm_footprints"),
     ".json": ("json_files", "read_json_buildings"),

@@ -57,7 +57,7 @@ def parse_json(text: bytes, where: str) -> Any:
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        # A text that ends too early fails at its end, or in a word or string that the end cuts.
+        # A truncated text fails at its end, or in the word or string at its end.
         if error.pos and (
             error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _MAX_WORD_LENGTH
         ):

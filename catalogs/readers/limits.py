@@ -26,11 +26,12 @@ from facade_core.core.errors import InputError
 MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MAX_FEATURES = 5_000_000  # of a file; a block has thousands
 MAX_ID_LENGTH = 1000  # letters
-MAX_NAME_LENGTH = 200  # letters; what is longer is cut
+MAX_NAME_LENGTH = 200  # letters; longer names are cut
 MAX_CENTRELINE_POINTS = 100_000  # of a centreline
-MAX_STREET_LENGTH_M = 60_000.0  # m; what a block spans, and a winding more. Each few metres of it are a viewpoint
-MIN_GROUND_HEIGHT_M, MAX_GROUND_HEIGHT_M = -1000.0, 10_000.0  # m; where on Earth a building can stand
-MAX_BUILDING_HEIGHT_M = 1500.0  # m; what reaches further up is a slip of the data
+MAX_STREET_LENGTH_M = 60_000.0  # m; span of a block and bends. Viewpoints are a few metres apart
+MIN_GROUND_HEIGHT_M = -1000.0  # m
+MAX_GROUND_HEIGHT_M = 10_000.0  # m
+MAX_BUILDING_HEIGHT_M = 1500.0  # m; taller buildings are errors of the data
 
 SourceT = TypeVar("SourceT", Footprints, BuildingModels, Centrelines)
 

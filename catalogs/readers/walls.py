@@ -17,12 +17,9 @@ from catalogs.readers.json_text import load_json
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
-# How far a body reaches behind a wall of which no more is known.
-ASSUMED_DEPTH_M = 10.0
-# What is above walls nothing tells.
+ASSUMED_DEPTH_M = 10.0  # m behind a single wall
 FLAT_ROOF = Roof("flat", 0.0, confidence=0.5)
-# Walls meet, and stand upright, within this.
-WALL_TOLERANCE_M = 0.1
+WALL_TOLERANCE_M = 0.1  # m within which walls meet and are upright
 _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
 
 
@@ -56,7 +53,7 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
             items.append(_parse_building(building, stated))
         except ValueError as reason:
             faults.append(Fault(building, "building", str(reason)))
-        except Exception as error:  # GEOS has errors of its own
+        except Exception as error:  # GEOS raises its own errors
             faults.append(Fault(building, "building", fault_reason(error)))
     return Footprints(crs, tuple(items), faults=tuple(faults))
 
@@ -78,7 +75,7 @@ def _parse_building(name: str, walls: Any) -> Footprint:
     heights = np.concatenate([ring[:, 2] for ring in rings.values()])
     base = float(heights.min())
     assert isinstance(body, Polygon | MultiPolygon)
-    # walls are known as high as they are: a roof that is drawn in their height would end them below their top
+    # the height of walls excludes the roof, so that no roof is subtracted
     return Footprint(name, body, float(heights.max()) - base, None, None, base, roof=FLAT_ROOF)
 
 

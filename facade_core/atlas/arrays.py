@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from facade_core.atlas.journal import journal_path
 from facade_core.atlas.rasters import TexelLayout, write_rasters
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.atlas_spec import STRING_DTYPE, ArraySpec, AtlasSpec, Axis
@@ -14,18 +15,20 @@ from facade_core.core.provenance import PROVENANCE
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.chart_packing import Placement
 
-# Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next run then
-# recreates stores of other formats.
+# Format of a store, kept in its attributes. Increase it when the layout of tables, arrays or records changes; the next
+# run then recreates stores of other formats.
 STORE_FORMAT = 4
 
 PAGE_DIMS = ("page", "y", "x")
 PAGE_RGB_DIMS = ("page", "y", "x", "band")
 PROVENANCE_FLAGS = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
 
-# Arrays over the pages of the atlas, by writer. Colour and its provenance come first: records keep a digest of these two per
-# chart.
+# Arrays over the pages of the atlas, by writer. Colour and its provenance come first: records keep a digest of these
+# two per chart.
 BASE_ARRAYS = (
-    ArraySpec("atlas/seed", PAGE_RGB_DIMS, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}),
+    ArraySpec(
+        "atlas/seed", PAGE_RGB_DIMS, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}
+    ),
     ArraySpec("atlas/seed_evidence", PAGE_DIMS, "uint8", "provenance of seed, 0 where there is none", PROVENANCE_FLAGS),
     ArraySpec("facade_maps/evidence", PAGE_RGB_DIMS, "uint8", "facade image before completion"),
     ArraySpec(
@@ -43,7 +46,9 @@ BASE_ARRAYS = (
         "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all",
         {"units": "1"},
     ),
-    ArraySpec("facade_maps/camera", PAGE_DIMS, "uint16", "which of the cameras in its record it is from, from 1 on; 0 none"),
+    ArraySpec(
+        "facade_maps/camera", PAGE_DIMS, "uint16", "which of the cameras in its record it is from, from 1 on; 0 none"
+    ),
 )
 STREET_ARRAYS = (
     ArraySpec(
@@ -90,7 +95,7 @@ ARRAYS = (
 def journal_array(stage: str) -> ArraySpec:
     """Return the array that holds the records of a stage, one per unit."""
     meaning = f"record of each unit of {stage}, JSON; empty until it is done"
-    return ArraySpec(f"journal/{stage}", (_unit_dimension(stage),), STRING_DTYPE, meaning)
+    return ArraySpec(journal_path(stage), (_unit_dimension(stage),), STRING_DTYPE, meaning)
 
 
 def create_arrays(

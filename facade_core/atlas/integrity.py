@@ -183,7 +183,9 @@ def _was_never_committed(path: StoreLocation) -> bool:
         if any(name.endswith("/ref.json") for name in (path / "refs").sizes()):
             return False
         files = list(map(Path, path.sizes()))
-    return all(file.parent.name == "refs" or file.name.startswith(FIRST_SNAPSHOT_ID) or "#" in file.name for file in files)
+    return all(
+        file.parent.name == "refs" or file.name.startswith(FIRST_SNAPSHOT_ID) or "#" in file.name for file in files
+    )
 
 
 def _list_snapshots(path: StoreLocation) -> Iterator[tuple[datetime, str]]:

@@ -1,7 +1,7 @@
 """Journal: one record per unit of work, in the same commit as the unit's data.
 
-Each stage has a string array with one element and one chunk per unit. A record is JSON with at least `unit` and `key`. A unit
-is done if its record's key equals the key of its current inputs.
+Each stage has a string array with one element and one chunk per unit. A record is JSON with at least `unit` and `key`.
+A unit is done if its record's key equals the key of its current inputs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from facade_core.core.zarr_types import StoreGroup
 
 
 class Record(TypedDict, total=False):
-    """Journal entry of a unit: the part that all stages share. Each stage extends it (`tasks/stages/<stage>/record.py`).
+    """Journal entry of a unit: the part that all stages share. Each stage extends it
+    (`tasks/stages/<stage>/record.py`).
 
     Attributes
     ----------
@@ -56,6 +57,11 @@ R = TypeVar("R", bound=Record)
 VOLATILE_FIELDS = ("worker", "seconds", "started", "commits", "traceback")
 
 
+def journal_path(stage: str) -> str:
+    """Return the path of a stage's journal in a store."""
+    return f"{JOURNAL}/{stage}"
+
+
 @overload
 def read_journal(group: StoreGroup, stage: str) -> list[Record | None]: ...
 
@@ -65,15 +71,16 @@ def read_journal(group: StoreGroup, stage: str, record_type: type[R]) -> list[R 
 
 
 def read_journal(group: StoreGroup, stage: str, record_type: type[Record] = Record) -> list[Any]:
-    """Read all records of a stage by unit index, None for a unit without one; empty if the store is older than the stage.
+    """Read all records of a stage by unit index, None for a unit without one; empty if the store is older than the
+    stage.
 
     Parameters
     ----------
     record_type : type of the stage's records.
     """
-    if f"journal/{stage}" not in group:
+    if journal_path(stage) not in group:
         return []
-    return [json.loads(text) if text else None for text in read_cached_array(group, f"journal/{stage}")]
+    return [json.loads(text) if text else None for text in read_cached_array(group, journal_path(stage))]
 
 
 @overload
@@ -92,21 +99,21 @@ def read_records(group: StoreGroup, stage: str, units: np.ndarray, record_type: 
     units : (n,) unit indices.
     record_type : type of the stage's records.
     """
-    if f"journal/{stage}" not in group:
+    if journal_path(stage) not in group:
         return [None] * len(units)
-    texts = group[f"journal/{stage}"].oindex[units] if len(units) else []
+    texts = group[journal_path(stage)].oindex[units] if len(units) else []
     return [json.loads(str(text)) if text else None for text in texts]
 
 
 def write_record(group: StoreGroup, stage: str, index: int, record: Record) -> None:
     """Write the record of a unit as JSON."""
-    group[f"journal/{stage}"][index] = json.dumps(record, sort_keys=True, allow_nan=False)
+    group[journal_path(stage)][index] = json.dumps(record, sort_keys=True, allow_nan=False)
 
 
 def clear_record(group: StoreGroup, stage: str, index: int) -> None:
     """Clear the record of a unit, so that the unit is pending. Does nothing if the store is older than the stage."""
-    if f"journal/{stage}" in group:
-        group[f"journal/{stage}"][index] = ""
+    if journal_path(stage) in group:
+        group[journal_path(stage)][index] = ""
 
 
 def unit_key(*parts: Any) -> str:

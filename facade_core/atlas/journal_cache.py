@@ -40,8 +40,8 @@ _cache_lock = Lock()
 def cache_journals(store: StoreLocation) -> Iterator[None]:
     """Cache the journals of a store within a `with` block.
 
-    `read_cached_array` reads each array once and then only committed changes. Each record is a chunk, and a run reads all records
-    before each of its stages, at about a thousand chunks per second.
+    `read_cached_array` reads each array once and then only committed changes. Each record is a chunk, and a run reads
+    all records before each of its stages, at about a thousand chunks per second.
     """
     _caches[store] = _CachedJournals()
     try:

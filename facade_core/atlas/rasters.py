@@ -33,6 +33,7 @@ class TexelLayout:
 
     @classmethod
     def of_charts(cls, placement: Placement, charts: Iterable[int]) -> TexelLayout:
+        """Lay out charts in the given order."""
         held = np.array(list(charts), np.int64)
         size = placement.width[held].astype(np.int64) * placement.height[held]
         offset = np.full(len(placement.page), -1, np.int64)
@@ -40,12 +41,13 @@ class TexelLayout:
         return cls(held, offset, int(size.sum()))
 
     def texel_slice(self, placement: Placement, chart: int) -> slice:
+        """Return the slice of a chart's texels in the flat array."""
         start = int(self.offset[chart])
         return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
 
 
 def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -> np.ndarray:
-    """Read the layout's texels from a page array. Reads a chunk that small charts share once.
+    """Read the layout's texels from a page array; a chunk that small charts share is read once.
 
     Parameters
     ----------
@@ -74,11 +76,13 @@ def read_rasters(array: StoreArray, placement: Placement, layout: TexelLayout) -
     return flat
 
 
-def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: np.ndarray) -> None:
+def write_rasters(
+    array: StoreArray, spec: AtlasSpec, placement: Placement, layout: TexelLayout, flat: np.ndarray
+) -> None:
     """Write the layout's texels and their gutters to a page array.
 
-    A chart larger than half a chunk owns its chunks and is written as whole chunks. Smaller and thin charts share chunks. Each
-    shared chunk is read and rewritten once, which only the unit that owns the building may do.
+    A chart larger than half a chunk owns its chunks and is written as whole chunks. Smaller and thin charts share
+    chunks. Each shared chunk is read and rewritten once, which only the unit that owns the building may do.
 
     Parameters
     ----------

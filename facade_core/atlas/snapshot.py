@@ -100,9 +100,9 @@ class Atlas:
     def chart(self, id: str | int | np.integer) -> xr.Dataset:
         """Return the rasters of a chart.
 
-        Coordinates: y and x in metres down and right from the chart's upper left corner; world_x, world_y and world_z (y, x), the
-        texel centres in the block's CRS; page. attrs: id, kind, first row and column on the page, origin, axis_x and axis_y (3,),
-        texels_per_metre, crs.
+        Coordinates: y and x in metres down and right from the chart's upper left corner; world_x, world_y and world_z
+        (y, x), the texel centres in the block's CRS; page. attrs: id, kind, first row and column on the page, origin,
+        axis_x and axis_y (3,), texels_per_metre, crs.
 
         Parameters
         ----------
@@ -122,8 +122,8 @@ class Atlas:
     def facade(self, id: str) -> xr.Dataset:
         """Return the rasters of a facade's chart, as in `chart`, with the facade's attributes.
 
-        Further attrs: facade, building, street, width and height (m), floors, levels (by the map), seen, and elements: the completed
-        facade's elements as JSON, in texels.
+        Further attrs: facade, building, street, width and height (m), floors, levels (by the map), seen, and elements:
+        the completed facade's elements as JSON, in texels.
 
         Raises
         ------
@@ -198,7 +198,9 @@ class Atlas:
         )
 
 
-def open_atlas(source: icechunk.Session | StoreLocation | str, *, chunks: Mapping[str, int] | None = STORED_CHUNKS) -> Atlas:
+def open_atlas(
+    source: icechunk.Session | StoreLocation | str, *, chunks: Mapping[str, int] | None = STORED_CHUNKS
+) -> Atlas:
     """Open the store of a session, or the newest snapshot of a folder.
 
     Arrays have named dimensions, units, long names, flag meanings and a CF fill value. Values are read as stored;
@@ -206,9 +208,10 @@ def open_atlas(source: icechunk.Session | StoreLocation | str, *, chunks: Mappin
 
     Parameters
     ----------
-    source : session, folder of a store, or folder of a run. `catalogs.folder_at("s3://...")` gives a folder in a bucket.
-    chunks : Dask chunks as in `xarray.open_zarr`. The default are the store's, which are small; {"y": 2048, "x": 2048} gives
-        whole pages; None gives arrays without Dask.
+    source : session, folder of a store, or folder of a run. `catalogs.folder_at("s3://...")` gives a folder in a
+        bucket.
+    chunks : Dask chunks as in `xarray.open_zarr`. The default are the store's, which are small; {"y": 2048, "x": 2048}
+        gives whole pages; None gives arrays without Dask.
 
     Raises
     ------
@@ -233,7 +236,9 @@ def open_atlas(source: icechunk.Session | StoreLocation | str, *, chunks: Mappin
         store, engine="zarr", consolidated=False, zarr_format=3, mask_and_scale=False, chunks=chunks
     )
     crs = _crs_attributes(str(root.attrs.get("crs", get_subgroup(root, "atlas").attrs["crs"])))
-    tree = xr.DataTree.from_dict({name: _with_declared_attributes(name.strip("/"), group, crs) for name, group in groups.items()})
+    tree = xr.DataTree.from_dict(
+        {name: _with_declared_attributes(name.strip("/"), group, crs) for name, group in groups.items()}
+    )
     return Atlas(tree, session, path, chunks)
 
 

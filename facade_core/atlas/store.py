@@ -23,15 +23,16 @@ if TYPE_CHECKING:
 
 BRANCH = "main"
 
-# Icechunk warns at every opening that local folders are unsafe for concurrent commits; here one process commits, behind a lock.
+# Icechunk warns at every opening that local folders are unsafe for concurrent commits; here one process commits, behind
+# a lock.
 icechunk.set_logs_filter("off")
 
 # A commit rewrites the manifests that it touches, and its snapshot has a line for every manifest (ADR 0045).
 UNITS_PER_MANIFEST = 64
 PAGES_PER_MANIFEST = 4
 
-# The local file system has no compare-and-swap: if two threads move a branch at once, one commit is lost without an error. A
-# bucket has it; there the lock saves retries within a process.
+# The local file system has no compare-and-swap: if two threads move a branch at once, one commit is lost without an
+# error. A bucket has it; there the lock saves retries within a process.
 _commit_lock = Lock()
 # Called before each commit to a store.
 _commit_guards: dict[StoreLocation, Callable[[], None]] = {}
@@ -40,8 +41,8 @@ _commit_guards: dict[StoreLocation, Callable[[], None]] = {}
 class Repository(icechunk.Repository):
     """Icechunk repository in a local folder or a bucket.
 
-    Its sessions know it, so that `commit` can check that the commit arrived. Sessions are only of readable snapshots; Icechunk
-    would return an empty one. Both raise StoreError.
+    Its sessions know it, so that `commit` can check that the commit arrived. Sessions are only of readable snapshots;
+    Icechunk would return an empty one. Both raise StoreError.
     """
 
     path: StoreLocation
@@ -71,8 +72,8 @@ class Repository(icechunk.Repository):
 def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
     """Return the Icechunk configuration for manifests of `units` units or `pages` pages each.
 
-    The configuration is passed at every opening and not stored: a stored one would be one more file that the store depends on.
-    Manifests with another split stay readable; the first commit that touches them rewrites them.
+    The configuration is passed at every opening and not stored: a stored one would be one more file that the store
+    depends on. Manifests with another split stay readable; the first commit that touches them rewrites them.
     """
     array, along = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
     splitting: dict[icechunk.ManifestSplitCondition, Any] = {
@@ -231,8 +232,8 @@ def guard_commits(store: StoreLocation, check: Callable[[], None]) -> Iterator[N
 def expire_snapshots(repository: icechunk.Repository, min_age: timedelta = timedelta()) -> None:
     """Remove old snapshots and the data that only they use.
 
-    Keeps the newest snapshot, its parent, tagged snapshots and those younger than `min_age`. The parent is the fallback if the
-    newest cannot be read. Nobody else may write meanwhile: the data of an open session would count as garbage.
+    Keeps the newest snapshot, its parent, tagged snapshots and those younger than `min_age`. The parent is the fallback
+    if the newest cannot be read. Nobody else may write meanwhile: the data of an open session would count as garbage.
     """
     with _commit_lock:
         *_, before = islice(repository.ancestry(branch=BRANCH), 2)

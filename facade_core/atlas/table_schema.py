@@ -56,7 +56,13 @@ class Table:
     attributes: tuple[str, ...] = ()
 
     def to_dataset(self, values: Mapping[str, Any], attributes: Mapping[str, Any], crs: str) -> xr.Dataset:
-        """The columns' values as they are written. Raises StoreError where they, or the attributes, are not those declared."""
+        """Convert column values to the Dataset that is written.
+
+        Raises
+        ------
+        StoreError
+            Columns or attributes differ from the declared ones.
+        """
         import xarray as xr
 
         declared = {column.name for column in self.columns}
@@ -74,8 +80,13 @@ class Table:
         return xr.Dataset(variables, attrs={**attributes, "crs": crs})
 
     def read_columns(self, dataset: xr.Dataset) -> dict[str, Any]:
-        """The columns' values (rows, ...) and the table's attributes, by name; strings as str. Raises KeyError where one is not
-        there."""
+        """Return the columns' values (rows, ...) and the table's attributes by name; strings as str.
+
+        Raises
+        ------
+        KeyError
+            A required column or attribute is missing.
+        """
         values: dict[str, Any] = {name: dataset.attrs[name] for name in self.attributes}
         for column in self.columns:
             if not column.is_optional or column.name in dataset:
@@ -100,7 +111,7 @@ def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = 
 
     dims: names separated by blanks. more: `is_position`, `is_optional` and further CF attributes.
     """
-    of = {key: more.pop(key) for key in ("placed", "optional") if key in more}
+    of = {key: more.pop(key) for key in ("is_position", "is_optional") if key in more}
     named = {key: value for key, value in (("units", units), ("long_name", long_name)) if value}
     return Column(name, tuple(dims.split()), dtype, {**named, **more}, **of)
 
@@ -115,10 +126,16 @@ TABLES = {
         Table(
             "charts",
             (
-                _column("kind", "chart", "uint8", ", ".join(f"{i} {kind}" for i, kind in enumerate(CHART_KINDS)), **_KIND_FLAGS),
+                _column(
+                    "kind",
+                    "chart",
+                    "uint8",
+                    ", ".join(f"{i} {kind}" for i, kind in enumerate(CHART_KINDS)),
+                    **_KIND_FLAGS,
+                ),
                 _column("surface", "chart", "int32", "the uncut surface that the chart is a piece of"),
                 _column("building", "chart", "int32", "row of buildings, -1 for ground"),
-                _column("origin", "chart xyz", "float64", "upper left corner", "m", placed=True),
+                _column("origin", "chart xyz", "float64", "upper left corner", "m", is_position=True),
                 _column("axis_u", "chart xyz", "float64", "unit vector to the right", "1"),
                 _column("axis_v", "chart xyz", "float64", "unit vector down", "1"),
                 _column("size", "chart width_height", "float64", "extent along the axes", "m"),
@@ -127,10 +144,10 @@ TABLES = {
                 _column("y", "chart", "int32", "first row on the page", "texel"),
                 _column("width", "chart", "int32", "columns", "texel"),
                 _column("height", "chart", "int32", "rows", "texel"),
-                _column("texels_per_metre", "chart", "float64", "texels per metre", "m-1", optional=True),
+                _column("texels_per_metre", "chart", "float64", "texels per metre", "m-1", is_optional=True),
                 _column("writable", "chart", "bool", "written by the street stage"),
                 _column("textured", "chart", "bool", "with a texture of the source's own, or from above"),
-                _column("own", "chart", "bool", "textured and published, not only seen", optional=True),
+                _column("own", "chart", "bool", "textured and published, not only seen", is_optional=True),
                 _column("id", "chart", "uint64", "digest of the chart's kind, place and building"),
             ),
             ("page_size", "chunk", "gutter"),
@@ -139,14 +156,19 @@ TABLES = {
             "mesh",
             (
                 _column(
-                    "vertices", "vertex xyz", "float64", "corners of triangles, of one chart each", "m", placed=True
+                    "vertices",
+                    "vertex xyz",
+                    "float64",
+                    "corners of triangles, of one chart each",
+                    "m",
+                    is_position=True,
                 ),
                 _column("triangles", "triangle corner", "int32", "rows of vertices, counter-clockwise from outside"),
                 _column("triangle_chart", "triangle", "int32", "row of charts"),
                 _column("vertex_chart", "vertex", "int32", "row of charts"),
-                _column("texture", "triangle", "int32", "picture of the source, -1 none", optional=True),
+                _column("texture", "triangle", "int32", "picture of the source, -1 none", is_optional=True),
                 _column(
-                    "uv", "triangle corner uv", "float32", "place in the picture, right and up", "1", optional=True
+                    "uv", "triangle corner uv", "float32", "place in the picture, right and up", "1", is_optional=True
                 ),
             ),
         ),
@@ -162,7 +184,7 @@ TABLES = {
         Table(
             "poses",
             (
-                _column("position", "panorama xyz", "float64", "where it was taken", "m", placed=True),
+                _column("position", "panorama xyz", "float64", "where it was taken", "m", is_position=True),
                 _column(
                     "angles",
                     "panorama heading_pitch_roll",
@@ -196,13 +218,13 @@ TABLES = {
                 _column("foot", "facade", "float64", "over the foot of most walls of its building", "m"),
                 _column("eaves", "facade", "float64", "from there to where most of these walls end", "m"),
                 _column("storeys", "facade", "int32", "storeys from there to there", "1"),
-                _column("raised", "facade", "bool", "whether its building begins above the ground", optional=True),
+                _column("raised", "facade", "bool", "whether its building begins above the ground", is_optional=True),
                 _column(
                     "house",
                     "facade",
                     "int64",
                     "number of the building, or of that of which it is a part",
-                    optional=True,
+                    is_optional=True,
                 ),
             ),
         ),
@@ -210,7 +232,7 @@ TABLES = {
             "viewpoints",
             (
                 _column("street", "viewpoint", "int32", "row of streets"),
-                _column("position", "viewpoint xyz", "float64", "centre of the panorama", "m", placed=True),
+                _column("position", "viewpoint xyz", "float64", "centre of the panorama", "m", is_position=True),
                 _column("forward", "viewpoint xy", "float64", "unit vector along the street", "1"),
                 _column("look", "viewpoint", TEXT, "digest of the geometry in sight"),
                 _column("view_viewpoint", "view", "int32", "row of viewpoints, of each chart that one shows"),
@@ -224,7 +246,7 @@ TABLES = {
                 _column("id", "street", TEXT, "name in the source"),
                 _column("name", "street", TEXT, "name, empty where it has none"),
                 _column("wave", "street", "int32", "streets of one wave are textured at once"),
-                _column("point", "vertex xy", "float64", "centreline", "m", placed=True),
+                _column("point", "vertex xy", "float64", "centreline", "m", is_position=True),
                 _column("point_street", "vertex", "int64", "row of streets"),
             ),
         ),
@@ -261,17 +283,22 @@ TABLES = {
                 _column("height", "building", "float64", "from the ground to the eaves, of a model to its top", "m"),
                 _column("height_source", "building", TEXT, "what the height was taken from"),
                 _column("levels", "building", "int32", "storeys as tagged, 0 where they are not", "1"),
-                _column("raised", "building", "float64", "from the ground to where it begins", "m", optional=True),
-                _column("part_of", "building", TEXT, "id of the whole, empty of a whole one", optional=True),
-                _column("roof_shape", "building", TEXT, "as in OpenStreetMap, empty of a model", optional=True),
-                _column("roof_height", "building", "float64", "from the eaves to the ridge", "m", optional=True),
+                _column("raised", "building", "float64", "from the ground to where it begins", "m", is_optional=True),
+                _column("part_of", "building", TEXT, "id of the whole, empty of a whole one", is_optional=True),
+                _column("roof_shape", "building", TEXT, "as in OpenStreetMap, empty of a model", is_optional=True),
+                _column("roof_height", "building", "float64", "from the eaves to the ridge", "m", is_optional=True),
                 _column(
-                    "roof_confidence", "building", "float64", "1 where stated, less where assumed", "1", optional=True
+                    "roof_confidence",
+                    "building",
+                    "float64",
+                    "1 where stated, less where assumed",
+                    "1",
+                    is_optional=True,
                 ),
-                _column("wall_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", optional=True),
-                _column("roof_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", optional=True),
-                _column("wall_material", "building", TEXT, "as stated, by OpenStreetMap's values", optional=True),
-                _column("roof_material", "building", TEXT, "as stated, by OpenStreetMap's values", optional=True),
+                _column("wall_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", is_optional=True),
+                _column("roof_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", is_optional=True),
+                _column("wall_material", "building", TEXT, "as stated, by OpenStreetMap's values", is_optional=True),
+                _column("roof_material", "building", TEXT, "as stated, by OpenStreetMap's values", is_optional=True),
                 _column("refused", "building", TEXT, "why it has no surfaces, empty where it has"),
             ),
         ),

@@ -19,8 +19,8 @@ RELAXATIONS_PER_SIZE = 24
 def fill_unknown(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Fill unknown values with the means of known ones around them (pull-push).
 
-    An unknown value takes the mean of the smallest square with a power-of-two side that contains a known one. So means over
-    such squares, as in mipmaps, are means of known values only.
+    An unknown value takes the mean of the smallest square with a power-of-two side that contains a known one. So means
+    over such squares, as in mipmaps, are means of known values only.
 
     Parameters
     ----------
@@ -77,8 +77,9 @@ def _known_means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
 def level_seam(colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, *, reach: float) -> np.ndarray:
     """Level the seam between the fixed and the free texels of a chart.
 
-    The mean colours on both sides of the border are compared, up to MAX_SEAM_OFFSET. A membrane through the difference is
-    added to the free texels, and decays with the distance from the border, so that a patch does not tint a whole wall.
+    The mean colours on both sides of the border are compared, up to MAX_SEAM_OFFSET. A membrane through the difference
+    is added to the free texels, and decays with the distance from the border, so that a patch does not tint a whole
+    wall.
 
     Parameters
     ----------

@@ -102,7 +102,10 @@ def first_writable_folder(folders: tuple[Path, ...]) -> Path | None:
 
 
 def _candidate_folders() -> tuple[Path, ...]:
-    """Return NUMBA_CACHE_DIR, or folders in the package and in the user's cache; shared ones get a subfolder per installation."""
+    """Return possible cache folders: NUMBA_CACHE_DIR, or one in the package and one in the user's cache.
+
+    Shared folders get a subfolder per installation.
+    """
     place = blake2b(str(PACKAGE_FOLDER).encode(), digest_size=8).hexdigest()
     if _CONFIG.CACHE_DIR:
         return (Path(_CONFIG.CACHE_DIR) / place,)

@@ -26,8 +26,8 @@ def resolve_provenance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Combine the base layer of the facade stages with the result of the street stage.
 
-    Rank: photo > inpainted > synthesised > translated > unseen. Unseen texels stay black; `facade_core.street.surfaces` fills
-    them.
+    Rank: photo > inpainted > synthesised > translated > unseen. Unseen texels stay black; `facade_core.street.surfaces`
+    fills them.
 
     Parameters
     ----------

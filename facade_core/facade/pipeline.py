@@ -19,7 +19,8 @@ from facade_core.core.types import SHIPPED_MODELS, Box, Completion, Element, Lat
 from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
-from facade_core.facade.texture.building_walls import Wall, compose_wall
+from facade_core.facade.texture.building_walls import compose_wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import ExemplarStyle
 from facade_core.facade.texture.scale import exemplar_scale
@@ -232,7 +233,7 @@ def _complete_photo(
         with _timer(seconds, "elements"):
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
     sure = load_calibration(models.parser)
-    layout, told = calibrate_elements(layout, sure, hidden), sure.told(made, layout, hidden)
+    layout, told = calibrate_elements(layout, sure, hidden), sure.estimate(made, layout, hidden)
     return _CompletedPhoto(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
 
 
@@ -267,7 +268,7 @@ def prepare_exemplar(
             floors, layout = count_floors(classes), tuple(elements(classes))
     else:
         cut = crop_to_facade(image, hidden, model=models.parser)
-        found = cut.found
+        found = cut.has_facade
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
         whole = _complete_photo(
@@ -294,7 +295,7 @@ def _shrink_to_side(image: np.ndarray, labels: np.ndarray, longest: int) -> tupl
 
 def build_facade_from_exemplar(
     style: ExemplarStyle,
-    wall: Wall,
+    wall: FacadeWall,
     size: tuple[int, int],
     *,
     span: tuple[float, float] | None = None,
@@ -374,7 +375,7 @@ def _paint_factors(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray |
     return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / MAX_PAINT_FACTOR, MAX_PAINT_FACTOR))
 
 
-def _free_mask(wall: Wall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
+def _free_mask(wall: FacadeWall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
     """The texels (h, w) bool of a part of a wall, from left to right in metres, that stand against no neighbour."""
     import cv2
 

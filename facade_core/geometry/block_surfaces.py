@@ -49,8 +49,9 @@ def build_block_surfaces(
 ) -> tuple[Charts, Mesh, tuple[tuple[str, str], ...]]:
     """Build the charts and the mesh of a block.
 
-    Surfaces longer than `largest`, and all ground, are cut on the world grid, uneven ground finer; pieces keep the id of
-    their surface. Ground covers courtyards too. It ends straight where a street ends, and FORECOURT_M beyond `within`.
+    Surfaces longer than `largest`, and all ground, are cut on the world grid, uneven ground finer; pieces keep the id
+    of their surface. Ground covers courtyards too. It ends straight where a street ends, and FORECOURT_M beyond
+    `within`.
 
     Parameters
     ----------
@@ -66,8 +67,7 @@ def build_block_surfaces(
 
     Raises
     ------
-    GeometryError
-        Where the block has neither buildings nor ground.
+    GeometryError Where the block has neither buildings nor ground.
     """
     pieces = ChartBuilder()
     refused, outlines = [], []

@@ -81,8 +81,9 @@ def pack_charts(
 ) -> Placement:
     """Pack charts into square pages, first fit in their order over the last few pages.
 
-    Charts up to half a chunk share chunks with charts of the same owner, and so do long charts up to chunk / THIN_DIVISOR
-    high. With an earlier placement, known charts keep their places, and new ones take the first free places.
+    Charts up to half a chunk share chunks with charts of the same owner, and so do long charts up to chunk /
+    THIN_DIVISOR high. With an earlier placement, known charts keep their places, and new ones take the first free
+    places.
 
     Parameters
     ----------
@@ -97,8 +98,7 @@ def pack_charts(
 
     Raises
     ------
-    GeometryError
-        Where a chart is larger than a page without its gutters.
+    GeometryError Where a chart is larger than a page without its gutters.
     """
     texels = raster_sizes(size, texels_per_metre)
     outer = texels + 2 * gutter

@@ -42,9 +42,9 @@ def grid_crossings(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> 
 def cut_polygon(polygon: Polygon, grid: float) -> list[Polygon]:
     """Cut a polygon into the cells of the world grid, row by row.
 
-    A part does not depend on where the polygon's rings begin. Each cell is intersected with the polygon near it only: with
-    holes that reach it, and with a frame in place of an outline that does not. Edges that cross the cell's border stay whole, so
-    that each part equals one cut from the whole polygon to the bit.
+    A part does not depend on where the polygon's rings begin. Each cell is intersected with the polygon near it only:
+    with holes that reach it, and with a frame in place of an outline that does not. Edges that cross the cell's border
+    stay whole, so that each part equals one cut from the whole polygon to the bit.
     """
     west, south, east, north = polygon.bounds
     columns = np.arange(np.floor(west / grid), np.ceil(east / grid))

@@ -29,8 +29,8 @@ MAX_BACK_FACE_SHARE = 0.5
 class Daylight:
     """Daylight of charts on their own grids, computed on demand and safe between threads.
 
-    The light of a chart does not depend on the order of requests. Ground continues below buildings, where it takes the light of
-    the ground around.
+    The light of a chart does not depend on the order of requests. Ground continues below buildings, where it takes the
+    light of the ground around.
 
     Attributes
     ----------

@@ -36,7 +36,8 @@ def render_from_above(scene: Scene, chart: int, aerial: AerialSampler) -> tuple[
 
     Returns
     -------
-    (height, width, 3) RGB, and (height, width) True where the picture is known and nothing of the block covers the texel.
+    (height, width, 3) RGB, and (height, width) True where the picture is known and nothing of the block covers the
+    texel.
     """
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     rgb, known = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)

@@ -49,8 +49,8 @@ def place_viewpoints(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Place viewpoints every `spacing` metres along a centreline.
 
-    The first is half a spacing from the start, so that two streets that meet share none. A street from MIN_STREET_M to one
-    spacing long has one in its middle. Viewpoints inside obstacles are dropped; a courtyard is outside.
+    The first is half a spacing from the start, so that two streets that meet share none. A street from MIN_STREET_M to
+    one spacing long has one in its middle. Viewpoints inside obstacles are dropped; a courtyard is outside.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ import shapely
 from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import wall_runs
 
-# Metres from a viewpoint up to which a chart that faces it has full and half density; all others have a quarter. A pixel of a
-# picture 1,400 wide with a field of view of 75 degrees covers 1 / 57 m at 16 m.
+# Metres from a viewpoint up to which a chart that faces it has full and half density; all others have a quarter. A
+# pixel of a picture 1,400 wide with a field of view of 75 degrees covers 1 / 57 m at 16 m.
 FULL_DENSITY_M = 16.0
 HALF_DENSITY_M = 48.0
 # Texels per metre of the coarsest chart, so that a window has some eight texels.

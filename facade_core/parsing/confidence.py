@@ -69,12 +69,12 @@ class Calibration:
     lines: Mapping[str, tuple[float, float]]
     widths: FacadeFigures
 
-    def probability(self, element: Element) -> float:
+    def element_probability(self, element: Element) -> float:
         """That a parsed element is right."""
         slope, offset = self.lines[element.label]
         return 1 / (1 + math.exp(-(slope * _log_odds(element.confidence) + offset)))
 
-    def told(self, parsing: Parsing, found: Sequence[Element], hidden: np.ndarray) -> FacadeEstimates:
+    def estimate(self, parsing: Parsing, found: Sequence[Element], hidden: np.ndarray) -> FacadeEstimates:
         """What a parse and the elements found in it say of a facade. Nothing is known of what is hidden (h, w) bool, and half
         of the windows and storeys that are taken to be there may be wrong."""
         value = _figures(parsing.labels, found)
@@ -82,7 +82,7 @@ class Calibration:
             figure_uncertainty(parsing.confidence[..., FacadeClass.WINDOW], value, hidden),
             _unseen(value, found, hidden),
         )
-        share, windows, floors = self.halves(doubt, unseen)
+        share, windows, floors = self.half_widths(doubt, unseen)
         return FacadeEstimates(
             value,
             FacadeFigures(
@@ -97,7 +97,7 @@ class Calibration:
             ),
         )
 
-    def halves(self, doubt: FacadeFigures, unseen: FacadeFigures) -> FacadeFigures:
+    def half_widths(self, doubt: FacadeFigures, unseen: FacadeFigures) -> FacadeFigures:
         """Half of the intervals' widths: what a parse is unsure of, and what is hidden."""
         return FacadeFigures(*(width * one + more for width, one, more in zip(self.widths, doubt, unseen, strict=True)))
 
@@ -119,11 +119,11 @@ def _certainty(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Calibration:
         raise ModelError(f"{path}: its .json does not say how sure it is; train it anew with this version") from error
 
 
-def calibrate_elements(found: Sequence[Element], sure: Calibration, hidden: np.ndarray) -> list[Element]:
+def calibrate_elements(found: Sequence[Element], calibration: Calibration, hidden: np.ndarray) -> list[Element]:
     """Elements whose confidence is the probability that they are right, times the share of them that is not hidden (h, w) bool:
     what is made up was seen by nobody."""
     return [
-        dataclasses.replace(element, confidence=sure.probability(element) * (1 - masked_share(hidden, element)))
+        dataclasses.replace(element, confidence=calibration.element_probability(element) * (1 - masked_share(hidden, element)))
         for element in found
     ]
 

@@ -35,7 +35,7 @@ class FloorStructure:
     bottom: int
 
     @property
-    def ground_band(self) -> bool:
+    def has_ground_band(self) -> bool:
         """Whether the ground floor shows no row of windows of its own, but doors and shops, or nothing: what is left under the
         lowest floor is tall enough for a storey."""
         if self.kinds[-1] == "ground":
@@ -49,16 +49,16 @@ class FloorStructure:
         return bool(self.bottom - self.floor_cuts[-1] >= _STOREY * middle)
 
     @property
-    def storeys(self) -> int:
+    def floor_count(self) -> int:
         """Rows of windows, those of the roof included, and the ground floor."""
-        return len(self.floors) + self.ground_band
+        return len(self.floors) + self.has_ground_band
 
 
 def count_floors(labels: np.ndarray) -> int:
     """The storeys that a label map (H, W) shows, the ground floor included and a row of windows in the roof too; 0 without
     windows."""
     found = find_structure(labels)
-    return found.storeys if found else 0
+    return found.floor_count if found else 0
 
 
 def spans_above(profile: np.ndarray, threshold: float) -> list[Span]:

@@ -54,7 +54,7 @@ class TrainingSchedule:
     steps: int
     per_step: Mapping[str, int]
     rate: float = 2e-3
-    fixed_norms: bool = False
+    freeze_norms: bool = False
 
 
 def train_parser_network(
@@ -94,7 +94,7 @@ def train_parser_network(
         parameter.requires_grad_(False)
     optimiser = _optimiser(network, course)
     average = {name: value.clone() for name, value in network.state_dict().items()}
-    identity = f"{seed} {course.rate} {dict(course.per_step)} {course.fixed_norms} {_digest(sets, start)}"
+    identity = f"{seed} {course.rate} {dict(course.per_step)} {course.freeze_norms} {_digest(sets, start)}"
     done = 0
     if state is not None and state.is_file():
         saved = _read_state(state)
@@ -107,7 +107,7 @@ def train_parser_network(
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
     pieces = [group for photos in sets.values() for group in extract_cutouts(photos)]
-    network.train(not course.fixed_norms)
+    network.train(not course.freeze_norms)
     parts = [network, *(_twin(network) for _ in range(_PARTS - 1))]
     with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for step in range(done, course.steps):

@@ -25,7 +25,7 @@ def occluders_from_labels(
     image: np.ndarray,
     labels: np.ndarray,
     possible: np.ndarray,
-    found: Sequence[Box] | None,
+    detected: Sequence[Box] | None,
     doubtful: Sequence[Box] = (),
 ) -> np.ndarray:
     """What can be said of a facade's occluders, (H, W) uint8: 1 in front, 0 nothing in front, UNKNOWN not told.
@@ -43,15 +43,15 @@ def occluders_from_labels(
     leaves = ndimage.maximum_filter(2 * colours[..., 1] - colours[..., 0] - colours[..., 2] > _GREEN, 9)
     occluder = np.where(labelled & ~leaves, 0, UNKNOWN).astype(np.uint8)
     # Without a detector's look the whole ground floor is not told.
-    occluder[top if found is None else bottom :] = UNKNOWN
+    occluder[top if detected is None else bottom :] = UNKNOWN
     height, width = occluder.shape
-    for box in (*(found or ()), *doubtful):
+    for box in (*(detected or ()), *doubtful):
         across, down = (round(_MARGIN * side) + 2 for side in (box[2] - box[0], box[3] - box[1]))
         columns = slice(max(0, box[0] - across), box[2] + across)
         occluder[max(0, box[1] - down) : box[3] + down, columns] = UNKNOWN
         # Shadows, wheels and what else stands with it reach down to the ground.
         occluder[(top + bottom) // 2 :, columns] = UNKNOWN
-    for box in found or ():
+    for box in detected or ():
         x0, y0, x1, y1 = np.clip(box, 0, (width, height, width, height)).tolist()
         if x1 - x0 > 2 and y1 - y0 > 2:
             occluder[y0:y1, x0:x1][_cut_out(image, (x0, y0, x1, y1))] = 1

@@ -12,5 +12,5 @@ class Segmentation(NamedTuple):
     in front of the facade, and that sky, street or neighbours are seen beside it."""
 
     confidence: np.ndarray
-    hidden: np.ndarray
+    occluder: np.ndarray
     outside: np.ndarray

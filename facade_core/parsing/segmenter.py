@@ -77,14 +77,14 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     return parse_with_segmenter(image, load_segmenter(model))
 
 
-def parse_with_segmenter(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True) -> Parsing:
+def parse_with_segmenter(image: np.ndarray, segmenter: Segmenter, *, regularise: bool = True) -> Parsing:
     """`parse` by a segmenter; not `regular`: windows as the segmenter sees them, to measure what regularity brings."""
     check_image(image)
     height, width = image.shape[:2]
     occluded = _hidden_by_alpha(image)
     working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
     confidence, hidden, _ = segmenter.segment(working)
-    windows = window_boxes(confidence) if regular else np.zeros((0, 4), np.intp)
+    windows = window_boxes(confidence) if regularise else np.zeros((0, 4), np.intp)
     scale = np.array([width / confidence.shape[1], height / confidence.shape[0]])
     if coarse := scale.min() < _COARSE:
         draw_windows(confidence.argmax(2).astype(np.uint8), confidence, windows)

@@ -60,8 +60,8 @@ class TrainingView:
 class Cutout:
     """A thing in front, (h, w, 4) uint8 RGBA, and its height as a share of its photo's."""
 
-    piece: np.ndarray
-    share: float
+    image: np.ndarray
+    height_share: float
 
 
 def extract_cutouts(photos: Sequence[LabelledPhoto]) -> tuple[list[Cutout], list[Cutout]]:
@@ -156,12 +156,12 @@ def _put_in_front(
     behind keeps its class."""
     import cv2
 
-    piece = cutout.piece
+    piece = cutout.image
     if rng.random() < _AT_FOOT:
         # From -1 to 1 the photo's height; the view's rows of PLACE_STRIDE pixels tell where that is.
         step = float(place[1, 1, 0] - place[1, 0, 0]) / PLACE_STRIDE
         foot = VIEW_SIDE - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
-        high = 2 / step * cutout.share * math.exp(rng.normal(0, 0.3))
+        high = 2 / step * cutout.height_share * math.exp(rng.normal(0, 0.3))
         bottom = round(foot + high * rng.uniform(-0.1, 0.3))
     else:
         high = VIEW_SIDE * rng.uniform(0.2, 0.7) * piece.shape[0] / max(piece.shape[:2])

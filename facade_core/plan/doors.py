@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.geometry.charts import Charts
-from facade_core.geometry.walls import BACK, CORNER_TOLERANCE_M, LEVEL_TOLERANCE_M, SIDE, STREET
+from facade_core.geometry.walls import CORNER_TOLERANCE_M, LEVEL_TOLERANCE_M, WallRole
 from facade_core.plan.facades import Facades
 
 # Left and right end of a wall's foot, as shares of its chart.
@@ -21,11 +21,11 @@ MIN_BACKS_FOR_TWO_DOORS = 5
 def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
     """Whether a facade is a narrow wall, in sight, on the ground, that cuts off the corner between two of its building on
     streets."""
-    if facades.role[facade] != SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
+    if facades.role[facade] != WallRole.SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
         return False
     own = facades.run_members(facade)
     others = facades.building_facades(facade)
-    others = others[facades.role[others] == STREET]
+    others = others[facades.role[others] == WallRole.STREET]
     foot, ends = (charts.points_at_shares(facades.chart[some], _FOOT_SHARES)[..., :2] for some in (others, own))
     normals = charts.normals()[facades.chart[others]]
     along = (ends[-1, 1] - ends[0, 0]) / np.hypot(*(ends[-1, 1] - ends[0, 0]))
@@ -40,10 +40,10 @@ def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
 
 def has_back_door(facades: Facades, facade: int) -> bool:
     """Whether a building is entered by a back: by the widest that stands on the ground, or one more of many."""
-    if facades.role[facade] != BACK:
+    if facades.role[facade] != WallRole.BACK:
         return False
     own = facades.building_facades(facade)
-    backs = own[(facades.role[own] == BACK) & (np.abs(facades.foot[own]) < LEVEL_TOLERANCE_M) & ~facades.raised[own]]
+    backs = own[(facades.role[own] == WallRole.BACK) & (np.abs(facades.foot[own]) < LEVEL_TOLERANCE_M) & ~facades.raised[own]]
     runs = np.unique(facades.run[backs])
     wide = np.array(
         [(facades.along[one] + facades.width[one]).max() for one in map(facades.run_members, runs.tolist())]

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import shapely
 from shapely.affinity import translate
 
-from facade_core.facade.texture.building_walls import Wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import BACK, STREET, free_wall_area
+from facade_core.geometry.walls import WallRole, free_wall_area
 from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.facades import Facades
 
 
-def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence[float] = ()) -> Wall:
+def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence[float] = ()) -> FacadeWall:
     """The wall that a facade is, or is a part of: all that are laid out as one with it, from left to right. entrances: where a
     map has doors in it, metres from the left."""
     own = facades.run_members(facade)
@@ -22,14 +22,14 @@ def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence
         translate(free_wall_area(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
         for one in own.tolist()
     ]
-    return Wall(
+    return FacadeWall(
         width=float((facades.along[own] + facades.width[own]).max()),
         height=float(facades.height[facade]),
         foot=float(facades.foot[facade]),
         eaves=float(facades.eaves[facade]),
         storeys=int(facades.storeys[facade]),
-        street=int(facades.role[facade]) == STREET,
-        plain=int(facades.role[facade]) == BACK,
+        street=int(facades.role[facade]) == WallRole.STREET,
+        plain=int(facades.role[facade]) == WallRole.BACK,
         free=shapely.union_all(parts),
         raised=bool(facades.raised[facade]),
         seams=tuple(facades.along[own][1:].tolist()),

@@ -17,7 +17,7 @@ from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import BACK, FLOOR_HEIGHT_M, LEVEL_TOLERANCE_M, MIN_WALL_M, SIDE, STREET, wall_runs
+from facade_core.geometry.walls import FLOOR_HEIGHT_M, LEVEL_TOLERANCE_M, MIN_WALL_M, WallRole, wall_runs
 
 # Smallest street facade in metres, and share of it that the street sees.
 MIN_FACADE_WIDTH_M = 3.0
@@ -119,8 +119,8 @@ def find_facades(
     shown = best >= MIN_SEEN_SHARE
     for one in runs:  # all facets of a round wall share one role
         shown[one] = shown[one].any() if streets else shown[one]
-    role = np.where(shown, np.where(wide >= MIN_FACADE_WIDTH_M, STREET, SIDE), BACK).astype(np.uint8)
-    chart = np.flatnonzero((large & (role == STREET)) | free)
+    role = np.where(shown, np.where(wide >= MIN_FACADE_WIDTH_M, WallRole.STREET, WallRole.SIDE), WallRole.BACK).astype(np.uint8)
+    chart = np.flatnonzero((large & (role == WallRole.STREET)) | free)
     if streets:
         street[chart] = _nearest_streets(charts, chart, street[chart], best[chart], streets)
     building = charts.building[chart]

@@ -18,7 +18,7 @@ from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint, assign_waves, place_viewpoints
 from facade_core.geometry.texel_density import min_texel_density, texel_density
-from facade_core.geometry.walls import STREET, free_wall_shares
+from facade_core.geometry.walls import WallRole, free_wall_shares
 from facade_core.imagery.poses.panorama_camera import WALL_REACH_M
 from facade_core.imagery.rectify.panorama import MAX_SIGHTING_DISTANCE_M, find_sightings, nearby_panoramas
 from facade_core.plan.core_region import CoreRegion, core_charts, core_facades, core_streets, core_viewpoints
@@ -182,11 +182,11 @@ def _find_sightings(
     found = []
     for index, near in enumerate(nearby_panoramas(scene, facades.chart, poses)):
         chart, of = int(facades.chart[index]), near.tolist()
-        on_street = facades.role[index] == STREET
+        on_street = facades.role[index] == WallRole.STREET
         reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, MIN_OFF_STREET_SHARE)
-        for sighting in find_sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], reach=reach):
-            if sighting.seen >= least:
-                found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
+        for sighting in find_sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], max_distance=reach):
+            if sighting.seen_share >= least:
+                found.append((index, of[sighting.panorama], sighting.seen_share, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]
     return Sightings(
         np.array(columns[0], np.int32),

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import nearby_panoramas, point_visibility
 from facade_core.plan.facades import Facades
 
@@ -43,7 +43,7 @@ def choose_panoramas(
     yet covered, the earlier of two equals; then whichever the others make needless is left out again, the last chosen first.
     At most ln(points) times as many as the fewest there could be.
     """
-    rows = np.flatnonzero(facades.role == STREET)
+    rows = np.flatnonzero(facades.role == WallRole.STREET)
     points = _facade_points(scene, facades.chart[rows], poses, sizes)
     needs = points.covered(points.weight) * MIN_COVERED_SHARE
     has = np.zeros(len(rows))
@@ -68,7 +68,7 @@ def covered_area(
     scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], some: Sequence[int]
 ) -> float:
     """The square metres of facades at streets that some of the panoramas cover, as `fewest` counts what the chosen do."""
-    points = _facade_points(scene, facades.chart[facades.role == STREET], poses, sizes)
+    points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes)
     return float(points.weight[points.times(some) > 0].sum())
 
 

@@ -40,7 +40,8 @@ class KnownTexture(NamedTuple):
     read : reads part of any chart; provenance UNSEEN where nothing is known.
     base_charts : charts with a base layer from facades or textures.
     street_charts : charts that streets wrote.
-    photo_charts : walls and roofs of `base_charts` that show camera pictures; at least the asked chart and its neighbours.
+    photo_charts : walls and roofs of `base_charts` that show camera pictures; at least the asked chart and its
+        neighbours.
     """
 
     read: ChartReader
@@ -92,9 +93,9 @@ def finish_chart(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the final colour and provenance of a chart.
 
-    Untextured texels get their material; untextured ground under the open sky gets the aerial picture. Hidden parts of a wall
-    get one colour, which compresses to nothing. Walls and ground darken near their contact line. With a sun the chart gets its
-    light and shadows. Labels add the shadows of a facade's relief, except on pictures of that facade.
+    Untextured texels get their material; untextured ground under the open sky gets the aerial picture. Hidden parts of
+    a wall get one colour, which compresses to nothing. Walls and ground darken near their contact line. With a sun the
+    chart gets its light and shadows. Labels add the shadows of a facade's relief, except on pictures of that facade.
 
     Parameters
     ----------
@@ -104,7 +105,8 @@ def finish_chart(
     known : texture from facades and streets.
     is_neural : the network translated the streets, so that their colours differ from the materials.
     views : views whose pixels are coarser than texels; finer detail is added from the material.
-    levelling : level generated texels to seen ones of the same surface, and both to pictures. Pictures of ground fade instead.
+    levelling : level generated texels to seen ones of the same surface, and both to pictures. Pictures of ground fade
+        instead.
     aerial : picture from above.
     sun : position of the sun, None for soft daylight only.
     labels : (h, w) class id of the facade on this chart.
@@ -191,9 +193,9 @@ def _finish_unlit(
         return _level_to_surroundings(
             scene, chart, colour, ~guessed, guessed, known.read, known.base_charts, Provenance.TRANSLATED
         ), provenance
-    # A ground picture says nothing about distant ground, so that is not levelled to it: the picture extends a little by example
-    # and then fades into the material. With an aerial picture it does not end at a piece's border: the neighbours' data do not
-    # contain the aerial picture yet.
+    # A ground picture says nothing about distant ground, so that is not levelled to it: the picture extends a little by
+    # example and then fades into the material. With an aerial picture it does not end at a piece's border: the
+    # neighbours' data do not contain the aerial picture yet.
     near = {chart, *coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()} if aerial is None else {chart}
     if near.isdisjoint(known.base_charts):
         return colour, provenance
@@ -220,8 +222,8 @@ def _extend_photos(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Extend pictures by example into free texels, up to `max_distance_m`.
 
-    Returns the colour (h, w, 3), the filled texels (h, w), and texels without picture of the chart with LEVELLING_MARGIN_M around
-    it. `materials` gives the kinds of ground; None treats the surface as one kind.
+    Returns the colour (h, w, 3), the filled texels (h, w), and texels without picture of the chart with
+    LEVELLING_MARGIN_M around it. `materials` gives the kinds of ground; None treats the surface as one kind.
     """
     density, size = float(scene.placement.texels_per_metre[chart]), (free.shape[0], free.shape[1])
     margin = round(LEVELLING_MARGIN_M * density)
@@ -260,7 +262,9 @@ def photo_fade_weight(scene: Scene, chart: int, end: np.ndarray) -> np.ndarray:
     margin = (end.shape[0] - rows) // 2
     away = cv2.distanceTransform((~end).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
     away = away[margin : margin + rows, margin : margin + columns]
-    return np.clip(away / max(1.0, PHOTO_FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1).astype(np.float32)
+    return np.clip(away / max(1.0, PHOTO_FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1).astype(
+        np.float32
+    )
 
 
 def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> np.ndarray:
@@ -270,7 +274,9 @@ def _distant_colour(scene: Scene, materials: MaterialField, chart: int) -> np.nd
     return materials.colour(np.array([chart]), middle, np.array([max(width, height)]))[0]
 
 
-def _smallest_footprint(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, views: TranslatedViews) -> np.ndarray:
+def _smallest_footprint(
+    scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, views: TranslatedViews
+) -> np.ndarray:
     """Return the smallest footprint (k,) of the views' pixels on texels of a chart, metres."""
     step = 1 / scene.placement.texels_per_metre[chart]
     points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
@@ -291,7 +297,8 @@ def _level_to_surroundings(
     min_rank: int,
     decay_m: float = SEAM_DECAY_M,
 ) -> np.ndarray:
-    """Level the free texels (h, w) of a chart to the fixed ones and to texels of `neighbours` with a rank above `min_rank`.
+    """Level the free texels (h, w) of a chart to the fixed ones and to texels of `neighbours` with a rank above
+    `min_rank`.
 
     The offset decays to a third over `decay_m` metres.
     """

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.street.materials.grain import PLASTER_FINE, PLASTER_ROUGH, SETTS, add_grain
+from facade_core.street.materials.grain import (
+    GrainKind,
+    add_grain,
+)
 from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.synth.canvas import Canvas, fractal, linear, noise
 
@@ -41,7 +44,9 @@ def plaster(
     grain = noise(shape, 0.022 * canvas.scale, rng)
     # Grain, the strokes of the trowel, and patches as far as an arm reaches.
     weight = PLASTERED[0] + (PLASTERED[1] - PLASTERED[0]) * rough
-    tone = photographed(shape, canvas.scale, PLASTER_ROUGH if rough > 0.4 else PLASTER_FINE, weight, rng)
+    tone = photographed(
+        shape, canvas.scale, GrainKind.PLASTER_ROUGH if rough > 0.4 else GrainKind.PLASTER_FINE, weight, rng
+    )
     tone += np.float32(0.02 + 0.03 * rough) * grain + 0.022 * noise(shape, 0.35 * canvas.scale, rng)
     tone += np.float32(0.010) * noise(shape, (0.05 * canvas.scale, 0.16 * canvas.scale), rng)
     tone += np.float32(0.014) * noise(shape, 1.7 * canvas.scale, rng)
@@ -80,7 +85,7 @@ def masonry(
     value = np.take_along_axis(rng.standard_normal((count, int(stone.max()) + 1), dtype=np.float32), stone, 1)
     upright = np.where(short, in_unit - length, in_unit) < joint
     gap = (in_row >= course - joint)[:, None] | upright[row]
-    grain = photographed((rows, columns), canvas.scale, SETTS, LAID, rng)
+    grain = photographed((rows, columns), canvas.scale, GrainKind.SETTS, LAID, rng)
     tone = 1 + np.float32(bond.spread) * value
     # Firing and quarry beds change the hue as well as the tone.
     redder = tone * (1 + np.float32(0.35 * bond.spread) * np.sin(7 * value))
@@ -112,7 +117,7 @@ def photographed(
         count = min(together, rows - first)
         y = np.repeat((np.arange(first, first + count) + 0.5) / scale, columns)
         tone = np.ones(len(y))
-        add_grain(np.tile(across, count), y, np.full(len(y), 1 / scale), grains, example, weight, seed, tone)
+        add_grain(np.tile(across, count), y, np.full(len(y), 1 / scale), grains, int(example), weight, seed, tone)
         out[first : first + count] = (tone * tone).reshape(count, columns)  # of display values, nearly GAMMA
     return out
 

@@ -8,7 +8,7 @@ import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
-from catalogs.imagery.http_client import Away
+from catalogs.imagery.http_client import ServiceUnavailable
 from facade_core.core.errors import FacadeError, MachineError
 
 # Of sysexits.h: an error of our own or of the machine; a cluster, or a service of pictures, that is gone for now.
@@ -40,7 +40,7 @@ def ending(error: Exception) -> tuple[int, str]:
 
 
 def _code(error: FacadeError) -> int:
-    if isinstance(error, Away):
+    if isinstance(error, ServiceUnavailable):
         return GONE
     if not isinstance(error, MachineError):
         return UNUSABLE

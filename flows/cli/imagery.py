@@ -70,13 +70,13 @@ def fetch_imagery(
         return
     if to is None:
         raise InputError("--bbox: there is no block file to lay pictures beside; name a folder with --to")
-    from catalogs.imagery.services import service_of
+    from catalogs.imagery.services import resolve_service
     from flows.cli.console import progress
     from tasks.fetching import fetch_for_box
 
     assert bbox is not None
     with progress(quiet=not sys.stderr.isatty()):
-        found = fetch_for_box(bbox, to, service_of(source, poses), dates=dates, most=most, licence=licence)
+        found = fetch_for_box(bbox, to, resolve_service(source, poses), dates=dates, most=most, licence=licence)
     ended(found)
 
 
@@ -156,12 +156,12 @@ def fetched_for_block(
     licence: str | None = None,
 ) -> Fetched:
     """Fetch the panoramas of a block, with bars in a terminal."""
-    from catalogs.imagery.services import service_of
+    from catalogs.imagery.services import resolve_service
     from flows.cli.console import progress
     from tasks.fetching import fetch_for_block
 
     with progress(quiet=not sys.stderr.isatty()):
-        return fetch_for_block(block_file, service_of(source, poses), to=to, dates=dates, most=most, licence=licence)
+        return fetch_for_block(block_file, resolve_service(source, poses), to=to, dates=dates, most=most, licence=licence)
 
 
 def ended(fetched: Fetched) -> None:

@@ -14,10 +14,10 @@ class ExistingPath(click.Path):
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
-            from catalogs.block.paths import nearest
+            from catalogs.block.paths import suggest_name
 
             path = Path(value)
-            if os.path.lexists(path) or (close := nearest(path)) is None:
+            if os.path.lexists(path) or (close := suggest_name(path)) is None:
                 raise
             said = f"{error.message.rstrip('.')}; did you mean {path.with_name(close)}?"
             raise click.BadParameter(said, ctx, param) from error

@@ -16,12 +16,12 @@ from catalogs.block.block_file import BlockFile
 from catalogs.block.building_corrections import apply_corrections, correction_owners
 from catalogs.block.corrections import Corrections, adopt_corrections, read_corrections
 from catalogs.block.extract import write_extract
-from catalogs.block.keys import LONGEST_NAME
-from catalogs.block.part import Chosen, Whole
+from catalogs.block.keys import MAX_NAME_LENGTH
+from catalogs.block.part import CityIndex, PartSelection
 from catalogs.block.reader import block_of, extract_of, read_block, with_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import check_city
-from catalogs.city.partition import CityCell, partition_city, halo_radius
+from catalogs.city.partition import CityCell, halo_radius, partition_city
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.core.name_hash import hash_name
 from facade_core.plan.exemplar_inputs import walls_from_outlines
@@ -73,14 +73,14 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     folder.mkdir(parents=True, exist_ok=True)
     adopt_corrections(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
-    whole = Whole(block_of(keys, file))
+    whole = CityIndex(block_of(keys, file))
     cuts = cut_whole(whole, asked.metres)
     rest, city = _moved(asked.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
     for chosen, cut in zip(chosen_of(whole, cuts), cuts, strict=True):
         block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
         named = rest | {"name": _named(keys.name, cut.name), "part": {"path": extract, "city": city}}
-        part = whole.part(chosen)
+        part = whole.extract_part(chosen)
         write_extract(folder / extract, extract_of(part, whole.block))
         _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
         block = with_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
@@ -89,7 +89,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     return City(keys.name, tuple(blocks), faults + tuple(_lost(whole, corrections)))
 
 
-def _lost(whole: Whole, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
+def _lost(whole: CityIndex, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
     """Corrections of what is in no block of a city: they are kept, and wait."""
     block = whole.block
     for id, owner in correction_owners(corrections, block.buildings, block.crs).items():
@@ -99,10 +99,10 @@ def _lost(whole: Whole, corrections: Corrections) -> Iterator[tuple[str, str, st
 
 def _named(city: str, block: str) -> str:
     """The name of a block of a city, no longer than a name may be."""
-    return f"{city[: LONGEST_NAME - 1 - len(block)]}-{block}"
+    return f"{city[: MAX_NAME_LENGTH - 1 - len(block)]}-{block}"
 
 
-def cut_whole(whole: Whole, metres: float) -> tuple[CityCell, ...]:
+def cut_whole(whole: CityIndex, metres: float) -> tuple[CityCell, ...]:
     """A city cut into blocks of so many metres a side."""
     texture = whole.block.texture
     reach = halo_radius(
@@ -111,10 +111,10 @@ def cut_whole(whole: Whole, metres: float) -> tuple[CityCell, ...]:
     return partition_city(whole.block.buildings, whole.segments, block_size=metres, halo=reach)
 
 
-def chosen_of(whole: Whole, cuts: Sequence[CityCell]) -> Iterator[Chosen]:
+def chosen_of(whole: CityIndex, cuts: Sequence[CityCell]) -> Iterator[PartSelection]:
     """What is of each block of a city: with the buildings beyond, on which the choice of exemplars stands."""
     block = whole.block
-    walls = walls_from_outlines(block.buildings, whole.fronts, [-1] * len(block.buildings), block.storey)
+    walls = walls_from_outlines(block.buildings, whole.front_streets, [-1] * len(block.buildings), block.storey)
     order = choice_order(walls, seed=block.seed)
     numbers = {building.id: hash_name(building.whole_id) for building in block.buildings}
     numbered = defaultdict(list)
@@ -123,7 +123,7 @@ def chosen_of(whole: Whole, cuts: Sequence[CityCell]) -> Iterator[Chosen]:
     for cut in cuts:
         needed = order.dependencies(np.array([numbers[one] for one in cut.buildings], np.int64)).tolist()
         beyond = {building for number in needed for building in numbered[number]} - set(cut.buildings)
-        yield Chosen(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
+        yield PartSelection(cut.buildings, cut.streets, cut.halo_buildings, cut.halo_streets, tuple(sorted(beyond)))
 
 
 def _asked(path: Path) -> tuple[Mapping[str, Any], Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block
-from facade_core.geometry.texel_density import HALF_DENSITY_M, FULL_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
+from facade_core.geometry.texel_density import FULL_DENSITY_M, HALF_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
 from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
 from facade_core.plan.facades import MIN_FREE_SHARE
 from tasks.stages.ingest.planning import plan_of
@@ -98,14 +98,20 @@ def _walls(block: Block, mine: list, density: _Density) -> tuple[int, float]:
         rings = [part.exterior for part in shapely.get_parts(building.footprint)]
         edges = np.concatenate([_edges(ring) for ring in rings])
         near = [
-            i for i in tree.query(building.footprint, "dwithin", distance=MAX_JOINT_M) if block.buildings[i] is not building
+            i
+            for i in tree.query(building.footprint, "dwithin", distance=MAX_JOINT_M)
+            if block.buildings[i] is not building
         ]
         against = shapely.union_all([outlines[i] for i in near]).buffer(MAX_JOINT_M)
         lengths = shapely.length(edges)
         left = shapely.length(shapely.difference(edges, against)) / np.maximum(lengths, 1e-9)
         count += int(((left >= MIN_FREE_SHARE) & (lengths >= MIN_WALL_M)).sum())
         for edge, metres, free in zip(edges, lengths.tolist(), left.tolist(), strict=True):
-            texels += metres * building.height * (density.texels(edge) if free > MAX_PARTY_WALL_SHARE else density.coarsest**2)
+            texels += (
+                metres
+                * building.height
+                * (density.texels(edge) if free > MAX_PARTY_WALL_SHARE else density.coarsest**2)
+            )
     return count, texels
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from catalogs.block.corrections import corrections_file
 from catalogs.block.keys import BlockKeys, check_keys
-from catalogs.block.paths import named_paths
+from catalogs.block.paths import resolve_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import check_city
 from catalogs.file_digest import file_digest
@@ -41,7 +41,7 @@ def _digest(values: object, keys: BlockKeys, more: tuple[Path, ...], path: Path)
     named = [
         *([said] if said.is_file() else []),
         *more,
-        *(one for paths in named_paths(keys, path).values() for one in paths),
+        *(one for paths in resolve_paths(keys, path).values() for one in paths),
     ]
     files = sorted({file for one in named for file in _files_of(one)})
     digest = hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode())

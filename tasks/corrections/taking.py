@@ -18,8 +18,8 @@ from catalogs.block.corrections import (
     FACADE_CORRECTION_KINDS,
     Correction,
     add_corrections,
-    corrections_file,
     city_or_block_file,
+    corrections_file,
     read_corrections,
 )
 from catalogs.published.folders import Folder
@@ -127,8 +127,13 @@ def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
             by_file.setdefault(corrections_file(block), (block, []))[1].extend(new)
     for block, new in by_file.values():
         add_corrections(block, new)
-    every = [one for of in of_blocks for one in of.said if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS]
-    facades, buildings = (len({one.id for one in every if one.kind in kind}) for kind in (FACADE_CORRECTION_KINDS, BUILDING_CORRECTION_KINDS))
+    every = [
+        one for of in of_blocks for one in of.said if one.id not in of.unchanged or one.kind in FACADE_CORRECTION_KINDS
+    ]
+    facades, buildings = (
+        len({one.id for one in every if one.kind in kind})
+        for kind in (FACADE_CORRECTION_KINDS, BUILDING_CORRECTION_KINDS)
+    )
     notes = tuple(note for of in of_blocks for note in of.notes)
     return Imported(tuple(by_file), _command(out, of_blocks[0].block), facades, buildings, notes)
 

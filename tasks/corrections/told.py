@@ -12,7 +12,14 @@ from typing import Any, cast
 import numpy as np
 
 from catalogs.block.building_corrections import MIN_WALL_HEIGHT_M
-from catalogs.block.corrections import BUILDING_CORRECTION_KINDS, FACADE_CORRECTION_KINDS, Correction, Corrections, validate_correction, is_number
+from catalogs.block.corrections import (
+    BUILDING_CORRECTION_KINDS,
+    FACADE_CORRECTION_KINDS,
+    Correction,
+    Corrections,
+    is_number,
+    validate_correction,
+)
 from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.readers.annotations import Annotation, MeasuredHeight
 from facade_core.core.errors import InputError
@@ -64,7 +71,11 @@ class Told:
             if (shapes.get(id) or self._stands(id, "roof_shape")) in (None, "flat"):
                 raise InputError(f"{named}: {id}: its roof is flat and has no height; give a roof_shape too")
         for id, shape in shapes.items():
-            if shape is None and id not in heights and (height := self.before.corrected_value(id, "roof_height")) is not None:
+            if (
+                shape is None
+                and id not in heights
+                and (height := self.before.corrected_value(id, "roof_height")) is not None
+            ):
                 self.notes.append(
                     f"{id}: the roof_height {height:g} that was given with its shape stays, where the roof is not flat; "
                     "take it back too"

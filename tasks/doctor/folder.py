@@ -71,10 +71,8 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
 def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str) -> Finding:
     # a street from which no wall is seen has nothing to be done, and no record
     seen = set(group["viewpoints/street"][:].tolist())
-    kept = {
-        stage: [r for index, r in enumerate(journal) if r or stage != "streets" or index in seen]
-        for stage, journal in records.items()
-    }
+    streets = [record for index, record in enumerate(records["streets"]) if record or index in seen]
+    kept = records | {"streets": streets}
     states = Counter(r["status"] if r else "waiting" for journal in kept.values() for r in journal)
     told = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]

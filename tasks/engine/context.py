@@ -24,14 +24,6 @@ def worker_name() -> str:
     return "serial"
 
 
-def unit_seed(run: Run, unit: str, stage: str) -> int:
-    """The seed of a stage of a unit: from the block's seed, the unit's id and the stage's name, and nothing else."""
-    import hashlib
-
-    text = f"{run.seed}/{unit}/{stage}"
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "big")
-
-
 @lru_cache(maxsize=2)
 def plan_of_run(run: Run) -> Plan:
     """A run's plan, read once per process. It is written once, before any unit starts, so the newest snapshot holds it."""

@@ -19,6 +19,7 @@ from importlib.util import resolve_name
 from pathlib import Path
 
 from facade_core.imagery.detect.models import models_digest
+from tasks.engine.data_files import DATA_FILES
 
 VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -72,9 +73,6 @@ INSTALLED_AS = {
     "sklearn": "scikit-learn",
     "yaml": "pyyaml",
 }
-# Beside modules, what they do not load: by suffix, and a folder that is there for tests.
-NO_DATA = frozenset({".md", ".py", ".pyc", ".pyi"})
-SCHEMAS = "schemas"
 
 
 @dataclass(frozen=True)
@@ -98,8 +96,8 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
     digest = blake2b(digest_size=8)
     for name in sorted(found):
         digest.update(f"{name} {found[name].digest}\n".encode())
-    for path in sorted({path for module in found.values() for path in data_of(module)}):
-        digest.update(f"{path.relative_to(root).as_posix()} {_content(path)}\n".encode())
+    for file in sorted({file for name in found for file in DATA_FILES.get(name, ())}):
+        digest.update(f"{file} {_content(root / file)}\n".encode())
     digest.update(f"python {sys.version_info.major}.{sys.version_info.minor}\n".encode())
     outside = {name.partition(".")[0] for module in found.values() for name, _ in module.imports}
     for library in sorted(outside - sys.stdlib_module_names - LIBRARIES_APART - set(HOUSE)):
@@ -252,57 +250,6 @@ def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple
     else:
         module = resolve_name("." * node.level + (node.module or ""), package)
         yield from ((module, alias.name) for alias in node.names)
-
-
-def data_of(module: Module) -> list[Path]:
-    """The data that a module loads of those that lie beside it: files that it names, or of whose siblings of another suffix it
-    names one; where no module there names any of these, those in the folders that it names; and what none names at all."""
-    mine = []
-    for path, *tellings in _data_beside(module.path.parent):
-        by = next(filter(None, (_naming(module.path.parent, words) for words in tellings)), None)
-        if by is None or module.path in by:
-            mine.append(path)
-    return mine
-
-
-@cache
-def _naming(folder: Path, words: tuple[str, ...]) -> frozenset[Path]:
-    """The modules in a folder in which one of some words is a string."""
-
-    def names(path: Path) -> bool:
-        text = _text(path)
-        if not any(word.encode() in text for word in words):
-            return False
-        return any(isinstance(node, ast.Constant) and node.value in words for node in ast.walk(ast.parse(text)))
-
-    return frozenset(path for path in folder.glob("*.py") if names(path))
-
-
-@cache
-def _data_beside(folder: Path) -> tuple[tuple[Path, tuple[str, ...], tuple[str, ...]], ...]:
-    """The data of a package: each file, its name and those of its siblings of other suffixes, and the folder it lies in."""
-
-    def files(place: Path) -> Iterator[Path]:
-        for path in sorted(place.iterdir()):
-            if path.is_dir() and path.name not in ("__pycache__", SCHEMAS) and not any(path.glob("*.py")):
-                yield from files(path)
-            elif path.is_file() and path.suffix not in NO_DATA:
-                yield path
-
-    found = list(files(folder))
-    return tuple(
-        (
-            path,
-            tuple(other.name for other in found if other.with_suffix("") == path.with_suffix("")),
-            path.relative_to(folder).parts[:1],
-        )
-        for path in found
-    )
-
-
-@cache
-def _text(path: Path) -> bytes:
-    return path.read_bytes()
 
 
 @cache

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from catalogs.block.reader import Block, read_block
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.facade import PaintedFacade, facade
 from facade_core.synth.styles import NORDIC
@@ -102,7 +102,7 @@ def _paint_photos(block: Block, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     # facades are found the same with coarse panoramas; only what each panorama shows is coarser
     facades = plan_of(replace(block, texture=replace(block.texture, panorama_width=256))).facades
-    fronts = np.flatnonzero(facades.role == STREET).tolist()
+    fronts = np.flatnonzero(facades.role == WallRole.STREET).tolist()
     chosen = [i for i in fronts if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
     begin_stage("paint", len(chosen))
 

@@ -23,7 +23,7 @@ from catalogs.readers.formats import read_buildings
 from catalogs.readers.pictures.folders import list_images
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from tasks.examples.demo import paint_exemplars
 from tasks.stages.ingest.planning import plan_of
 
@@ -253,7 +253,7 @@ def _written(
             raise
         plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
-        fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == STREET).tolist())
+        fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())
         panoramas, named, unused, unplaced = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
         if photos and panoramas:
             imagery["panoramas"] = {"path": _beside(photos, path)}

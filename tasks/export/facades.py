@@ -79,7 +79,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     """BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets."""
     import shapely
 
-    from catalogs.published.geopackage import write_layers
+    from catalogs.published.geopackage import LayerContent, write_layers
     from facade_core.core.grouping import group_rows
     from facade_core.export.bodies.footprints import building_footprints
     from facade_core.geometry.charts import ChartKind
@@ -99,32 +99,34 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     name = f"{file_stem(found.block)}.gpkg"
     write_layers(
         folder / name,
-        items=found.snapshot.items,
-        crs=found.crs,
-        walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
-        buildings=[
-            {
-                "id": name,
-                "name": table["name"][b] or None,
-                "height_m": float(table["height"][b]),
-                **_levels(found, of_building[b]),
-                "height_source": table["height_source"][b],
-                "levels": int(table["levels"][b]) or None,
-                "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
-                "roof_height_m": float(table["roof_height"][b]) if "roof_height" in table else None,
-                "roof_confidence": float(table["roof_confidence"][b]) if "roof_confidence" in table else None,
-                **{what: table[what][b] or None for what in MADE_OF if what in table},
-                "geometry": outlines[b],
-            }
-            for b, name in found.names.items()
-            if name in chosen and b in outlines
-        ],
-        roofs=_surfaces(found, ChartKind.ROOF, buildings),
-        ground=_surfaces(found, ChartKind.GROUND, np.array([-1])),
-        streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
-        chosen=chosen,
-        no_facades=[facade for facade in plan.facades.id if not is_facade(found, facade)],
-        attribution=found.attribution.tags(),
+        LayerContent(
+            items=found.snapshot.items,
+            crs=found.crs,
+            walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
+            buildings=[
+                {
+                    "id": name,
+                    "name": table["name"][b] or None,
+                    "height_m": float(table["height"][b]),
+                    **_levels(found, of_building[b]),
+                    "height_source": table["height_source"][b],
+                    "levels": int(table["levels"][b]) or None,
+                    "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
+                    "roof_height_m": float(table["roof_height"][b]) if "roof_height" in table else None,
+                    "roof_confidence": float(table["roof_confidence"][b]) if "roof_confidence" in table else None,
+                    **{what: table[what][b] or None for what in MADE_OF if what in table},
+                    "geometry": outlines[b],
+                }
+                for b, name in found.names.items()
+                if name in chosen and b in outlines
+            ],
+            roofs=_surfaces(found, ChartKind.ROOF, buildings),
+            ground=_surfaces(found, ChartKind.GROUND, np.array([-1])),
+            streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
+            chosen=chosen,
+            no_facades=[facade for facade in plan.facades.id if not is_facade(found, facade)],
+            attribution=found.attribution.tags(),
+        ),
     )
     advance("export", 1)
     return [name], []

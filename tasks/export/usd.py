@@ -17,6 +17,8 @@ from tasks.published.opened import Published
 
 # 1980-01-02 in any time zone, the first day that a package can state, seconds.
 CHANGED_S = 315_619_200
+# Names of texture files by the fields of MaterialTextures.
+TEXTURE_NAMES = {"base_colour": "colour", "normal": "normal", "orm": "orm", "emissive": "glow"}
 
 
 def write_usd(
@@ -52,13 +54,13 @@ def write_usd(
     packed: list[str] = []
     pages: list[TextureFiles] = []
     for page in range(len(drawn.layout.pages)):
-        look = encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"])
-        pictures = {name: picture for name, picture in vars(look).items() if picture is not None}
-        files = {name: f"textures/{page:04}-{name}.jpg" for name in pictures}
-        for name, picture in pictures.items():
-            (folder / files[name]).write_bytes(picture)
+        textures = encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"])
+        pictures = {field: picture for field, picture in vars(textures).items() if picture is not None}
+        files = {field: f"textures/{page:04}-{TEXTURE_NAMES[field]}.jpg" for field in pictures}
+        for field, picture in pictures.items():
+            (folder / files[field]).write_bytes(picture)
         packed += files.values()
-        pages.append(TextureFiles(**{name: f"../{file}" for name, file in files.items()}))
+        pages.append(TextureFiles(**{field: f"../{file}" for field, file in files.items()}))
         advance("export", 1)
     time = None if source.maps is None else NIGHT if night else DAY
     rows = {found.names[index]: row for index, row in building_rows(found).items()}

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catalogs.published.report import write_report
-from facade_core.geometry.walls import WALL_ROLES, STREET
+from catalogs.published.report import ReportContent, write_report
+from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.exemplar_style import USUAL_SHADED_SHARE
 from tasks.engine.run import Run
 from tasks.published.images import Images
@@ -37,39 +37,41 @@ def write_block_report(
     shown = [
         {**row, "look_first": look_first(facades, index, record or {}, row["quality"])}
         for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
-        if row["role"] == WALL_ROLES[STREET] or row["status"] == "failed"
+        if row["role"] == WALL_ROLES[WallRole.STREET] or row["status"] == "failed"
     ]
     write_report(
         folder,
-        summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
-        rows=shown,
-        set_aside=rows.set_aside,
-        records={record["unit"]: record for record in journals["facades"]},
-        streets=journals["streets"],
-        viewpoints=journals["viewpoints"],
-        poses=[
-            {**_ALONE, **record, "raised_m": raised(record, stated)}
-            for record, stated in zip(block.posed, block.plan.poses, strict=True)
-            if record and record["status"] == "done"
-        ],
-        heights=_heights(block.buildings),
-        views=images.views,
-        panoramas=images.panoramas,
-        sheets=images.sheets,
-        textures_only=images.textures_only,
-        exemplars=[
-            {
-                **record,
-                "pictures": images.exemplars.get(record["unit"], ()),
-                "used": used[record["unit"]],
-                "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
-            }
-            for record in journals["exemplars"]
-            if record["status"] == "done"
-        ],
-        models=models,
-        changed_from=CHANGED,
-        before=images.before,
+        ReportContent(
+            summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
+            rows=shown,
+            set_aside=rows.set_aside,
+            records={record["unit"]: record for record in journals["facades"]},
+            streets=journals["streets"],
+            viewpoints=journals["viewpoints"],
+            poses=[
+                {**_ALONE, **record, "raised_m": raised(record, stated)}
+                for record, stated in zip(block.posed, block.plan.poses, strict=True)
+                if record and record["status"] == "done"
+            ],
+            heights=_heights(block.buildings),
+            views=images.views,
+            panoramas=images.panoramas,
+            sheets=images.sheets,
+            textures_only=images.textures_only,
+            exemplars=[
+                {
+                    **record,
+                    "pictures": images.exemplars.get(record["unit"], ()),
+                    "used": used[record["unit"]],
+                    "shaded": record["shaded"] if record["shaded"] > USUAL_SHADED_SHARE else 0,
+                }
+                for record in journals["exemplars"]
+                if record["status"] == "done"
+            ],
+            models=models,
+            min_change=CHANGED,
+            before=images.before,
+        ),
     )
 
 

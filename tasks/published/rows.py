@@ -16,7 +16,7 @@ from catalogs.published.items import ASSUMED, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
-from facade_core.geometry.walls import WALL_ROLES, STREET
+from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.facades import Facades
 from tasks.engine.run import Run
 from tasks.published.stored import StoredBlock
@@ -195,9 +195,9 @@ def _quality(record: Mapping[str, Any], levels: int, height_source: str, role: i
     # height_source is "default" where the height was assumed
     flags = {
         "mostly-hidden": (record.get("occluded") or 0) > HIDDEN,
-        "no-windows": role == STREET and not any(element[0] == "window" for element in elements),
+        "no-windows": role == WallRole.STREET and not any(element[0] == "window" for element in elements),
         "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
-        "floors-differ": role == STREET and floors > 0 and not least <= levels <= most,
+        "floors-differ": role == WallRole.STREET and floors > 0 and not least <= levels <= most,
         "doubtful-cut": not record.get("cut_found", True)
         or not 1 / STRETCHED <= record.get("stretched", 1.0) <= STRETCHED,
         ASSUMED: height_source == "default",

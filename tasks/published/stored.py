@@ -7,14 +7,16 @@ from datetime import UTC, datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
-from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.refined_poses import read_refined_poses
+from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import open_root
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import Values, read_plan, read_table
 from tasks.engine.store.status import made_by
-from tasks.stages.order import STAGE_NAMES
+from tasks.stages.facades.record import FacadeRecord
+from tasks.stages.journals import Journals, read_typed_journals
+from tasks.stages.poses.record import RefinedPoseRecord
+from tasks.stages.shared.refined_poses import read_refined_poses
 
 if TYPE_CHECKING:
     import icechunk
@@ -29,12 +31,12 @@ class StoredBlock:
     buildings: Values
 
     @cached_property
-    def journals(self) -> dict[str, list[Record | None]]:
+    def journals(self) -> Journals:
         """Stage -> the record of every unit, None where there is none."""
-        return {stage: self.records if stage == "facades" else read_journal(self.group, stage) for stage in STAGE_NAMES}
+        return read_typed_journals(self.group)
 
     @cached_property
-    def posed(self) -> list[Record | None]:
+    def posed(self) -> list[RefinedPoseRecord | None]:
         """Those of panoramas, with what was made of them together."""
         return read_refined_poses(self.group)
 
@@ -44,9 +46,9 @@ class StoredBlock:
         return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
-    def records(self) -> list[Record | None]:
+    def records(self) -> list[FacadeRecord | None]:
         """Those of the facades."""
-        return read_journal(self.group, "facades")
+        return read_journal(self.group, "facades", FacadeRecord)
 
     @cached_property
     def names(self) -> dict[int, str]:

@@ -30,7 +30,7 @@ FOLD_COURSES = {
     "ruemonge2014": TrainingSchedule(steps=500, per_step={"ruemonge2014": 6}, rate=1e-3),
 }
 # Facades that people corrected: from the shipped network on. Its normalisation was folded into its weights.
-CORRECTED_COURSE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, fixed_norms=True)
+CORRECTED_COURSE = TrainingSchedule(steps=200, per_step={"corrected": 4}, rate=1e-3, freeze_norms=True)
 
 
 def train_network(data: Path, out: Path, *, seed: int, course: TrainingSchedule = SHIPPED_COURSE) -> Path:

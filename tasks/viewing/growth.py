@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.atlas.journal import journal_path
 from facade_core.core.errors import InputError
 from facade_core.core.provenance import Provenance
 from facade_core.export.pictures.camera import PerspectiveCamera
@@ -59,7 +60,7 @@ class Growth:
         with self._lock:
             held = self._street
             if held is None or not _same(held, view) or held.street != street or held.steps > steps:
-                if not view.group["journal/viewpoints"][viewpoint].item():
+                if not view.group[journal_path("viewpoints")][viewpoint].item():
                     raise InputError(
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )

@@ -25,9 +25,10 @@ from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
 from tasks.engine.outcome import refused
-from tasks.engine.stage import read_journals
 from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import facts
+from tasks.stages.facades.record import FacadeRecord
+from tasks.stages.journals import Journals, read_typed_journals
 
 # What a facade may be coloured by: not what names it, nor where it lies.
 _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
@@ -81,12 +82,12 @@ class View:
         return found.id if found else None
 
     @cached_property
-    def journals(self) -> dict[str, list[Record | None]]:
+    def journals(self) -> Journals:
         """The records of every stage."""
-        return read_journals(self.group)
+        return read_typed_journals(self.group)
 
     @property
-    def records(self) -> list[Record | None]:
+    def records(self) -> list[FacadeRecord | None]:
         """Those of the facades."""
         return self.journals["facades"]
 
@@ -185,18 +186,15 @@ class View:
     def progress(self) -> dict[str, Any]:
         """Units done, failed, stale and in all by stage, and why; which viewpoints are done; whether all is published."""
         stages = []
-        viewpoints: list[int] = []
         failures = [
             {"stage": str(kind), "unit": str(unit), "reason": str(reason)}
             for kind, unit, reason in self.group.attrs["set_aside"]
         ]
         outdated: list[dict[str, str]] = []
-        for stage, records in self.journals.items():
+        for stage, records in cast(Mapping[str, Sequence[Record | None]], self.journals).items():
             made = [record for record in records if record]
             stale = [record for record in made if record["status"] == "stale"]
             failed = [record for record in made if record["status"] == "failed"]
-            if stage == "viewpoints":
-                viewpoints = [number for number, record in enumerate(records) if record and record["status"] == "done"]
             if records:
                 done = len(made) - len(failed) - len(stale)
                 counts = {"done": done, "failed": len(failed), "stale": len(stale), "total": len(records)}
@@ -211,7 +209,11 @@ class View:
             "stages": stages,
             "failures": failures,
             "stale": outdated,
-            "done_viewpoints": viewpoints,
+            "done_viewpoints": [
+                number
+                for number, record in enumerate(self.journals["viewpoints"])
+                if record and record["status"] == "done"
+            ],
         }
 
 

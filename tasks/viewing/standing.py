@@ -36,7 +36,10 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
         for what in ("hide", "keep")
     }
     eaves = corrections.corrected_value(building, "height") or float(tables.height[row])
-    made = {what: corrections.corrected_value(building, what) or _plain(column[row]) for what, column in tables.made_of.items()}
+    made = {
+        what: corrections.corrected_value(building, what) or _plain(column[row])
+        for what, column in tables.made_of.items()
+    }
     made["roof_height"] = None if made.get("roof_shape", "") in ("", "flat") else made["roof_height"] or None
     lattice = record.get("lattice", {})
     said = [one for id in (facade, building) for one in corrections.by_target.get(id, {}).values()]

@@ -11,10 +11,11 @@ from scipy import ndimage
 
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Street
-from facade_core.facade.texture.building_walls import Wall, compose_wall
+from facade_core.facade.texture.building_walls import compose_wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.ground_floor import replace_shops
 from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
-from facade_core.geometry.walls import BACK
+from facade_core.geometry.walls import WallRole
 from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.ingest import ingest
@@ -79,7 +80,7 @@ def test_every_building_has_a_back_with_a_door(plan: Plan, style: ExemplarStyle)
     for name in ("corner", "nook"):
         own = [i for i, id in enumerate(facades.id) if id.startswith(name)]
         doors = [i for i in own if has_back_door(facades, i)]
-        backs = [i for i in own if facades.role[i] == BACK]
+        backs = [i for i in own if facades.role[i] == WallRole.BACK]
         assert len(doors) == (2 if len(backs) >= 5 else 1)
         assert facades.width[doors].max() == facades.width[backs].max()
         labels = compose_wall(style, facade_wall(plan.scene, facades, doors[0]), metres_per_pixel=MPP, seed=3)[1]
@@ -88,9 +89,9 @@ def test_every_building_has_a_back_with_a_door(plan: Plan, style: ExemplarStyle)
         assert not (labels == FacadeClass.SHOP).any()
 
 
-def corner(width: float) -> Wall:
+def corner(width: float) -> FacadeWall:
     free = shapely.box(0, 0, width, 16)
-    return Wall(width, 16, 0, 16, 5, street=False, plain=False, free=free, corner=True)
+    return FacadeWall(width, 16, 0, 16, 5, street=False, plain=False, free=free, corner=True)
 
 
 @pytest.mark.parametrize("width", [1.3, 2.1, 2.9])
@@ -115,7 +116,7 @@ def test_what_is_too_narrow_for_a_shop_has_none(style: ExemplarStyle) -> None:
 
 
 def test_a_back_that_is_covered_at_the_ground_has_no_door(style: ExemplarStyle) -> None:
-    wall = Wall(8, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 8, 10), door=True)
+    wall = FacadeWall(8, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 8, 10), door=True)
     assert not (compose_wall(style, wall, metres_per_pixel=MPP)[1] == FacadeClass.DOOR).any()
 
 
@@ -129,7 +130,7 @@ def test_a_front_shows_a_door_where_the_map_has_one() -> None:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=8)
     style = extract_style(*replace_shops(painted.image, painted.labels))
     assert style.doors.any()
-    wide = replace(Wall.alone(14, 30, 5), entrances=())
+    wide = replace(FacadeWall.alone(14, 30, 5), entrances=())
     before = doors_of(compose_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])
     place = max(np.linspace(3, 27, 25).tolist(), key=lambda x: min(abs(x - door) for door in before))
     labels = compose_wall(style, replace(wide, entrances=(place,)), metres_per_pixel=MPP, seed=3)[1]
@@ -141,7 +142,7 @@ def test_a_front_shows_a_door_where_the_map_has_one() -> None:
 
 
 def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarStyle) -> None:
-    wall = Wall(16, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 16, 16))
+    wall = FacadeWall(16, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 16, 16))
     assert not doors_of(compose_wall(style, wall, metres_per_pixel=MPP)[1])
     for place in (3.0, 13.0):
         (door,) = doors_of(compose_wall(style, replace(wall, entrances=(place,)), metres_per_pixel=MPP)[1])

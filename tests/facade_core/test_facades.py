@@ -12,11 +12,12 @@ from scipy import ndimage
 
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
-from facade_core.facade.texture.building_walls import Wall, compose_wall
+from facade_core.facade.texture.building_walls import compose_wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
 from facade_core.facade.texture.storeys import FLOOR_HEIGHT_M, stack_floors
 from facade_core.geometry.buildings.roof_shapes import build_roof_shell
-from facade_core.geometry.walls import BACK, STREET, free_wall_area
+from facade_core.geometry.walls import WallRole, free_wall_area
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
 from facade_core.plan.ingest import ingest
@@ -73,14 +74,14 @@ def test_every_wall_that_stands_free_is_a_facade(plan: Plan) -> None:
     facades = plan.facades
     counts = {name: sum(id_.startswith(f"{name}-") for id_ in facades.id) for name in ("ell", "low", "court", "tower")}
     assert counts == {"ell": 6, "low": 3, "court": 8, "tower": 16}, "of the lower one the party wall is left out"
-    assert [facades.role[i] for name in ("ell", "low", "court") for i in on(plan, name, (0, -1))[:1]] == [STREET] * 3
-    assert all(facades.role[i] == BACK for name in ("ell", "low") for i in on(plan, name, (0, 1)))
+    assert [facades.role[i] for name in ("ell", "low", "court") for i in on(plan, name, (0, -1))[:1]] == [WallRole.STREET] * 3
+    assert all(facades.role[i] == WallRole.BACK for name in ("ell", "low") for i in on(plan, name, (0, 1)))
     assert not plan.writable[facades.chart].any()
 
 
 def test_translated_walls_are_left_to_the_streets() -> None:
     facades = plan_of("translate").facades
-    assert (facades.role == STREET).all()
+    assert (facades.role == WallRole.STREET).all()
     assert facades.width.min() >= 3
 
 
@@ -119,7 +120,7 @@ def test_what_is_round_is_one(plan: Plan) -> None:
     own = facades.run_members(tower[5])
     assert sorted(own.tolist()) == tower
     np.testing.assert_allclose(facades.along[own], np.append(0, np.cumsum(facades.width[own])[:-1]), atol=1e-6)
-    assert (facades.role[own] == STREET).all()
+    assert (facades.role[own] == WallRole.STREET).all()
     assert facade_wall(plan.scene, facades, tower[3]).width == pytest.approx(25, abs=0.5)
     assert len(facades.run_members(on(plan, "ell", (0, -1))[0])) == 1
     for one in range(len(facades)):
@@ -156,7 +157,7 @@ def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Exem
 def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
     style: ExemplarStyle, seams: tuple[float, ...]
 ) -> None:
-    wall = Wall(30, 16, 0, 16, 5, True, False, shapely.box(0, 0, 30, 16), seams=seams)
+    wall = FacadeWall(30, 16, 0, 16, 5, True, False, shapely.box(0, 0, 30, 16), seams=seams)
     for street, plain in ((True, False), (False, True)):
         labels = compose_wall(style, replace(wall, street=street, plain=plain), metres_per_pixel=MPP)[1]
         at = np.rint(np.array(seams) / MPP).astype(int)
@@ -168,7 +169,7 @@ def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Exempla
     for facet, texel, some in ((2.4, 1 / 8, True), (1.7, 1 / 8, True), (1.0, 1 / 32, True), (0.72, 1 / 8, False)):
         seams = np.arange(facet, 12 * facet - 0.01, facet)
         size = 12 * facet, 16
-        wall = Wall(*size, 0, 16, 5, False, True, shapely.box(0, 0, *size), seams=tuple(seams.tolist()))
+        wall = FacadeWall(*size, 0, 16, 5, False, True, shapely.box(0, 0, *size), seams=tuple(seams.tolist()))
         labels = compose_wall(style, wall, metres_per_pixel=MPP, texel_m=texel)[1]
         assert bool(windows(labels)) == some
         for _, columns in windows(labels):
@@ -179,17 +180,17 @@ def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Exempla
 
 def test_gables_and_narrow_walls(style: ExemplarStyle) -> None:
     gable = shapely.Polygon([(0, 6), (6, 0), (12, 6), (12, 22), (0, 22)])
-    labels = compose_wall(style, Wall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]
+    labels = compose_wall(style, FacadeWall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]
     over = [w for w in windows(labels) if w[0].stop * MPP < 6]
     for rows, columns in windows(labels):
         corners = MPP * np.array([[columns.start, rows.start], [columns.stop, rows.start]])
         assert gable.buffer(2 * MPP).covers(shapely.MultiPoint(corners))
     assert len(over) < len(windows(labels)) / 4
     narrow = compose_wall(
-        style, Wall(0.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 0.9, 16)), metres_per_pixel=MPP
+        style, FacadeWall(0.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 0.9, 16)), metres_per_pixel=MPP
     )[1]
     assert not windows(narrow)
-    fits = compose_wall(style, Wall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP)[
+    fits = compose_wall(style, FacadeWall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP)[
         1
     ]
     assert len(windows(fits)) == 5
@@ -209,13 +210,13 @@ def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, 
         assert heights.max() <= FLOOR_HEIGHT_M[1] + 0.01
 
 
-def wall_storeys(style: ExemplarStyle, wall: Wall) -> list[float]:
+def wall_storeys(style: ExemplarStyle, wall: FacadeWall) -> list[float]:
     """The heights of a wall's storeys, from the top."""
     return [float(np.sum(storey.heights)) + storey.attic for storey in stack_floors(style, wall, MPP)[0]]
 
 
 def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarStyle) -> None:
-    tall = Wall.alone(19.2, 12.0, floors=6)
-    low = Wall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
+    tall = FacadeWall.alone(19.2, 12.0, floors=6)
+    low = FacadeWall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
     high, lower = (np.cumsum(wall_storeys(style, wall)[::-1]) for wall in (tall, low))
     np.testing.assert_allclose(high[: len(lower) - 1], lower[:-1], atol=1e-6)

@@ -11,7 +11,7 @@ import shapely
 
 from facade_core.core.types import Building, Finish, Pose, Street
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.plan.identity import chart_ids, serialise_finish
 from facade_core.plan.ingest import ingest
@@ -138,12 +138,12 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
     poses = [Pose(*(middle + rng.uniform(-400, 400, 2)), 2.5, float(rng.uniform(0, 360))) for _ in range(60)]
     found = plan(HOUSES, poses=poses)
     wanted = [
-        (facade, one.panorama, one.seen, one.pixels_per_metre)
+        (facade, one.panorama, one.seen_share, one.pixels_per_metre)
         for facade, (chart, role) in enumerate(zip(found.facades.chart.tolist(), found.facades.role, strict=True))
         for one in find_sightings(
-            found.scene, chart, found.poses, [(256, 512)] * len(poses), reach=150.0 if role == STREET else 40.0
+            found.scene, chart, found.poses, [(256, 512)] * len(poses), max_distance=150.0 if role == WallRole.STREET else 40.0
         )
-        if role == STREET or one.seen >= 0.3
+        if role == WallRole.STREET or one.seen_share >= 0.3
     ]
     shown = found.sightings
     columns = (shown.facade, shown.panorama, shown.seen, shown.pixels_per_metre)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _METRE_NAMES = frozenset(("m", "metre", "meter", "metres", "meters"))
 _MAX_LEVELS = 300.0  # 9999 is a code for unknown
 
-# rings by id, whether they are turned over, semantic
+# rings by id, whether they are reversed, semantic
 _SurfaceRings = tuple[dict[str, np.ndarray], bool, str | None]
 
 
@@ -85,7 +85,7 @@ def read_citygml(path: Path, lod: str | None = None) -> BuildingModels:
             faults.append(Fault(id, "building", f"{path.name}: {reason}", _approximate_location(building, reading)))
         except InputError:
             raise
-        except Exception as error:  # whatever it holds, the others are read
+        except Exception as error:  # the other buildings are read
             faults.append(Fault(id, "building", f"{path.name}: {fault_reason(error)}"))
     crs = frame.crs if frame else _building_axes(None, np.empty((0, 3)), reading).crs
     return BuildingModels(
@@ -148,7 +148,7 @@ def _build_faces(outlines: Sequence[_SurfaceRings], axes: Axes, id: str, reading
         rings = [axes.to_east_north_up(ring) for ring in named.values()]
         corners = (rings[0] * (*axes.metres_per_unit, 1.0)).round(3) + 0.0
         key = corners[np.lexsort(corners.T)].tobytes()
-        repeated = semantic is None and key in known  # by a solid that does not refer to the surfaces of its boundary
+        repeated = semantic is None and key in known  # solids may repeat the surfaces of their boundary
         known.add(key)
         if semantic == "inside" or repeated:
             continue

@@ -18,10 +18,12 @@ if TYPE_CHECKING:
 
 _ID_ATTRIBUTES = ("{http://www.opengis.net/gml}id", "{http://www.opengis.net/gml/3.2}id")
 _MEMBER_NAMES = ("Building", "cityObjectMember", "featureMember", "appearanceMember", "surfaceDataMember")
-# What is held in memory at a time, in bytes and in tags: a building, or one picture's coordinates.
-_MAX_MEMBER_BYTES, _MAX_MEMBER_TAGS = 256 * 2**20, 4_000_000
-# A file may unpack to this, or to so many times its size: texts of numbers pack to a tenth.
-_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO = 32 * 2**20, 40
+# Limits of one member in memory: a building, or the coordinates of one picture.
+_MAX_MEMBER_BYTES = 256 * 2**20
+_MAX_MEMBER_TAGS = 4_000_000
+# Limits of decompression, the larger of both: texts of numbers compress to a tenth.
+_MIN_UNPACK_LIMIT_BYTES = 32 * 2**20
+_MAX_UNPACK_RATIO = 40
 
 
 def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
@@ -91,7 +93,8 @@ class _BoundedFile:
             raise InputError(f"{self._path} unpacks to over {_MAX_UNPACK_RATIO} times its size; export it again")
         if self._bytes > _MAX_MEMBER_BYTES or self._tags > _MAX_MEMBER_TAGS:
             raise InputError(
-                f"{self._path} holds a member of over {_MAX_MEMBER_BYTES // 2**20} MB or {_MAX_MEMBER_TAGS} tags; cut the file up"
+                f"{self._path} holds a member of over {_MAX_MEMBER_BYTES // 2**20} MB or {_MAX_MEMBER_TAGS} tags; "
+                "cut the file up"
             )
         return part
 

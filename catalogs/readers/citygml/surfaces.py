@@ -95,7 +95,7 @@ def _collect_geometries(building: Element, ids: Mapping[str, Element]) -> tuple[
     """Return the kind of each unit, that of the building first, and all geometries outside rooms."""
     kinds, geometries, visited = ["building"], [], set()
     features: list[tuple[Element, int, str | None]] = [(building, 0, None)]
-    for feature, unit, semantic in features:  # grows on the way
+    for feature, unit, semantic in features:  # grows in the loop
         inside = (feature.findtext("{*}relationToConstruction") or "").strip() == "inside"
         if inside or feature in visited:
             continue
@@ -160,7 +160,7 @@ def select_surfaces(units: Sequence[BuildingUnit], requested_lod: int | None) ->
     found = []
     for unit in units:
         lod = _nearest_lod(unit.surfaces_by_lod, chosen)
-        # a part's hull must not be added to a building that is there as a whole, nor the whole's hull to its parts
+        # do not add the hull of a part to a whole building, nor the hull of the whole to its parts
         coarser = (unit.kind == "part" and not whole) or (unit.kind == "installation" and lod < chosen)
         if lod == chosen or (lod and coarser):
             found += unit.surfaces_by_lod[lod]

@@ -31,11 +31,10 @@ from facade_core.core.errors import GeometryError, InputError
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
 _MIN_MODEL_HEIGHT_M = 0.01  # m
-_MAX_HEIGHT_M, _MAX_GROUND_HEIGHT_M, _MAX_LEVELS = (
-    1500.0,
-    9000.0,
-    200.0,
-)  # m, m; beyond them is a code for unknown, such as 9999
+# Larger numbers are codes for unknown, such as 9999.
+_MAX_HEIGHT_M = 1500.0  # m
+_MAX_GROUND_HEIGHT_M = 9000.0  # m
+_MAX_LEVELS = 200.0
 
 
 @dataclass(slots=True)
@@ -183,7 +182,7 @@ def _read_document(document: Mapping[str, Any], reading: _ReaderState) -> None:
             place = _bounding_box([objects[i] for i in ids], points)
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
             continue
-        except Exception as error:  # whatever it holds, the others are read
+        except Exception as error:  # the other buildings are read
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {fault_reason(error)}"))
             continue
         reading.models.append(model)
@@ -278,7 +277,7 @@ def _collect_models(reading: _ReaderState) -> BuildingModels:
     shown = [np.unique(model.shell.texture) for model in reading.models]
     used = {int(number) for numbers in shown for number in numbers if number >= 0}
     found: dict[Path, int] = {}
-    numbers = np.full(len(reading.pictures) + 1, -1, np.int32)  # the last one stands for -1
+    numbers = np.full(len(reading.pictures) + 1, -1, np.int32)  # index -1 maps to -1
     missing, refused = 0, []
     for image, number in reading.pictures.items():
         if number in used:

@@ -14,7 +14,7 @@ from facade_core.core.errors import GeometryError
 BUILDING_TYPES = ("Building", "BuildingPart")
 _LOD_TEXT = re.compile(r"(\d)(?:\.(\d+))?")
 
-Lod = tuple[int, ...]  # (2,) or (2, 2); () where none is stated
+Lod = tuple[int, ...]  # (2,) or (2, 2); () without one
 CityObjects = Mapping[str, Mapping[str, Any]]
 
 
@@ -48,7 +48,7 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
         while root in parents and root not in seen:
             seen.add(root)
             root = parents[root]
-        if root in seen:  # a circle is opened at the first of it
+        if root in seen:  # a cycle is cut at its first object
             del parents[id]
             root = id
         members[root].append(id)
@@ -80,7 +80,7 @@ def select_geometries(
     levels = {id: _geometries_by_lod(objects[id], templates) for id in ids}
     filled = {kind: [id for id in ids if levels[id] and objects[id]["type"] in kind] for kind in _TYPE_GROUPS}
     body, elements, extras = filled.values()
-    if not body:  # a building may be made of its walls and slabs
+    if not body:  # a building may consist of constructive elements
         body, extras = (elements, extras) if elements else (extras, [])
     found = {lod for id in body for lod in levels[id]}
     if not found:
@@ -96,7 +96,7 @@ def select_geometries(
     for id in body:
         own = {lod for lod in levels[id] if lod[:1] != (0,)}
         if not own or (chosen not in own and (whole or id == root)):
-            continue  # what it shows is in the others already
+            continue  # the geometry of the other objects includes it
         lod = chosen if chosen in own else _nearest_lod(own, chosen)
         pieces.append(levels[id][lod])
         used.append(lod)

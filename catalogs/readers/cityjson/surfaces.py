@@ -13,7 +13,7 @@ from catalogs.readers.cityjson.values import as_list, as_mapping, mask_far_point
 from catalogs.readers.faces import MAX_COORDINATE, SURFACE_SEMANTICS, Face
 from facade_core.core.errors import GeometryError
 
-# How many levels of nesting lie between a geometry and its surfaces.
+# Levels of nesting between a geometry and its surfaces.
 NESTING_DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
 
 

@@ -28,7 +28,7 @@ from facade_core.core.errors import InputError
 _Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _COMPRESSION_EXTENSIONS = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
 MAX_NODES = 50_000
-_MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without a bufferView
+_MAX_UNBACKED_COUNT = 1000  # numbers of an accessor without data
 _PLACEHOLDER_NAMES = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
@@ -50,7 +50,7 @@ def read_gltf(path: Path) -> tuple[list[MeshSurface], tuple[Path, ...], list[Rem
         return _read_scene(path, header, rest)
     except InputError:
         raise
-    except Exception as error:  # whatever a broken header makes of trimesh
+    except Exception as error:  # trimesh raises errors of any class
         if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__

@@ -55,7 +55,7 @@ def read_meshes(path: Path, lod: str | None = None) -> BuildingModels:
     models, broken = group_into_models(surfaces, path.stem)
     used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
     if len(used) < len(textures):
-        number = np.full(len(textures) + 1, -1, np.int32)  # the last is for -1
+        number = np.full(len(textures) + 1, -1, np.int32)  # index -1 maps to -1
         number[used] = np.arange(len(used))
         models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
         textures = tuple(textures[index] for index in used)
@@ -67,10 +67,10 @@ def _read_plain_mesh(path: Path) -> list[MeshSurface]:
     import trimesh
 
     try:
-        # not by its path: trimesh would open the pictures that it names, wherever they are
+        # no path, or trimesh opens referenced pictures anywhere
         content, kind = io.BytesIO(path.read_bytes()), path.suffix.lower()[1:]
         scene: Any = trimesh.load(content, file_type=kind, force="scene", process=False)
-    except Exception as error:  # trimesh lets the errors of its parsers through
+    except Exception as error:  # trimesh raises errors of any class
         if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__

@@ -11,8 +11,9 @@ from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 
 MAX_UNPACKED_BYTES = 512 * 2**20  # bytes
-# A small archive may unpack to the first, a larger one to so many times its size: coordinates pack to a fifth.
-_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO = 32 * 2**20, 50
+# Limits of decompression, the larger of both: coordinates compress to a fifth.
+_MIN_UNPACK_LIMIT_BYTES = 32 * 2**20
+_MAX_UNPACK_RATIO = 50
 
 
 def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
@@ -42,7 +43,8 @@ def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
                     )
                 if total > MAX_UNPACKED_BYTES:
                     raise InputError(
-                        f"{path} unpacks to over {MAX_UNPACKED_BYTES // 2**20} MB; cut out the block that is meant, or use float32"
+                        f"{path} unpacks to over {MAX_UNPACKED_BYTES // 2**20} MB; "
+                        "cut out the block that is meant, or use float32"
                     )
                 with archive.open(info) as member:
                     shape, _, kind = read.get(npy.read_magic(member), npy.read_array_header_1_0)(member)

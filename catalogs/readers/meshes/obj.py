@@ -162,7 +162,7 @@ def _parse_index(word: str, count: int) -> int:
 
 def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterator[MeshSurface]:
     """Yield the faces of each label as triangles; labels without a key are skipped."""
-    # a last row that is no number stands for every vertex that is not there
+    # a last row of NaN replaces missing vertices
     vertices = np.concatenate([np.frombuffer(text.vertices), [np.nan] * 3]).reshape(-1, 3)
     coordinates = np.concatenate([np.frombuffer(text.coordinates), [np.nan] * 2]).reshape(-1, 2)
     sizes = np.frombuffer(text.sizes, np.int32)
@@ -190,7 +190,7 @@ def _build_surfaces(text: _ObjContent, kinds: list[SurfaceKey | None]) -> Iterat
         ]
         if polygons and (shell := triangulate_faces(polygons)) is not None:
             yield MeshSurface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)
-        if len(whole) < len(faces):  # one broken triangle each tells whose model is broken
+        if len(whole) < len(faces):  # one broken triangle per face marks the model as broken
             broken = vertices[vertex[starts[faces[~sound[faces]], None] + np.arange(3)]]
             broken[np.isfinite(broken).all(axis=(1, 2)), 0] = np.nan
             yield MeshSurface(building, semantic, broken)
@@ -217,7 +217,7 @@ def _read_material_libraries(path: Path, libraries: list[str]) -> tuple[dict[str
                 if key.lower() == "newmtl":
                     material = value.strip()
                 elif key.lower() == "map_kd":
-                    # options may stand before the name; many exporters write a folder that was theirs
+                    # options may precede the name; many exporters write an absolute folder
                     stated = value.strip().replace("\\", "/")
                     names = [stated, *stated.split()[-1:]]
                     found = [name for whole in names for name in (whole, Path(whole).name)]

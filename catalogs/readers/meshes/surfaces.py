@@ -14,7 +14,7 @@ from catalogs.features import BuildingModel, Fault
 from catalogs.readers.faces import MAX_COORDINATE, MAX_CORNERS
 from facade_core.core.types import SEMANTICS, Shell
 
-# A word in a surface's name and what it says; the first that occurs counts, so that a roof window is a window.
+# Semantic by a word in the name of a surface; the first match counts, so that a roof window is a window.
 _SEMANTICS_BY_WORD = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}
 _SEMANTICS_BY_WORD |= {"wall": "wall", "facade": "wall", "ground": "ground"}
 _SEMANTICS_BY_WORD |= {
@@ -29,8 +29,8 @@ _SURFACE_NAME = re.compile(rf"(outer)?({'|'.join(_SEMANTICS_BY_WORD)})s?[\W_]*(s
 _INTERIOR_CLASS = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
 
 _WELD_M = 1e-3  # m; vertices nearer than this are one
-_MAX_PLAN_OFFSET_M = 0.1  # m; a window may stand this far in front of its wall
-_MIN_OVERLAP_SHARE = 0.3  # of a component that lies over another one: it is part of the same building
+_MAX_PLAN_OFFSET_M = 0.1  # m; offset of a window in front of its wall
+_MIN_OVERLAP_SHARE = 0.3  # overlap of two components of one building
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,7 @@ def is_interior_class(name: str) -> bool:
     return _INTERIOR_CLASS.fullmatch(name) is not None
 
 
-@np.errstate(invalid="ignore")  # vertices that are no numbers are told as faults
+@np.errstate(invalid="ignore")  # invalid vertices become faults
 def group_into_models(
     surfaces: Sequence[MeshSurface], stem: str
 ) -> tuple[tuple[BuildingModel, ...], tuple[Fault, ...]]:
@@ -163,7 +163,7 @@ def _build_shell(surfaces: Sequence[MeshSurface]) -> Shell | None:
     vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     triangles = index.reshape(-1, 3).astype(np.int32)
     twice = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    keep = ~(twice <= 2e-9)  # one that is no number stays: it is a fault
+    keep = ~(twice <= 2e-9)  # NaN stays and becomes a fault
     if not keep.any():
         return None
     uv = [np.zeros((len(s.corners), 3, 2)) if s.uv is None else s.uv for s in surfaces]
@@ -212,10 +212,10 @@ def _connected_components(corners: np.ndarray) -> np.ndarray:
     finite = np.isfinite(points).all(axis=1)
     grid = np.round(np.where(finite[:, None], points, 0.0) / _WELD_M).astype(np.int64)
     vertex = np.zeros(len(points), np.int64)
-    for axis in range(3):  # three sorts of numbers are much faster than one of rows
+    for axis in range(3):  # three sorts of numbers are faster than one sort of rows
         place = np.unique(grid[:, axis], return_inverse=True)[1]
         vertex = np.unique(vertex * (place.max() + 1) + place, return_inverse=True)[1]
-    vertex[~finite] = vertex.max() + 1 + np.arange((~finite).sum())  # what is nowhere joins nothing
+    vertex[~finite] = vertex.max() + 1 + np.arange((~finite).sum())  # invalid vertices connect nothing
     triangles = vertex.reshape(-1, 3)
     start, end = triangles[:, [0, 1]].ravel(), triangles[:, [1, 2]].ravel()
     count = int(vertex.max()) + 1
@@ -237,7 +237,7 @@ def _merge_overlapping(corners: np.ndarray, component: np.ndarray) -> np.ndarray
     area = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2
     level = np.isfinite(plan).all(axis=(1, 2))
     flat = np.flatnonzero(level & (area > 1e-6))
-    # the middle of a triangle stands for it; upright ones count by their length where there is nothing else
+    # a triangle counts at its centre, vertical ones by a small weight
     weight = np.where(level, area + 1e-6 * np.abs(edges).max(axis=(1, 2)) + 1e-12, 0.0)
     total = np.bincount(component, weight, count)
 
@@ -251,7 +251,7 @@ def _merge_overlapping(corners: np.ndarray, component: np.ndarray) -> np.ndarray
     share.sum_duplicates()
     one, two = share.nonzero()
     part = share.data / np.maximum(total[one], 1e-12)
-    # each component once, to the neighbour that holds most of it: a party wall joins one house, not two
+    # merge each component once, so that a party wall joins one building, not two
     best = np.lexsort((two, -total[two], -part, one))
     first = best[np.r_[True, np.diff(one[best]) != 0]] if len(best) else best
     link = first[part[first] >= _MIN_OVERLAP_SHARE]

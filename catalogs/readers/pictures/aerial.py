@@ -27,12 +27,12 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
-# Beside them, where their pixels lie.
+# Suffixes of files with the georeference of a picture.
 WORLD_FILE_SUFFIXES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
 REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
-# Pixels that are read at once at most; a larger part is read coarser.
+# Pixels decoded at once; larger parts are downsampled.
 MAX_PIXELS_DECODED = 4_000_000
-# Pixels of which such a part is made: 150 m at 1 cm.
+# Pixels of a part before downsampling: 150 m at 1 cm.
 MAX_PIXELS_READ = 225_000_000
 
 
@@ -136,7 +136,7 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
             raise InputError(_coverage_message(raster, path, raster_crs, frame, places))
         rows, columns = raster.block_shapes[0]
         blocks = np.unique(np.column_stack([y[inside] // rows, x[inside] // columns]).astype(np.int64), axis=0)
-        for row, column in blocks.tolist():  # what is broken is told now, not when a roof comes to it
+        for row, column in blocks.tolist():  # find broken blocks now, not at the first roof
             _read_box(raster, (column * columns, row * rows, columns, rows), (1, 1))
         content = _content_digest(raster)
     return Aerial(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)

@@ -15,7 +15,7 @@ def exif_capture_date(image: Image) -> str | None:
 
     try:
         exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
-        told = exif.get(ExifTags.Base.DateTimeOriginal) or exif.get(ExifTags.Base.DateTimeDigitized)
-        return datetime.strptime(str(told)[:10], "%Y:%m:%d").date().isoformat()
-    except Exception:  # damaged in any way, or no such day
+        date_time = exif.get(ExifTags.Base.DateTimeOriginal) or exif.get(ExifTags.Base.DateTimeDigitized)
+        return datetime.strptime(str(date_time)[:10], "%Y:%m:%d").date().isoformat()
+    except Exception:  # damaged EXIF, or an impossible date
         return None

@@ -22,16 +22,16 @@ from facade_core.core.errors import ImageError
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# Of Pillow's formats those whose decoders it brings itself: no other program is ever started for one, and no other file opened.
+# Formats with decoders inside Pillow: no other program is started and no other file is opened.
 PILLOW_FORMATS = ("PNG", "JPEG", "TIFF", "WEBP", "BMP", "GIF")
-# What the largest cameras take has 151 megapixels. Pillow holds 4 bytes of each while it decodes: 640 MB.
+# The largest cameras have 151 megapixels. Pillow holds 4 bytes per pixel: 640 MB.
 MAX_PIXELS = 160_000_000
-# Where the format's own decoder holds 15 bytes of each.
+# The WebP decoder holds 15 bytes per pixel.
 MAX_WEBP_PIXELS = 50_000_000
-# A facade on fewer pixels a side shows no window.
+# Facades on fewer pixels show no windows.
 MIN_SIDE_PX = 16
 REMEDY = "replace or remove it"
-# Pixels that are converted at once.
+# Pixels converted at once
 _STRIP_PIXELS = 1_000_000
 
 
@@ -81,15 +81,15 @@ def read_picture(
                 f"{path.name} is {width} x {height} pixels{small}, and {min_side} a side are the least; give a larger picture"
             )
         deep = is_high_depth(image)
-        turned = _exif_orientation(image)  # which decodes a PNG
+        turned = _exif_orientation(image)  # decodes a PNG
         if deep:
             if image.format == "TIFF" and turned >= 5:
-                size = size[::-1]  # of the values as they are stored
+                size = size[::-1]  # read_high_depth returns stored values
             rgb, hidden = read_high_depth(path, max(1, math.floor(1 / scale)))
         else:
-            image.draft(None, (size[1], size[0]))  # a JPEG comes out at a half, a quarter or an eighth
+            image.draft(None, (size[1], size[0]))  # decodes a JPEG at a half, a quarter or an eighth
             image.load()
-            turned = 1 if image.format == "TIFF" else turned  # Pillow has turned it
+            turned = 1 if image.format == "TIFF" else turned  # Pillow rotates TIFF
             rgb, hidden = _convert_to_rgb(image, max(1, min(image.height // size[0], image.width // size[1])))
         if rgb.shape[:2] != size:
             import cv2
@@ -112,8 +112,8 @@ def open_picture(path: Path) -> Iterator[Image]:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # on what is damaged, which is refused or read without
-            # as a file: by name Pillow maps some into memory, which turns those wrongly, and kills where a file shrinks
+            warnings.simplefilter("ignore")  # damaged parts are rejected or skipped
+            # a file object: by name Pillow maps files into memory, which rotates them wrongly and crashes where they shrink
             with path.open("rb") as file, Image.open(file, formats=PILLOW_FORMATS) as image:
                 width, height = image.size
                 if width * height > (most := MAX_WEBP_PIXELS if image.format == "WEBP" else MAX_PIXELS):
@@ -127,10 +127,10 @@ def open_picture(path: Path) -> Iterator[Image]:
         raise _size_error(path, MAX_PIXELS) from error
     except Image.UnidentifiedImageError as error:
         raise ImageError(
-            f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, or of a kind of it that is not "
-            "read; save it as PNG or JPEG of 8 bits"
+            f"{path.name} cannot be opened as a picture: it is none of {', '.join(PILLOW_FORMATS)}, "
+            "or of a kind of it that is not read; save it as PNG or JPEG of 8 bits"
         ) from error
-    except Exception as error:  # a decoder meets broken files with errors of every kind
+    except Exception as error:  # decoders raise errors of any class
         if is_system_error(error):
             raise
         reason = error.strerror if isinstance(error, OSError) and error.strerror else short_message(error)
@@ -181,7 +181,7 @@ def _exif_orientation(image: Image) -> int:
     """Return the EXIF orientation, 1 to 8; 1 where the EXIF is damaged."""
     try:
         found = int(image.getexif().get(0x0112, 1))
-    except Exception:  # damaged in any way
+    except Exception:  # damaged EXIF raises errors of any class
         return 1
     return found if 1 <= found <= 8 else 1
 

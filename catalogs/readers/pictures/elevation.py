@@ -22,14 +22,14 @@ from facade_core.core.types import Elevation
 if TYPE_CHECKING:
     from pyproj import CRS
 
-MIN_CELL_M = 1.0  # m between cells; nothing on the ground that a facade shows is smaller
+MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
 MAX_CELLS = 4_000_000
-_MARGIN_CELLS = 2  # cells around the block, so that heights are interpolated up to its border
-_HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; what lies outside marks unknown heights, declared or not
+_MARGIN_CELLS = 2  # cells around the block, for interpolation at its border
+_HEIGHT_RANGE_M = (-1000.0, 10_000.0)  # m; other values mark unknown heights, declared or not
 _METRES_PER_UNIT = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 0.3048006096, "cm": 0.01, "dm": 0.1}
-# Cells that are read, to be averaged, at most: 3.5 km at a quarter of a metre.
+# Cells before averaging: 3.5 km at 0.25 m.
 MAX_CELLS_READ = 200_000_000
-MAX_VRT_DEPTH = 4  # virtual rasters of virtual rasters
+MAX_VRT_DEPTH = 4  # nesting of virtual rasters
 REMEDY = "convert it to GeoTIFF"
 _DRIVERS_BY_MAGIC = {magic: name for magic, name in RASTER_DRIVERS.items() if name != "JPEG"} | {
     b"EHFA_HEADER_TAG": "HFA",
@@ -39,7 +39,7 @@ _DRIVERS_BY_MAGIC = {magic: name for magic, name in RASTER_DRIVERS.items() if na
     b"NROWS": "AAIGrid",
     b"UHL1": "DTED",
 }
-_DRIVERS_BY_SUFFIX = {".hgt": "SRTMHGT"}  # which begins with its heights
+_DRIVERS_BY_SUFFIX = {".hgt": "SRTMHGT"}  # no magic bytes
 
 
 def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
@@ -57,8 +57,8 @@ def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, floa
     Raises
     ------
     InputError
-        Where the file is no raster, states no coordinate system, has more than MAX_CELLS_READ cells there, or has no height inside
-        the bounds.
+        Where the file is no raster, states no coordinate system, has more than MAX_CELLS_READ cells there, or has no
+        height inside the bounds.
     """
     path = Path(path)
     if not (np.isfinite(bounds).all() and bounds[0] <= bounds[2] and bounds[1] <= bounds[3]):
@@ -117,7 +117,7 @@ def _read_around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, 
         raise InputError(f"{path} has cells of {native:g} m; resample it to {MIN_CELL_M:g} m with gdalwarp -tr")
     step = max(MIN_CELL_M, round(native, 6))
     while True:
-        # Cell centres on the raster's own where the frames agree: heights are then taken over as they are.
+        # Cell centres coincide with those of the raster in the same CRS, so that heights stay exact.
         first = np.floor((np.array([bounds[0], bounds[1]]) - cells[0]) / step).astype(int) - _MARGIN_CELLS
         last = np.ceil((np.array([bounds[2], bounds[3]]) - cells[0]) / step).astype(int) + _MARGIN_CELLS
         width, height = (last - first + 1).tolist()

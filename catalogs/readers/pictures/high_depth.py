@@ -13,15 +13,17 @@ from facade_core.core.errors import ImageError
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-# Depths that cameras and scanners have: the first that holds all values of a picture is taken for its own.
+# Bit depths of cameras and scanners; the first that holds all values is assumed.
 BIT_DEPTHS = (8, 10, 12, 14, 16)
-# Where no value reaches this, of 255, a picture is next to black, or its values count something else.
+# Smallest maximum, of 255: darker pictures are black or hold other values.
 MIN_PEAK_VALUE = 16
 REMEDY = "save it as PNG or JPEG of 8 bits"
-# Values read at once, over all bands.
+# Values read at once, over all bands
 _MAX_VALUES_PER_READ = 4_000_000
-# Of TIFF.
-_BITS_PER_SAMPLE_TAG, _SAMPLE_FORMAT_TAG, _UNSIGNED_FORMAT = 258, 339, 1
+# TIFF tags and value.
+_BITS_PER_SAMPLE_TAG = 258
+_SAMPLE_FORMAT_TAG = 339
+_UNSIGNED_FORMAT = 1
 
 
 def is_high_depth(image: Image) -> bool:
@@ -39,8 +41,8 @@ def is_high_depth(image: Image) -> bool:
 def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
     """Read a picture as 8-bit RGB, as stored, averaged over blocks of `factor` x `factor` pixels.
 
-    Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255. The file
-    is read twice, a few rows at a time, so that memory does not grow with the file.
+    Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255.
+    The file is read twice, a few rows at a time, so that memory does not grow with the file.
 
     Parameters
     ----------

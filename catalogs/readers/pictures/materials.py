@@ -12,11 +12,11 @@ from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import InputError
 from facade_core.core.types import MATERIALS
 
-# NAME.jpg, or NAME-1.5m.jpg of a picture that is so wide.
+# NAME.jpg, or NAME-1.5m.jpg for a picture of that width.
 _FILE_NAME = re.compile(r"(.+?)(?:-(\d+(?:\.\d+)?)m)?")
-# Where the name does not say how wide a picture is, metres; and the widths that can be.
-DEFAULT_WIDTH_M, WIDTH_RANGE_M = 1.0, (0.1, 20.0)
-# How far a picture may be from as wide as high, or a whole number of times as wide.
+DEFAULT_WIDTH_M = 1.0  # m, without a width in the name
+WIDTH_RANGE_M = (0.1, 20.0)  # m
+# Largest difference of the aspect ratio from a whole number.
 MAX_ASPECT_ERROR = 0.03
 
 
@@ -41,24 +41,28 @@ def read_material_pictures(folder: Path) -> tuple[MaterialPicture, ...]:
         raise InputError(f"{folder}: {faults[0].reason}")
     found: dict[str, MaterialPicture] = {}
     for path in paths:
-        one = _parse_picture(folder, path)
-        if one.name in found:
-            raise InputError(f"{folder}: {found[one.name].path.name} and {path.name} both show {one.name}; remove one")
-        found[one.name] = one
+        picture = _parse_picture(folder, path)
+        if picture.name in found:
+            raise InputError(
+                f"{folder}: {found[picture.name].path.name} and {path.name} both show {picture.name}; remove one"
+            )
+        found[picture.name] = picture
     return tuple(found[name] for name in MATERIALS if name in found)
 
 
 def _parse_picture(folder: Path, path: Path) -> MaterialPicture:
     match = _FILE_NAME.fullmatch(path.stem)
-    name, told = (match[1], match[2]) if match else (path.stem, None)
+    name, width_text = (match[1], match[2]) if match else (path.stem, None)
     if name not in MATERIALS:
         close = difflib.get_close_matches(name, MATERIALS, n=1)
         remedy = f"did you mean {close[0]}?" if close else f"rename it to one of {', '.join(MATERIALS)}, or remove it"
         raise InputError(f"{folder}: {path.name} names no material that is known; {remedy}")
-    metres = float(told) if told else DEFAULT_WIDTH_M
+    metres = float(width_text) if width_text else DEFAULT_WIDTH_M
     if not WIDTH_RANGE_M[0] <= metres <= WIDTH_RANGE_M[1]:
         low, high = WIDTH_RANGE_M
-        raise InputError(f"{folder}: {path.name} says {told} m; a picture is {low:g} to {high:g} m wide, rename it")
+        raise InputError(
+            f"{folder}: {path.name} says {width_text} m; a picture is {low:g} to {high:g} m wide, rename it"
+        )
     with open_picture(path) as image:
         width, height = image.size
     if abs(width / height - max(1, round(width / height))) > MAX_ASPECT_ERROR:

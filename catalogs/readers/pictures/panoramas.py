@@ -9,13 +9,14 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from catalogs.crs import LONLAT
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
 from catalogs.reader_errors import fault_reason, single_line
 from catalogs.readers.pictures.capture_dates import exif_capture_date
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import list_images
-from catalogs.readers.pictures.poses import LONLAT, SourcePose, degrees_from_dms, find_implausible_value, read_poses
+from catalogs.readers.pictures.poses import SourcePose, degrees_from_dms, find_implausible_value, read_poses
 from facade_core.core.errors import InputError
 from facade_core.core.types import Pose
 
@@ -23,18 +24,20 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from pyproj import CRS, Transformer
 
-# A panorama farther than this from the buildings shows none of them at a useful size.
+# Panoramas farther from the buildings, in metres, show none at a useful size.
 MAX_DISTANCE_M = 1000.0
 # A full panorama is twice as wide as high; stitchers round sides to multiples of up to 32 pixels.
 ASPECT_TOLERANCE = 0.02
-_GPS_IFD, _ORIENTATION_TAG = 0x8825, 0x0112
-# Pictures of one place, metres, taken more than so many days apart may show two states of a street.
-NEARBY_M, MAX_AGE_GAP_DAYS = 30.0, 400
-# Pixels of a full panorama: no more are told apart.
+_GPS_IFD = 0x8825
+_ORIENTATION_TAG = 0x0112
+# Nearby pictures with a larger gap may show two states of a street.
+NEARBY_M = 30.0  # m
+MAX_AGE_GAP_DAYS = 400  # days
+# Largest plausible side of a full panorama, pixels.
 _MAX_FULL_SIDE_PX = 1e6
 _FULL_VIEW = (0.0, 0.0, 1.0, 1.0)
 _OUTDATED_REASON = (
-    "panoramas taken more than a year before others beside them; `is_changed` tells of facades, ground shows all of them"
+    "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
 )
 
 
@@ -71,9 +74,9 @@ def read_panoramas(
     """Read the posed panoramas of a folder in the frame of a block.
 
     The pose is the first with position and heading of: the poses file, GPano XMP with EXIF GPS, EXIF GPS. Headings from true
-    north become grid headings. z is None unless the poses file states it, since GPS heights have another datum. GPano XMP states
-    the part of the full panorama. Panoramas farther than MAX_DISTANCE_M outside the bounds are skipped with a remark. Panoramas
-    much older than a nearby one get a remark.
+    north become grid headings. z is None unless the poses file states it, since GPS heights have another datum. GPano XMP
+    states the part of the full panorama. Panoramas farther than MAX_DISTANCE_M outside the bounds are skipped with a remark.
+    Panoramas much older than a nearby one get a remark.
 
     Parameters
     ----------
@@ -113,7 +116,7 @@ def read_panoramas(
         except ValueError as error:
             faults.append(Fault(path.name, "panorama", single_line(str(error))))
             continue
-        except Exception as error:  # what a header or a pose can hold, libraries meet with errors of every kind
+        except Exception as error:  # libraries raise errors of any class
             faults.append(Fault(path.name, "panorama", fault_reason(error, "mend its pose, or remove it")))
             continue
         posed += 1
@@ -148,7 +151,7 @@ def _outdated_remarks(items: Sequence[PosedPanorama]) -> list[Remark]:
     if not dated:
         return []
     places = shapely.points([(one.pose.x, one.pose.y) for one, _ in dated])
-    newest: dict[int, int] = {}  # beside each
+    newest: dict[int, int] = {}  # newest neighbour of each
     for first, second in shapely.STRtree(places).query(places, predicate="dwithin", distance=NEARBY_M).T.tolist():
         if dated[second][1] > dated[newest.get(first, first)][1]:
             newest[first] = second
@@ -306,7 +309,7 @@ def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
     for whole, length, start in zip(full, part, corner, strict=True):
         assert whole
         assert length
-        # writers round, and some let the picture begin at any column of the full circle
+        # writers round, and some start a picture at any column of the circle
         if not (1 <= length <= 1.01 * whole <= _MAX_FULL_SIDE_PX and -whole <= start <= whole):
             raise ValueError(
                 f"states by GPano a part of {length:g} pixels at {start:g} of {whole:g}, which is none; mend or remove its XMP"
@@ -319,7 +322,7 @@ def _gpano_view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
 def _is_rotated(image: Image) -> bool:
     try:
         return image.getexif().get(_ORIENTATION_TAG, 1) in range(2, 9)
-    except Exception:  # an EXIF block that is damaged turns nothing
+    except Exception:  # damaged EXIF means no rotation
         return False
 
 
@@ -330,7 +333,7 @@ def _exif_gps(image: Image) -> dict[str, Any]:
     try:
         tags = image.getexif().get_ifd(_GPS_IFD)
         return {GPSTAGS.get(number, str(number)): value for number, value in tags.items()}
-    except Exception:  # damaged in any way
+    except Exception:  # damaged metadata raises errors of any class
         return {}
 
 
@@ -338,7 +341,7 @@ def _gpano_fields(image: Image) -> dict[str, str]:
     """Return the GPano fields of the XMP as text by name; none where the XMP is damaged."""
     try:
         waiting: list[Any] = [image.getxmp()]
-    except Exception:  # damaged in any way
+    except Exception:  # damaged metadata raises errors of any class
         return {}
     fields: dict[str, str] = {}
     while waiting:

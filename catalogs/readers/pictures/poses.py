@@ -14,15 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.crs import has_east_north_axes, parse_crs
+from catalogs.crs import LONLAT, has_east_north_axes, parse_crs
 from catalogs.printable_text import short_repr
 from catalogs.reader_errors import is_system_error, short_message, single_line
 from facade_core.core.errors import InputError
 
-LONLAT = "EPSG:4326"
-# Bytes of a file: read, a small one of lists in lists takes twenty times its size.
+# Bytes; parsed JSON of nested lists takes twenty times its size.
 MAX_FILE_BYTES = 40_000_000
-# Metres of a place in a frame and above the sea, and degrees of a heading (cameras count on after a turn) and of the others.
+# Largest magnitudes: metres of a position and above the sea, degrees of angles (cameras count headings beyond 360).
 MAX_MAGNITUDES = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
 _FIELD_NAMES = {
     "file": ("file", "filename", "image", "picture", "name", "id"),
@@ -101,7 +100,7 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
             crs, records = _json_records(json.loads(text, object_pairs_hook=_reject_duplicate_keys))
         else:
             crs, records = None, list(_csv_records(text))
-    except Exception as error:  # what a file can hold in a place, libraries meet with errors of every kind
+    except Exception as error:  # libraries raise errors of any class
         if is_system_error(error):
             raise
         raise InputError(f"{path} is not a poses file ({short_message(error)}); give {_FORMAT_HINT}") from error
@@ -261,7 +260,7 @@ def _reconstruction_shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[s
         except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
             yield Path(name).name, error
         else:
-            # heights are left out: they are above the GPS's datum, not the block's
+            # no height: its datum is that of GPS, not that of the block
             yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# Formats of GDAL whose files hold their pixels themselves, by their first bytes.
+# GDAL drivers of self-contained formats by their first bytes.
 RASTER_DRIVERS: Mapping[bytes, str] = {
     b"II*\0": "GTiff",
     b"MM\0*": "GTiff",
@@ -30,12 +30,13 @@ RASTER_DRIVERS: Mapping[bytes, str] = {
     b"\xff\xd8\xff": "JPEG",
     b"\0\0\0\x0cjP": "JP2OpenJPEG",
 }
-# Bytes that GDAL keeps decoded, and cells in a row of a part that is read: blocks of which a row does not fit are decoded anew
-# for every few rows.
-GDAL_CACHE_BYTES, MAX_ROW_CELLS = 256_000_000, 16_384
-# Of a cell's sides: what is longer spans the Earth, what is shorter is lost in the coordinates' rounding.
-_MIN_CELL_SIDE, _MAX_CELL_SIDE = 1e-9, 1e7
-# Formats of GDAL can name addresses. Nothing answers at this proxy, so none is reached whatever a file asks for.
+# A row of blocks must fit into the cache, else GDAL decodes the blocks again for every few rows.
+GDAL_CACHE_BYTES = 256_000_000
+MAX_ROW_CELLS = 16_384  # cells in a row of a part that is read
+# Sides of a cell, in units of the CRS: shorter ones are below rounding, longer ones span the Earth.
+_MIN_CELL_SIDE = 1e-9
+_MAX_CELL_SIDE = 1e7
+# Files of some formats name addresses. Nothing answers at this proxy, so that none can be reached.
 _OFFLINE_OPTIONS = {
     "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
     "GDAL_HTTP_MAX_RETRY": "0",
@@ -75,7 +76,7 @@ def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any
     with wrap_reader_errors(path, kind.partition(" ")[2], remedy):
         try:
             with warnings.catch_warnings(), rasterio.Env(**_OFFLINE_OPTIONS), _silence_unraisable():
-                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # rejected below with a remedy
                 with rasterio.open(path.absolute(), driver=driver, sharing=False) as opened:
                     _check_size(opened, path)
                     yield opened
@@ -181,7 +182,7 @@ def _value_bytes(kind: str) -> int:
 
     try:
         return np.dtype(kind).itemsize
-    except TypeError:  # a complex kind of GDAL's own
+    except TypeError:  # a complex type of GDAL
         return 16
 
 

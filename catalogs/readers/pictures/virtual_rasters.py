@@ -10,8 +10,8 @@ from facade_core.core.errors import InputError
 
 MAX_FILE_BYTES = 4_000_000  # bytes
 REMEDY = "give one GeoTIFF (gdal_translate)"
-# What a mosaic as gdalbuildvrt and gdal_translate write it is made of. What else there is reads any file as raw numbers, warps,
-# computes, or opens sources with options.
+# Elements of mosaics of gdalbuildvrt and gdal_translate. Other elements read any file as raw numbers, warp, compute, or open
+# sources with options.
 _ALLOWED_ELEMENTS = {
     *(
         "VRTDataset",
@@ -73,7 +73,7 @@ def _check_source(path: Path, text: str, relative: bool, check_source: Callable[
     try:
         source = (folder / text if relative else Path(text)).resolve()
         found = source.is_file()
-    except (OSError, RuntimeError, ValueError):  # no path at all
+    except (OSError, RuntimeError, ValueError):  # not a path
         found = False
     if not found:
         raise InputError(f"{path} is put together from {text[:200]}, which is no file here; {REMEDY}")

@@ -12,7 +12,7 @@ from catalogs.features import Centreline, Centrelines, Fault
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 
-_DUPLICATE_TOLERANCE = 1e-7  # lines that differ by less, in degrees or metres, are one
+_DUPLICATE_TOLERANCE = 1e-7  # degrees or metres; lines that differ by less are equal
 
 
 def build_centrelines(crs: str | None, features: Iterable[tuple[str, Any, str | None]]) -> Centrelines:
@@ -33,7 +33,7 @@ def build_centrelines(crs: str | None, features: Iterable[tuple[str, Any, str | 
                 reason = _find_defect(part)
                 line = shapely.force_2d(part)
                 key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _DUPLICATE_TOLERANCE))).wkb
-            except Exception as error:  # what GEOS makes of it is no other line's fault
+            except Exception as error:  # an error of GEOS affects this line only
                 reason = fault_reason(error)
             if reason:
                 faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", finite_points(part)))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from facade_core.core.types import Finish
 
 Colour = tuple[int, int, int]
-# A name says what kind of colour a wall or roof has, not how pure: none is as red as a screen's red.
+# Building colours are less saturated than the CSS colours of the same name.
 NAMED_COLOURS: dict[str, Colour] = {
     "red": (158, 66, 50),
     "darkred": (118, 46, 40),
@@ -30,7 +30,7 @@ NAMED_COLOURS: dict[str, Colour] = {
     "terracotta": (170, 96, 70),
     "copper": (122, 156, 138),
 }
-# Roofs of a material without a colour have this one; others are left to chance.
+# Colour of a roof of a material without a stated colour.
 ROOF_MATERIAL_COLOURS: dict[str, Colour] = {
     "copper": (122, 156, 138),
     "slate": (82, 86, 92),
@@ -56,7 +56,8 @@ WALL_MATERIAL_COLOURS: dict[str, Colour] = {
     "glass": (130, 148, 156),
 }
 _MAX_TEXT_LENGTH = 64  # letters
-_MIN_CHANNEL, _MAX_CHANNEL = 24, 238
+_MIN_CHANNEL = 24  # of 255
+_MAX_CHANNEL = 238  # of 255
 
 
 def parse_finish(tags: Mapping[str, str]) -> Finish:
@@ -84,7 +85,7 @@ def parse_colour(text: str) -> Colour | None:
         red, green, blue = ImageColor.getrgb(text)[:3]
     except ValueError:
         return None
-    # paint is neither black nor white, and nothing shines
+    # paint is neither black nor white
     red, green, blue = (min(max(value, _MIN_CHANNEL), _MAX_CHANNEL) for value in (red, green, blue))
     return red, green, blue
 

@@ -77,9 +77,9 @@ _TAG_COLUMN_NAMES = {
     "man_made": "man_made",
     "area:highway": "area_highway",
 }
-# Tag -> the names of its column in order of preference: lower case, every mark an underscore.
+# Tag -> names of its column in order of preference: lower case, with underscores for punctuation.
 TAG_COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _TAG_COLUMN_NAMES.items()}
-# 3DBAG and its like state heights above the datum: of the roof, and of the ground.
+# Columns of 3DBAG and similar sets: heights of roof and ground above the datum.
 ROOF_LEVEL_COLUMNS = (
     "b3_h_dak_70p",
     "b3_h_70p",
@@ -91,7 +91,7 @@ ROOF_LEVEL_COLUMNS = (
     "roof_0_50",
 )
 GROUND_LEVEL_COLUMNS = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_30")
-# Columns whose values are classes, in the words of their map: of streets, of areas of ground.
+# Columns of classes of streets and ground areas.
 _CLASS_COLUMN_NAMES = (
     "class fclass subclass subtype type kind category road_class street_class street_type functional_class func_class mtfcc "
     "strassenklasse wegtype landuse land_use landcover land_cover natural leisure amenity nutzung nutzungsart bodengebruik "
@@ -103,18 +103,18 @@ _ID_COLUMN_NAMES = (
     "cleabs egid objectid fid ogc_fid gid link_id road_id segment_id toid"
 )
 ID_COLUMNS = tuple(_ID_COLUMN_NAMES.split())
-# A column of ids in which so many rows have one of their own is believed.
+# Share of unique values above which a column is used as ids.
 MIN_UNIQUE_SHARE = 0.6
 _EXTRA_TAG_COLUMNS = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
-_ONE_WAY_CODES = ("F", "T")  # as Geofabrik says that it is along the line, or against it; B of both
-_MAX_CELL_LENGTH = 10_000  # letters of a cell that are looked at
+_ONE_WAY_CODES = ("F", "T")  # Geofabrik: along the line, against it; B for both
+_MAX_CELL_LENGTH = 10_000  # letters of a cell that are read
 _ELEMENT_TYPE_COLUMNS = ("element", "element_type", "osm_type")
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
 _OSM_ID = re.compile(r"(node|way|relation)/(\d+)")
-# From here on floats leave out whole numbers. GDAL writes such a one so where other cells of its column are text.
+# Floats of this size skip integers. GDAL writes such numbers in exponent form in text columns.
 MIN_INEXACT_INTEGER = 2**53
 _INEXACT_NUMBER = re.compile(r"\d\.\d{15,16}e\+\d+")
-# What is said of features whose ids are not what their file states: after "buildings of b.gpkg".
+# Remarks on changed ids, after "buildings of b.gpkg".
 _NUMBERED_REMARK = "numbered since another has their id"
 _BY_ROW_REMARK = "named by their row, since too few have an id of their own"
 _INEXACT_REMARK = "whose id is a number too large to be held whole; write it as text"
@@ -244,7 +244,7 @@ def assign_ids(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tup
                 text = f"{match[1][0]}{match[2]}"
             elif text.isdigit() and kind is not None and name in ("id", "osmid", "osm_id"):
                 text = f"{cell_text(record[kind])[:1].lower()}{text}"
-            elif name == "osm_id" and "osm_way_id" in columns:  # GDAL: a relation has the one id, a way the other
+            elif name == "osm_id" and "osm_way_id" in columns:  # GDAL: osm_id for relations, osm_way_id for ways
                 way = cell_text(record[columns["osm_way_id"]])
                 text = f"r{text}" if text else f"w{way}" if way else ""
             texts.append(text)

@@ -9,7 +9,7 @@ from pathlib import Path
 from catalogs.reader_errors import short_message
 from facade_core.core.errors import InputError
 
-# What GDAL keeps beside the layers: indices of places, of which it reads the tables behind them.
+# Modules of virtual tables that GDAL creates: spatial indices.
 _ALLOWED_MODULES = ("rtree",)
 
 

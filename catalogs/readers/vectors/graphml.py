@@ -75,7 +75,7 @@ def _load_graph(path: Path) -> Any:
         raise InputError(
             f"{path} declares XML entities or a document type; write it with osmnx.save_graphml"
         ) from error
-    except Exception as error:  # networkx lets the errors of its conversions through
+    except Exception as error:  # networkx raises errors of any class
         if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120]

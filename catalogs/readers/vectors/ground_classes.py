@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-# OpenStreetMap's tag -> words of other sources for it: values of a column of classes, or names of a layer; lower case, every
-# mark an underscore, of what may be in the plural the singular.
+# OpenStreetMap tag -> words of other sources: values of class columns or names of layers, in lower case and singular, with
+# underscores for punctuation.
 _AREA_WORDS = {
     "leisure=park": "park parc public_park parkanlage",
     "leisure=garden": "garden jardin garten tuin flowerbed",
@@ -31,8 +31,7 @@ _AREA_WORDS = {
     "amenity=parking": "parking parking_lot parking_surface car_park parkplatz parkeervlak parkeerplaats stationnement",
 }
 TAGS_BY_AREA_WORD = {word: tag for tag, words in _AREA_WORDS.items() for word in words.split()}
-# OpenStreetMap's value of `highway` -> words of other sources for it: TIGER's codes, Overture's and Geofabrik's classes, and
-# what cities write.
+# OpenStreetMap value of `highway` -> words of other sources: TIGER codes, classes of Overture, Geofabrik and cities.
 _HIGHWAY_WORDS = {
     "motorway": "motorway freeway expressway interstate autobahn autosnelweg autoroute s1100",
     "trunk": "trunk",
@@ -52,7 +51,7 @@ _HIGHWAY_WORDS = {
     "crossing": "crossing crosswalk pedestrian_crossing zebra zebra_crossing",
 }
 HIGHWAYS_BY_WORD = {word: value for value, words in _HIGHWAY_WORDS.items() for word in words.split()}
-# Words for what a surface is of that OpenStreetMap has none of.
+# OpenStreetMap value of `surface` -> words of other sources.
 _SURFACE_WORDS = {
     "asphalt": "asphalte bitumen tarmac paved enrobe bitume asfalt gesloten_verharding beton",
     "paving_stones": "paving pavers tegels klinkers open_verharding platten dalles brick_paving",
@@ -61,9 +60,8 @@ _SURFACE_WORDS = {
     "grass": "gras rasen herbe turf",
 }
 SURFACES_BY_WORD = {word: value for value, words in _SURFACE_WORDS.items() for word in words.split()}
-# Words for a tram's track.
 _TRAM_WORDS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "streetcar", "trambaan"))
-# What says whether there is such a thing, and what OpenStreetMap says of one of which no more is known.
+# Words for yes and no, and the OpenStreetMap value of an unspecified yes.
 _YES_WORDS = frozenset(("yes", "true", "t", "1", "ja", "oui", "y"))
 _NO_WORDS = frozenset(("no", "false", "f", "0", "nee", "nein", "non", "n", "none"))
 _VALUES_OF_YES = {
@@ -99,8 +97,8 @@ def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = Fal
     if is_area:
         meant = next(filter(None, (_look_up_word(word, TAGS_BY_AREA_WORD) for word in words)), None)
         if meant is not None:
-            key, _, of = meant.partition("=")
-            found[key] = of
+            key, _, tag_value = meant.partition("=")
+            found[key] = tag_value
     elif "railway" not in found:
         street = next(filter(None, (_look_up_word(word, HIGHWAYS_BY_WORD) for word in words)), None)
         if not _TRAM_WORDS.isdisjoint(words):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from catalogs.crs import LONLAT
 from catalogs.reader_errors import is_system_error
 from catalogs.readers.limits import MAX_FEATURES
 from catalogs.readers.vectors.columns import MIN_INEXACT_INTEGER, assign_ids, match_columns, record_tags
@@ -23,11 +24,12 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-_LONLAT = "EPSG:4326"
-# GeoParquet may unpack to the first, a larger file to so many times its size. It is looked at by so many rows.
-_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO, _ROWS_PER_BATCH = 64 * 2**20, 50, 500
+# Limits of decompression of GeoParquet, the larger of both.
+_MIN_UNPACK_LIMIT_BYTES = 64 * 2**20
+_MAX_UNPACK_RATIO = 50
+_ROWS_PER_BATCH = 500
 _PARQUET_SUFFIXES = (".parquet", ".geoparquet")
-# What a file of each kind begins with: GDAL goes by the content, and some of its formats fetch other files and addresses.
+# First bytes by suffix: GDAL detects formats by content, and some of them fetch other files and addresses.
 _MAGIC_BYTES = {
     ".gpkg": (b"SQLite format 3",),
     ".fgb": (b"fgb",),
@@ -132,7 +134,7 @@ def _read_table(path: Path, layer: str, others: Sequence[str]) -> LayerFeatures:
     geometries = frame.geometry.to_numpy()
     records = frame.drop(columns=frame.geometry.name).to_dict("records")
     crs = _crs_name(frame.crs)
-    if crs == _LONLAT and not _are_degrees(geometries):
+    if crs == LONLAT and not _are_degrees(geometries):
         crs = None
     ids, renamed = assign_ids(records, columns)
     return LayerFeatures(crs, ids, geometries, record_tags(records, columns), renamed, layer, others)
@@ -192,21 +194,19 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
     import pyogrio
 
     info = pyogrio.read_info(path, layer=layer)
-    if (
-        info["driver"] not in _DRIVERS
-    ):  # GDAL goes by the content, and other formats of it read other files and addresses
+    if info["driver"] not in _DRIVERS:  # some formats of GDAL read other files and addresses
         raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
     columns = match_columns(info["fields"], has_truncated_names=_has_truncated_names(path))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
-        warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # which is read as the text that it is
+        warnings.simplefilter("ignore", RuntimeWarning)  # broken features become faults
+        warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # read as text
         frame = pyogrio.read_dataframe(
             path,
             layer=layer,
             columns=sorted(set(columns.values())),
             on_invalid="ignore",
             datetime_as_string=True,
-            **({"DATE_AS_STRING": "YES"} if info["driver"] == "GeoJSON" else {}),  # which takes text for dates
+            **({"DATE_AS_STRING": "YES"} if info["driver"] == "GeoJSON" else {}),  # GDAL would parse text as dates
         )
     whole = [str(name) for name, kind in zip(info["fields"], info["dtypes"], strict=True) if "int" in str(kind)]
     return _restore_integers(frame, whole, lambda names: _read_integers(path, layer, names)), columns
@@ -247,7 +247,7 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     wanted = {*columns.values(), json.loads(geo)["primary_column"]}
     unpacked, most = 0, max(_MIN_UNPACK_LIMIT_BYTES, _MAX_UNPACK_RATIO * path.stat().st_size)
     for batch in file.iter_batches(batch_size=_ROWS_PER_BATCH, columns=sorted(wanted.intersection(schema.names))):
-        # a dictionary's text is held once, until it is written out
+        # dictionary encoding hides the decoded size
         unpacked += sum(
             c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
         )
@@ -268,7 +268,7 @@ def _crs_name(crs: Any) -> str | None:
         return None
     authority = crs.to_authority()
     if authority in (("OGC", "CRS84"), ("OGC", "CRS84h"), ("EPSG", "4979")):
-        return _LONLAT
+        return LONLAT
     return ":".join(authority) if authority else crs.to_wkt()
 
 

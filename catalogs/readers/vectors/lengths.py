@@ -7,7 +7,8 @@ import re
 
 _LENGTH_TEXT = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
 _FEET_INCHES_TEXT = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
-_FOOT_M, _INCH_M = 0.3048, 0.0254
+_FOOT_M = 0.3048
+_INCH_M = 0.0254
 
 
 def parse_length(text: str) -> float | None:

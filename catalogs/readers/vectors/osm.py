@@ -13,12 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from catalogs.crs import LONLAT
 from catalogs.features import Centrelines, Fault, Footprint, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason, is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines, finite_points
 from catalogs.readers.vectors.colours import parse_finish
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
-from catalogs.readers.vectors.roofs import parse_roof, tagged_roof_height
+from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
 
@@ -38,7 +39,7 @@ STREET_HIGHWAYS = frozenset(
     ]
 )
 OPEN_ROOF_VALUES = frozenset(("roof", "carport"))
-MAX_TAGGED_HEIGHT_M = 1000.0  # m; what is tagged as higher is a slip
+MAX_TAGGED_HEIGHT_M = 1000.0  # m; higher tags are errors
 MIN_WALL_HEIGHT_M = 2.0  # m; walls
 _MAX_LIST_LENGTH = 10_000  # letters
 
@@ -46,8 +47,8 @@ _MAX_LIST_LENGTH = 10_000  # letters
 def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
     """Read the building outlines and building parts of a .pbf in lon/lat (EPSG:4326).
 
-    The height reaches to the eaves: `height` less that of the roof. Roofs without walls and underground buildings are set aside,
-    since extrusion from the ground would add walls.
+    The height reaches to the eaves: `height` less that of the roof. Roofs without walls and underground buildings are set
+    aside, since extrusion from the ground would add walls.
 
     Parameters
     ----------
@@ -69,12 +70,12 @@ def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
         seen.add(feature)
         try:
             footprint = parse_footprint(feature, geometry, tags, remarks, is_lonlat=True)
-        except Exception as error:  # what GEOS or a tag makes of it is no other building's fault
+        except Exception as error:  # an error affects this building only
             faults.append(Fault(feature, "building", fault_reason(error), finite_points(geometry)))
             continue
         if footprint is not None:
             items.append(footprint)
-    return Footprints("EPSG:4326", tuple(items), tuple(remarks), tuple(faults))
+    return Footprints(LONLAT, tuple(items), tuple(remarks), tuple(faults))
 
 
 def parse_footprint(
@@ -110,7 +111,7 @@ def parse_footprint(
         levels,
         tags.get("name"),
         roof=roof,
-        roof_height=tagged_roof_height(tags) if roof is None else None,
+        roof_height=parse_roof_height(tags) if roof is None else None,
         use=kind if kind not in ("", "yes") else None,
         year_built=_parse_year(tags.get("start_date", "")),
         finish=parse_finish(tags),
@@ -141,7 +142,7 @@ def _wall_height(height: float, roof: Roof | None, tags: Mapping[str, str]) -> t
 
     A tagged roof height that leaves no floor below is ignored; an assumed one is reduced.
     """
-    tagged = tagged_roof_height(tags)
+    tagged = parse_roof_height(tags)
     rise = roof.height if roof else tagged or 0.0
     if height - rise >= MIN_WALL_HEIGHT_M:
         return height - rise, roof
@@ -151,7 +152,7 @@ def _wall_height(height: float, roof: Roof | None, tags: Mapping[str, str]) -> t
     return height, Roof("flat", 0.0)
 
 
-# What is asked for beside the network of ways: areas of ground, tracks, crossings.
+# Filter of ground features besides the network of ways: areas, tracks, crossings.
 _GROUND_FILTER = {
     "natural": ["water", "wood", "scrub", "grassland", "sand", "beach"],
     "leisure": ["park", "garden", "pitch", "playground", "dog_park"],
@@ -186,7 +187,7 @@ def read_osm_centrelines(path: Path) -> Centrelines:
                 if line is not None and not line.is_empty and is_street(line, tags):
                     yield feature, line, tags.get("name")
 
-    found = build_centrelines("EPSG:4326", streets())
+    found = build_centrelines(LONLAT, streets())
     known = {feature.id for feature in ground}
     keep = {"filter_type": "keep", "keep_nodes": True, "keep_ways": True, "keep_relations": True}
     for feature, geometry, tags in _read_features(
@@ -225,7 +226,7 @@ def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[
     try:
         osm = OSM(str(path), progress=False)
         frames = [layer(osm) for layer in layers]
-    except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
+    except Exception as error:  # pyrosm raises errors of zlib, struct, protobuf and its own
         if is_system_error(error):
             raise
         reason = " ".join(str(error).split())[:120]

@@ -10,10 +10,10 @@ import shapely
 
 from catalogs.reader_errors import is_system_error
 
-# Amenities behind shop windows, beside all that is tagged shop=*.
+# Amenities with shop windows; shop=* is included too.
 SHOP_AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
 _VACANT_VALUES = ("no", "vacant")
-# What is no door, or none of those that one sees and enters by.
+# Values of `entrance` that are no visible door for visitors.
 _EXCLUDED_ENTRANCES = ("no", "garage", "emergency", "exit")
 
 
@@ -33,7 +33,7 @@ def read_points_of_interest(path: Path) -> PointsOfInterest | None:
         frame = OSM(str(path), progress=False).get_data_by_custom_criteria(
             wanted, keep_ways=False, keep_relations=False
         )
-    except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
+    except Exception as error:  # pyrosm raises errors of zlib, struct, protobuf and its own
         if is_system_error(error):
             raise
         return None

@@ -12,7 +12,7 @@ import shapely
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
 from facade_core.core.types import Roof
 
-# Other spellings of shapes in use; what is not listed is passed on as it is written.
+# Synonyms of shapes; other shapes pass unchanged.
 _SHAPE_SYNONYMS = {
     "shed": "skillion",
     "lean-to": "skillion",
@@ -24,10 +24,11 @@ _SHAPE_SYNONYMS |= {"gable": "gabled", "hip": "hipped", "half-hip": "half-hipped
 _SHAPELESS_VALUES = frozenset(("", "yes", "no", "many", "unknown", "none", "other"))
 _COMPASS_POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
 
-ROOF_FLOOR_HEIGHT_M = 2.5  # m; a storey under a roof, as most renderers of OpenStreetMap have it
-_DEFAULT_PITCH_DEG, _SKILLION_PITCH_DEG = 30.0, 10.0  # degrees; where no height is tagged
-_MAX_DEFAULT_HEIGHT_M = 5.0  # m; roofs over wide buildings are flatter than the pitch
-_MAX_HEIGHT_M = 100.0  # m; taller ones are slips
+ROOF_FLOOR_HEIGHT_M = 2.5  # m; floor under a roof, as in most renderers of OpenStreetMap
+_DEFAULT_PITCH_DEG = 30.0  # degrees; without a tagged height
+_SKILLION_PITCH_DEG = 10.0  # degrees
+_MAX_DEFAULT_HEIGHT_M = 5.0  # m; roofs of wide buildings are flatter
+_MAX_HEIGHT_M = 100.0  # m; larger tags are errors
 
 
 def parse_roof(tags: Mapping[str, str], outline: Any, *, is_lonlat: bool) -> Roof | None:
@@ -49,7 +50,7 @@ def parse_roof(tags: Mapping[str, str], outline: Any, *, is_lonlat: bool) -> Roo
     if shape == "flat":
         return Roof("flat", 0.0)
     across = tags.get("roof:orientation", "").strip().lower() == "across"
-    height = tagged_roof_height(tags)
+    height = parse_roof_height(tags)
     if height is None:
         angle = parse_length(tags.get("roof:angle", "").strip("° "))
         height = estimate_roof_height(outline, shape, across, is_lonlat, angle if angle and 0 < angle < 80 else None)
@@ -57,7 +58,7 @@ def parse_roof(tags: Mapping[str, str], outline: Any, *, is_lonlat: bool) -> Roo
     return Roof(shape, round(height, 2), direction, across) if height > 0 else Roof("flat", 0.0)
 
 
-def tagged_roof_height(tags: Mapping[str, str]) -> float | None:
+def parse_roof_height(tags: Mapping[str, str]) -> float | None:
     """Return the tagged metres from the eaves to the ridge; None without a tag."""
     height = parse_length(tags.get("roof:height", ""))
     if height is not None and 0 < height <= _MAX_HEIGHT_M:
@@ -80,7 +81,7 @@ def estimate_roof_height(
     pitch_deg : pitch, None for a default.
     """
     flat = shapely.force_2d(outline)
-    if is_lonlat:  # lengths of a degree; the sphere is exact enough for a roof
+    if is_lonlat:  # metres per degree on a sphere
         north = 111_200.0
         scale = np.array([north * math.cos(math.radians(flat.centroid.y)), north])
         flat = shapely.transform(flat, lambda lonlat: lonlat * scale)

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
-from catalogs.crs import coordinate_transform
+from catalogs.crs import LONLAT, coordinate_transform
 from catalogs.features import Centrelines, Fault, Footprints, GroundFeature, Remark
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
@@ -26,7 +26,7 @@ from catalogs.readers.vectors.osm import is_building_part, is_street, parse_foot
 from facade_core.core.errors import InputError
 
 _BUILDING_LAYERS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
-# Columns by which a layer may hold what lies on the ground, and tags by which a feature does.
+# Columns of ground layers, and tags of ground features.
 _GROUND_COLUMNS = frozenset(("highway", "railway", "waterway", "place", "man_made", "area_highway", *CLASS_COLUMNS))
 _GROUND_TAGS = frozenset(
     (
@@ -57,7 +57,7 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
     remarks = _layer_remarks(features)
     faults = []
     items = []
-    degrees = features.crs == "EPSG:4326"
+    degrees = features.crs == LONLAT
     bases = _base_heights(features.geometries)
     from_osm = any(tags.get("building") == "yes" for tags in features.tags)
     for id, geometry, tags, base in zip(features.ids, features.geometries, features.tags, bases, strict=True):
@@ -75,7 +75,7 @@ def read_vector_footprints(path: Path, lod: str | None = None) -> Footprints:
             continue
         try:
             footprint = parse_footprint(id, _plan_outline(geometry), tags, remarks, is_lonlat=degrees)
-        except Exception as error:  # what GEOS or a tag makes of it is no other footprint's fault
+        except Exception as error:  # an error affects this footprint only
             faults.append(Fault(id, "building", f"footprint {id}: {fault_reason(error)}", finite_points(geometry)))
             continue
         if footprint is not None:

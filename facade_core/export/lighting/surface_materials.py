@@ -55,19 +55,19 @@ LABEL_MATERIALS = {
 }
 # Of a chart by its material, as `GltfMaterials.field.charts.made` has it; ground is by its surfaces.
 CHART_MATERIALS = {
-    field.SOIL: ASPHALT,
-    field.SHEET: SHEET,
-    field.TILE: TILE,
-    field.LAID: TILE,
-    field.PLASTER: PLASTER,
-    field.PANE: GLASS,
-    field.BOARDS: WOOD,
-    field.UNDERSIDE: PLASTER,
-    field.BRICK: BRICK,
-    field.SLATE: SLATE,
-    field.FELT: FELT,
-    field.BALLAST: GRAVEL,
-    field.FITTING: SHEET,
+    field.SurfaceMaterial.GROUND: ASPHALT,
+    field.SurfaceMaterial.SHEET_METAL: SHEET,
+    field.SurfaceMaterial.ROOF_TILE: TILE,
+    field.SurfaceMaterial.ROOF_PICTURE: TILE,
+    field.SurfaceMaterial.PLASTER: PLASTER,
+    field.SurfaceMaterial.GLASS: GLASS,
+    field.SurfaceMaterial.BOARDS: WOOD,
+    field.SurfaceMaterial.SOFFIT: PLASTER,
+    field.SurfaceMaterial.BRICK: BRICK,
+    field.SurfaceMaterial.SLATE: SLATE,
+    field.SurfaceMaterial.FELT: FELT,
+    field.SurfaceMaterial.ROOF_GRAVEL: GRAVEL,
+    field.SurfaceMaterial.METAL_FIXTURE: SHEET,
 }
 # Of ground, by facade_core.core.types.SURFACES.
 GROUND_MATERIALS = (GRAVEL, ASPHALT, SLABS, SETTS, GRASS, WATER, ASPHALT)

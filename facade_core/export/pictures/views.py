@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.export.pictures.camera import PerspectiveCamera, aerial_camera, close_up_camera, street_camera
 from facade_core.export.pictures.rendering import RenderedView, average_samples
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import Sun, sun_direction
 
@@ -35,7 +35,7 @@ def view_names(plan: Plan) -> list[str]:
 
 def select_pictured_facades(plan: Plan) -> np.ndarray:
     """The facades (k,) of which there are pictures: those on streets."""
-    return np.flatnonzero(plan.facades.role == STREET)
+    return np.flatnonzero(plan.facades.role == WallRole.STREET)
 
 
 def choose_cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None) -> list[PerspectiveCamera]:
@@ -57,7 +57,7 @@ def _chart_worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) 
     """How much each chart (n,) is worth showing; what is no facade on a street, nothing."""
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
-        worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
+        worth[chart] = role == WallRole.STREET and 1 + PHOTO_WORTH * photo_share(record)
     if sun is not None:
         worth *= np.where(plan.scene.charts.normals() @ sun_direction(sun) > 0, 1.0, SHADED_WORTH)
     return worth
@@ -86,7 +86,7 @@ def _view_streets(plan: Plan) -> list[int]:
     """The streets that have a view: those with the most facades, by area; a lane between backs shows a wall."""
     facades = plan.facades
     area = np.bincount(
-        facades.street, facades.width * facades.height * (facades.role == STREET), minlength=len(plan.streets)
+        facades.street, facades.width * facades.height * (facades.role == WallRole.STREET), minlength=len(plan.streets)
     )
     walked = np.unique(plan.street_of_viewpoints)
     most = walked[np.argsort(-area[walked], kind="stable")][:MAX_STREET_VIEWS]

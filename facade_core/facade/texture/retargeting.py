@@ -153,7 +153,7 @@ def choose_floors(
     ground = [len(kinds) - 1] if kinds[-1] == "ground" else ([-1] if exemplar.bottom > exemplar.floor_cuts[-1] else [])
     sizes = np.append(np.diff(exemplar.floor_cuts)[: len(kinds)], exemplar.bottom - exemplar.floor_cuts[len(kinds)])
     price = style.floor_price * np.exp(noise * rng.standard_normal(style.floor_price.shape))
-    standing = exemplar.ground_band or kinds[-1] == "ground"
+    standing = exemplar.has_ground_band or kinds[-1] == "ground"
     best: tuple[float, list[int], float] | None = None
     for kept in (roofs, roofs[-1:], []):
         wanted = floors - len(kept) - standing

@@ -73,8 +73,8 @@ class Facets:
 def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     """Group the triangles of a shell into connected planar facets of one semantic and texture.
 
-    The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a level one, is
-    decided by the number of surfaces on either side. Facets below MIN_FACET_M2 are dropped.
+    The winding is the last resort. An upright facet has the footprint behind it. A facet inside the footprint, or a
+    level one, is decided by the number of surfaces on either side. Facets below MIN_FACET_M2 are dropped.
 
     Parameters
     ----------
@@ -82,8 +82,7 @@ def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
 
     Raises
     ------
-    GeometryError
-        Where coordinates are not finite, or indices have no vertex.
+    GeometryError Where coordinates are not finite, or indices have no vertex.
     """
     if not np.isfinite(shell.vertices).all():
         raise GeometryError("its model has coordinates that are not numbers; repair or drop it")
@@ -246,8 +245,9 @@ def _grow_facets(
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """Grow facets over shared edges from seeds in `order`.
 
-    area (t,) is the doubled area of triangles; key (3 t,) identifies the undirected edge from each corner, and by_edge (3 t,) sorts
-    the corners by it. Returns the facet of each triangle, the seed of each facet, and whether the surface is closed.
+    area (t,) is the doubled area of triangles; key (3 t,) identifies the undirected edge from each corner, and by_edge
+    (3 t,) sorts the corners by it. Returns the facet of each triangle, the seed of each facet, and whether the surface
+    is closed.
     """
     t = len(triangles)
     edge = np.empty(3 * t, np.int64)

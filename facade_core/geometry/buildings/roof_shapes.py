@@ -51,10 +51,11 @@ RoofHeight = Callable[[np.ndarray], np.ndarray]
 def build_roof_shell(building: Building, base: float, adjoining: Sequence[Polygon | MultiPolygon] = ()) -> Shell | None:
     """Build the closed shell of a building with a pitched roof.
 
-    Shapes as in OpenStreetMap: gabled, hipped, half-hipped, pyramidal, skillion (shed), gambrel, mansard. The roof is the lowest
-    of planes from the sides of the footprint's smallest rectangle, a skillion's from its lowest corner; walls reach up to it. Over
-    another footprint SKELETON_SHAPES rise from all edges but gable sides, and continue over adjoining footprints, so that the
-    ridge passes through party walls. Where the skeleton fails, the rectangle's planes are used, or with a known pitch none.
+    Shapes as in OpenStreetMap: gabled, hipped, half-hipped, pyramidal, skillion (shed), gambrel, mansard. The roof is
+    the lowest of planes from the sides of the footprint's smallest rectangle, a skillion's from its lowest corner;
+    walls reach up to it. Over another footprint SKELETON_SHAPES rise from all edges but gable sides, and continue over
+    adjoining footprints, so that the ridge passes through party walls. Where the skeleton fails, the rectangle's planes
+    are used, or with a known pitch none.
 
     Parameters
     ----------

@@ -27,8 +27,8 @@ MIN_VISIBLE_M = 2.5
 def lift_to_ground(shell: Shell, lowest: float) -> Shell:
     """Lift the part of a shell below the lowest ground around it to that height; closed shells stay closed.
 
-    Some models extend down to height 0, metres below their stated ground, and floors would be counted from there. Shells with
-    textures of their own stay unchanged.
+    Some models extend down to height 0, metres below their stated ground, and floors would be counted from there.
+    Shells with textures of their own stay unchanged.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """Straight skeleton of an outline, as the depth of any place inside it.
 
-A roof of one pitch rises with that depth. A wavefront leaves all edges at unit speed; the depth of a place is the time at which
-it arrives. It is the lowest of one slab per edge, where the slabs at a reflex corner end at the trace of its motorcycle.
-As a function of the place it always gives a closed roof.
+A roof of one pitch rises with that depth. A wavefront leaves all edges at unit speed; the depth of a place is the time
+at which it arrives. It is the lowest of one slab per edge, where the slabs at a reflex corner end at the trace of its
+motorcycle. As a function of the place it always gives a closed roof.
 
 References
 ----------
-Cheng and Vigneron (2002), Motorcycle graphs and straight skeletons.
-Huber and Held (2012), A fast straight-skeleton algorithm based on generalized motorcycle graphs.
+Cheng and Vigneron (2002), Motorcycle graphs and straight skeletons. Huber and Held (2012), A fast straight-skeleton
+algorithm based on generalized motorcycle graphs.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ class EdgeSlabs:
         return shapely.intersection(shapely.linestrings(ends), faces)
 
     def _below(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return half planes (k,), large enough, in which the planes of edges `low` (k,) are below those of edges `high` (k,)."""
+        """Return large half planes (k,) in which the planes of edges `low` (k,) are below those of edges `high` (k,).
+        """
         size = 4 * self.outline.length
         middle = np.asarray(self.outline.centroid.coords[0])
         gradient = self.inward[low] - self.inward[high]

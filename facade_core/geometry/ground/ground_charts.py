@@ -108,7 +108,7 @@ def _match_corners(part: Polygon, draped: _DrapedPiece, lines: _CornerLines, ter
 
 
 def _drape_piece(part: Polygon, terrain: Terrain) -> _DrapedPiece:
-    """Drape a piece over the terrain: vertices (v, 3), triangles (t, 3), normal of the best plane, distance from it in metres."""
+    """Drape a piece over the terrain: vertices (v, 3), triangles (t, 3), normal of the best plane, distance to it."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
     points, index = np.unique(corners, axis=0, return_inverse=True)

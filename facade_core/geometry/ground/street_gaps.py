@@ -41,9 +41,10 @@ _MIN_LENGTH_M = 5.0
 def derive_streets(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tuple[Street, ...]:
     """Derive streets along the gaps between buildings, named g0, g1, ... from south-west to north-east.
 
-    Streets follow the medial axis of the free space within `reach` of a building: the middle of gaps up to about 2 x reach wide,
-    else half of `reach` from the walls, so that a lone building has a ring around it. Gaps narrower than MIN_GAP_M and yards
-    (enclosed free space below MIN_SQUARE_M2) carry none. Lines are smoothed. The order of the footprints does not matter.
+    Streets follow the medial axis of the free space within `reach` of a building: the middle of gaps up to about 2 x
+    reach wide, else half of `reach` from the walls, so that a lone building has a ring around it. Gaps narrower than
+    MIN_GAP_M and yards (enclosed free space below MIN_SQUARE_M2) carry none. Lines are smoothed. The order of the
+    footprints does not matter.
 
     Parameters
     ----------
@@ -52,8 +53,7 @@ def derive_streets(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tup
 
     Raises
     ------
-    GeometryError
-        Where a coordinate is not finite, or `reach` is not above MIN_GAP_M.
+    GeometryError Where a coordinate is not finite, or `reach` is not above MIN_GAP_M.
     """
     if not reach > MIN_GAP_M:
         raise GeometryError(
@@ -66,8 +66,8 @@ def derive_streets(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tup
     if len(outlines) == 0:
         return ()
     bounds = shapely.bounds(outlines)
-    # Qhull squares coordinates: near the origin no digits are lost. The origin is on a grid, so that streets do not move when the
-    # block changes elsewhere.
+    # Qhull squares coordinates: near the origin no digits are lost. The origin is on a grid, so that streets do not
+    # move when the block changes elsewhere.
     corner = np.floor(bounds[:, :2].min(axis=0) / _ORIGIN_GRID_M) * _ORIGIN_GRID_M
     outlines = shapely.transform(outlines[np.lexsort(bounds.T)], lambda xy: xy - corner)
 
@@ -106,8 +106,8 @@ def _without_holes(polygon: Polygon, *, below: float) -> Polygon:
 def _medial_axis(solid: BaseGeometry, zone: BaseGeometry, *, widest: float) -> np.ndarray:
     """Return lines of the medial axis of the zone less the solid, with the clearance as z.
 
-    These are Voronoi edges between opposite outline points, computed tile by tile: points beyond twice the widest clearance do not
-    affect an edge.
+    These are Voronoi edges between opposite outline points, computed tile by tile: points beyond twice the widest
+    clearance do not affect an edge.
     """
     free = shapely.difference(zone, solid)
     points = np.unique(np.round(shapely.get_coordinates(shapely.segmentize(free, _SAMPLING_M)), 3), axis=0)
@@ -246,8 +246,8 @@ def _start_direction(path: np.ndarray, distance: float) -> np.ndarray:
 def _chain_paths(paths: list[np.ndarray], ends: np.ndarray, partner: np.ndarray) -> list[LineString]:
     """Chain paths whose ends are partners into lines, open ones first, then rings.
 
-    No line passes a junction twice: it is cut there into a ring and the way to it. ends (2 per path) are junctions; partner is
-    the end that continues each end, -1 without.
+    No line passes a junction twice: it is cut there into a ring and the way to it. ends (2 per path) are junctions;
+    partner is the end that continues each end, -1 without.
     """
     partner = partner.copy()
     waiting = [*range(0, len(partner), 2), *np.flatnonzero(partner < 0)[::-1].tolist()]

@@ -11,7 +11,8 @@ from shapely import Polygon
 
 from facade_core.core.types import Building, Elevation
 
-# Raster from the buildings' bases: finest step in metres, greatest number of cells, margin around the buildings in metres.
+# Raster from the buildings' bases: finest step in metres, greatest number of cells, margin around the buildings in
+# metres.
 MIN_RASTER_STEP_M = 2.0
 MAX_RASTER_CELLS = 1_000_000
 RASTER_MARGIN_M = 40.0
@@ -19,7 +20,8 @@ RASTER_MARGIN_M = 40.0
 LOCAL_ORIGIN_GRID_M = 1000.0
 # Sigma of the smoothing of the raster in metres.
 SMOOTH_M = 5.0
-# A base is an outlier when it is this far in metres, and this many median deviations, from the median of its neighbours.
+# A base is an outlier when it is this far in metres, and this many median deviations, from the median of its
+# neighbours.
 OUTLIER_NEIGHBOURS = 8
 MIN_OUTLIER_M = 2.0
 MIN_OUTLIER_SPREADS = 4.0
@@ -78,8 +80,8 @@ def source_base(building: Building) -> float | None:
 def build_terrain(buildings: Sequence[Building], elevation: Elevation | None) -> Terrain:
     """Build the terrain of a block from a raster, else from the buildings' bases, else level at 0.
 
-    Unknown cells take the nearest height. Outlier bases are replaced by the median of their neighbours. Equal bases give
-    exactly level ground.
+    Unknown cells take the nearest height. Outlier bases are replaced by the median of their neighbours. Equal bases
+    give exactly level ground.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ def fuse_camera_views(views: Sequence[ChartView], trusted: Sequence[np.ndarray],
     The fused view, None where too little is left.
     """
     views = [replace(view, occluded=view.seen & ~is_trusted) for view, is_trusted in zip(views, trusted, strict=True)]
-    fused = fuse_views(views, matched=True)
+    fused = fuse_views(views, exposures_match=True)
     is_visible = _drop_small_pieces(fused.seen & ~fused.occluded, density)
     if not is_visible.any():
         return None

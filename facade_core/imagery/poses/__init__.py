@@ -1,1 +1,1 @@
-"""Refinement and checks of panorama poses, alone and jointly."""
+"""Refinement and checks of panorama poses, single and joint."""

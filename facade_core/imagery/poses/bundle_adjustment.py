@@ -1,18 +1,18 @@
-"""Bundle adjustment of panoramas whose points lie on known walls: turns and places by least squares.
+"""Bundle adjustment of panoramas whose points are on known walls, by least squares over rotations and positions.
 
-Of panorama i at p_i with the turn R_i (camera to world), unknown are a move m_i and a turn w_i of the world. A patch on the
-wall with normal n through o, seen along the ray r of the camera's axes, lies at
+Panorama i at p_i with rotation R_i (camera to world) has the unknowns m_i, a translation, and w_i, a rotation of the world.
+A patch on the wall with normal n through o, seen along the camera ray r, has the position
 
     x_i = p_i + m_i + s d,    d = exp(w_i) R_i r,    s = n . (o - p_i - m_i) / n . d
 
-and two panoramas agree where x_i = x_j on the wall. Minimised is, over all unknowns, the sum of
+and two panoramas agree where x_i = x_j on the wall. The adjustment minimises the sum over all unknowns of
 
-    rho(|x_i - x_j| / MATCH_M; MATCH_SCALE)            of matches,
-    rho(slope / LINE_DEG; LINE_SCALE_DEG / LINE_DEG)   of lines, each times its length,
-    (m_i, w_i)' C_i^-1 (m_i, w_i)                      of panoramas, C_i the covariance of the pose as it was
+    rho(|x_i - x_j| / MATCH_SIGMA_M; MATCH_CAUCHY_SCALE)          of matches,
+    rho(slope / LINE_SIGMA_DEG; LINE_CAUCHY_DEG / LINE_SIGMA_DEG) of lines, each times its length,
+    (m_i, w_i)' C_i^-1 (m_i, w_i)                                 of panoramas, C_i the covariance of the prior pose
 
-with Cauchy's rho(e; c) = c^2 log(1 + (e / c)^2): the lines of `detect_wall_lines` are level or upright, and a pose stays where it was
-as closely as its own evidence told it. There are no points among the unknowns: the surfaces are the model's.
+with Cauchy's rho(e; c) = c^2 log(1 + (e / c)^2). The lines of `wall_lines` are level or upright. A pose stays as close to its
+prior as its own evidence requires. The unknowns contain no points: the surfaces are the model's.
 """
 
 from __future__ import annotations
@@ -25,77 +25,106 @@ from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 from facade_core.imagery.poses.shared_walls import PatchMatches
-from facade_core.imagery.poses.wall_lines import LINE_DEG, WallLines
+from facade_core.imagery.poses.wall_lines import LINE_SIGMA_DEG, WallLines
 
-# Expected error of a match, metres, and from how many of them on it counts less; scale of lines, degrees.
-MATCH_M, MATCH_SCALE, LINE_SCALE_DEG = 0.05, 3.0, 0.5
-# So many matches of a pair count as independent of each other.
-INDEPENDENT = 40
-# Steps at most, and that of a metre or a degree below which they end; steps of the derivatives likewise.
-STEPS, DONE, APART = 40, 1e-5, 1e-4
+# Expected error of a match in metres.
+MATCH_SIGMA_M = 0.05
+# Cauchy scale of matches, in expected errors.
+MATCH_CAUCHY_SCALE = 3.0
+# Cauchy scale of lines in degrees.
+LINE_CAUCHY_DEG = 0.5
+# Matches of a pair that count as independent.
+MAX_INDEPENDENT_MATCHES = 40
+# Gauss-Newton steps at most.
+MAX_STEPS = 40
+# The iteration ends when no change exceeds this, in metres or degrees.
+CONVERGED_STEP = 1e-5
+# Step of numerical derivatives in metres or degrees.
+DERIVATIVE_STEP = 1e-4
 
 
 class BundleAdjustment:
-    """The equations of some panoramas, of their given poses (n), and their lines."""
+    """Normal equations of n panoramas, their prior poses and their wall lines."""
 
-    def __init__(self, scene: Scene, poses: Sequence[Pose], lines: Sequence[WallLines], covariances: np.ndarray) -> None:
-        """expected (n, 6, 6): covariances of the poses east, north and up, metres, and about these axes, degrees."""
-        self._scene, self._lines, self._held = scene, lines, np.linalg.inv(covariances)
-        self._place = np.array([camera_position(pose) for pose in poses])
+    def __init__(
+        self, scene: Scene, poses: Sequence[Pose], lines: Sequence[WallLines], covariances: np.ndarray
+    ) -> None:
+        """Store the prior poses and their information matrices.
+
+        Parameters
+        ----------
+        scene : scene that contains the walls.
+        poses : n prior poses.
+        lines : wall lines of each panorama.
+        covariances : (n, 6, 6) of the poses: metres east, north and up, then degrees about these axes.
+        """
+        self._scene, self._lines, self._prior_information = scene, lines, np.linalg.inv(covariances)
+        self._positions = np.array([camera_position(pose) for pose in poses])
         self._to_world = np.array([camera_from_world(pose).T for pose in poses])
 
     def solve(self, matches: PatchMatches, change: np.ndarray) -> np.ndarray:
-        """The changes (n, 6) of the poses that matches ask for, from some on: moves, metres, and turns, degrees.
+        """Solve for the pose changes by Gauss-Newton, with weights 1 / (1 + (e / c)^2) in each step.
 
-        Gauss-Newton, each step's weights 1 / (1 + (e / c)^2).
+        Parameters
+        ----------
+        matches : patches that pairs of panoramas show.
+        change : (n, 6) initial changes.
+
+        Returns
+        -------
+        (n, 6) changes: translations in metres, rotations in degrees.
         """
-        n = len(self._place)
-        for _ in range(STEPS):
+        n = len(self._positions)
+        for _ in range(MAX_STEPS):
             normal = np.zeros((n, 6, n, 6))
-            right = -np.einsum("nuv,nv->nu", self._held, change)
-            at = np.arange(n)
-            normal[at, :, at, :] += self._held
+            right = -np.einsum("nuv,nv->nu", self._prior_information, change)
+            index = np.arange(n)
+            normal[index, :, index, :] += self._prior_information
             self._add_lines(change, normal, right)
             self._add_matches(matches, change, normal, right)
             step = np.linalg.solve(normal.reshape(6 * n, 6 * n), right.ravel()).reshape(n, 6)
             change = change + step
-            if np.abs(step).max() < DONE:
+            if np.abs(step).max() < CONVERGED_STEP:
                 break
         return change
 
     def match_distances(self, matches: PatchMatches, change: np.ndarray) -> np.ndarray:
-        """How far from each other two panoramas have each patch on its wall, metres (k,)."""
-        return np.linalg.norm(self._wall_positions(matches, change, 0) - self._wall_positions(matches, change, 1), axis=1)
+        """Compute the distance (k,) in metres between the two positions of each patch on its wall."""
+        return np.linalg.norm(
+            self._wall_positions(matches, change, 0) - self._wall_positions(matches, change, 1), axis=1
+        )
 
     def _wall_positions(self, matches: PatchMatches, change: np.ndarray, side: int) -> np.ndarray:
-        """Where one of both panoramas has patches on their walls, metres (k, 2)."""
+        """Positions (k, 2) in metres of patches on their walls, as one side of each pair sees them."""
         from scipy.spatial.transform import Rotation
 
         charts, camera = self._scene.charts, matches.panorama[:, side]
         normal, origin = charts.normals()[matches.chart], charts.origin[matches.chart]
         turn = Rotation.from_rotvec(np.radians(change[:, 3:])).as_matrix() @ self._to_world
-        way = np.einsum("kij,kj->ki", turn[camera], matches.ray[:, side])
-        at = (self._place + change[:, :3])[camera]
-        far = np.einsum("ki,ki->k", origin - at, normal) / np.einsum("ki,ki->k", way, normal)
+        direction = np.einsum("kij,kj->ki", turn[camera], matches.ray[:, side])
+        place = (self._positions + change[:, :3])[camera]
+        depth = np.einsum("ki,ki->k", origin - place, normal) / np.einsum("ki,ki->k", direction, normal)
         axes = np.stack([charts.axis_u[matches.chart], charts.axis_v[matches.chart]], axis=1)
-        return np.einsum("kai,ki->ka", axes, at + far[:, None] * way - origin)
+        return np.einsum("kai,ki->ka", axes, place + depth[:, None] * direction - origin)
 
     def _add_matches(self, matches: PatchMatches, change: np.ndarray, normal: np.ndarray, right: np.ndarray) -> None:
         if not len(matches):
             return
-        lies = [self._wall_positions(matches, change, side) for side in (0, 1)]
-        off = lies[0] - lies[1]
-        slope = np.empty((2, len(matches), 2, 6))  # of what lies apart, by the unknowns of either panorama
+        positions = [self._wall_positions(matches, change, side) for side in (0, 1)]
+        residual = positions[0] - positions[1]
+        slope = np.empty((2, len(matches), 2, 6))  # derivatives of the residual by the unknowns of both panoramas
         for unknown in range(6):
             moved = change.copy()
-            moved[:, unknown] += APART
+            moved[:, unknown] += DERIVATIVE_STEP
             for side, sign in ((0, 1.0), (1, -1.0)):
-                slope[side, :, :, unknown] = sign * (self._wall_positions(matches, moved, side) - lies[side]) / APART
+                slope[side, :, :, unknown] = (
+                    sign * (self._wall_positions(matches, moved, side) - positions[side]) / DERIVATIVE_STEP
+                )
         _, pair, count = np.unique(matches.panorama, axis=0, return_inverse=True, return_counts=True)
-        weight = np.minimum(1.0, INDEPENDENT / count[pair.reshape(-1)]) / MATCH_M**2
-        weight /= 1 + (off**2).sum(axis=1) / (MATCH_SCALE * MATCH_M) ** 2
+        weight = np.minimum(1.0, MAX_INDEPENDENT_MATCHES / count[pair.reshape(-1)]) / MATCH_SIGMA_M**2
+        weight /= 1 + (residual**2).sum(axis=1) / (MATCH_CAUCHY_SCALE * MATCH_SIGMA_M) ** 2
         for side in (0, 1):
-            np.add.at(right, matches.panorama[:, side], -np.einsum("k,kau,ka->ku", weight, slope[side], off))
+            np.add.at(right, matches.panorama[:, side], -np.einsum("k,kau,ka->ku", weight, slope[side], residual))
             for other in (0, 1):
                 block = np.einsum("k,kau,kav->kuv", weight, slope[side], slope[other])
                 np.add.at(normal.transpose(0, 2, 1, 3), (matches.panorama[:, side], matches.panorama[:, other]), block)
@@ -108,8 +137,11 @@ class BundleAdjustment:
 
         for number, lines in enumerate(self._lines):
             turn = change[number, 3:]
-            off = slopes(lines, turn)
-            slope = np.stack([(slopes(lines, turn + APART * axis) - off) / APART for axis in np.eye(3)], axis=1)
-            weight = lines.weight / LINE_DEG**2 / (1 + (off / LINE_SCALE_DEG) ** 2)
-            right[number, 3:] -= (weight * off) @ slope
+            residual = slopes(lines, turn)
+            slope = np.stack(
+                [(slopes(lines, turn + DERIVATIVE_STEP * axis) - residual) / DERIVATIVE_STEP for axis in np.eye(3)],
+                axis=1,
+            )
+            weight = lines.weight / LINE_SIGMA_DEG**2 / (1 + (residual / LINE_CAUCHY_DEG) ** 2)
+            right[number, 3:] -= (weight * residual) @ slope
             normal[number, 3:, number, 3:] += (slope * weight[:, None]).T @ slope

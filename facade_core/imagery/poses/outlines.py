@@ -1,4 +1,4 @@
-"""The place of a posed panorama from outlines: corners, eaves and silhouettes of the mesh on the picture's own edges."""
+"""Position of a posed panorama from outlines: corners, eaves and silhouettes of the mesh against image edges."""
 
 from __future__ import annotations
 
@@ -13,33 +13,63 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
 
-# Edges farther away say nothing of a place; metres between samples, and how many are judged together.
-MAX_OUTLINE_DISTANCE_M, SPACING_M, GROUP = 60.0, 0.25, 10
-# A sample is seen where nothing stands this far before it; what lies to its sides is looked up this far off it.
-SKIN_M, BESIDE_DEG = 0.15, 0.7
-# Surfaces that differ less than this in direction or in depth are one.
-SAME_COS, SAME_M = np.cos(np.radians(10.0)), 0.25
-# Panoramas that are searched, to find the place and to fix it: their widest full turn and its blur, in pixels.
-COARSE, FINE = (2048, 3.0), (4096, 2.0)
-# Grey levels of a step that counts in full: the sky behind an eaves, more than a moulding below it.
+# Farther edges, in metres, do not constrain a position.
+MAX_OUTLINE_DISTANCE_M = 60.0
+# Distance between samples in metres.
+SAMPLE_SPACING_M = 0.25
+# Samples that are judged together.
+SAMPLES_PER_GROUP = 10
+# A sample is visible if no surface is nearer to the camera by more than this, in metres.
+OUTLINE_TOLERANCE_M = 0.15
+# Angle from a sample at which the surfaces on its two sides are looked up.
+SIDE_OFFSET_DEG = 0.7
+# Surfaces count as one if the cosine between their normals exceeds this
+SAME_NORMAL_COS = np.cos(np.radians(10.0))
+# and their planes differ by less than this, in metres.
+SAME_PLANE_M = 0.25
+# Pixels of a full turn and blur in pixels of the panorama that finds the position,
+COARSE_RESOLUTION = (2048, 3.0)
+# and of the one that refines it.
+FINE_RESOLUTION = (4096, 2.0)
+# Grey levels of a step that counts fully, such as sky behind eaves; a moulding below has less.
 FULL_STEP = 80.0
-# What stands against the sky is seen; a corner between two walls of one brick, or of an embrasure, often is not, and counts so
-# much of it.
-INNER = 0.15
-# The search: metres to either side on the level and in height, steps.
-LEVEL_M, STEP_M, HEIGHT_M, UP_STEP_M = 1.0, 0.25, 1.0, 0.5
-# Cost of an offset of one metre, squared with it: on the level; in height where that is stated, and where it is `height_is_assumed`.
-LEVEL_PULL, STATED_PULL, CARRIED_PULL = 0.08, 0.02, 0.25
-# Cost of a turn by the expected error of the heading, squared with it.
-TURN_PULL = 0.02
-# Cost of a pose that is one standard error off; errors east, north and up, metres, and of the heading, degrees, at most.
-COST, EXPECTED, CARRIED_UP = 0.01, np.array([0.25, 0.25, 1.0, 0.5]), 0.3
+# Weight of edges that are not in front of the sky. Corners between walls of one brick are often invisible.
+INNER_WEIGHT = 0.15
+# Search range to each side, horizontally, in metres
+SEARCH_HORIZONTAL_M = 1.0
+# and its step;
+HORIZONTAL_STEP_M = 0.25
+# search range up and down in metres
+SEARCH_VERTICAL_M = 1.0
+# and its step.
+VERTICAL_STEP_M = 0.5
+# Cost of an offset per square metre: horizontally,
+HORIZONTAL_COST = 0.08
+# in height where the height is stated,
+STATED_HEIGHT_COST = 0.02
+# and in height where it is assumed.
+ASSUMED_HEIGHT_COST = 0.25
+# Cost of a turn by the expected error of the heading; grows with its square.
+TURN_COST = 0.02
+# Cost of a pose that is one standard error off.
+SIGMA_COST = 0.01
+# Largest standard errors east, north and up, in metres, and of the heading, in degrees.
+MAX_SIGMA = np.array([0.25, 0.25, 1.0, 0.5])
+# Largest standard error of an assumed height, in metres.
+MAX_ASSUMED_HEIGHT_SIGMA_M = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlineSamples:
-    """Samples of mesh edges in sight, in groups of neighbours on one edge: point, along (k, 3) world place and direction; group
-    (k,) int64, ascending from 0; weight (groups,), angular length in radians, INNER of it where it is not against the sky."""
+    """Samples of visible mesh edges, in groups of neighbours on one edge.
+
+    Attributes
+    ----------
+    point : (k, 3) world positions.
+    along : (k, 3) directions of the edges.
+    group : (k,) int64 group of each sample, ascending from 0.
+    weight : (groups,) angular length in radians, times INNER_WEIGHT where the sky is not behind.
+    """
 
     point: np.ndarray
     along: np.ndarray
@@ -49,8 +79,16 @@ class OutlineSamples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gradients:
-    """Colour gradients of a panorama: slope (h, w, 6) int16, three channels across, then three down, in eighths of grey levels
-    per pixel; turn, the pixels of a full turn; left, top: the picture's first pixel in the full panorama; blur in pixels."""
+    """Colour gradients of a panorama.
+
+    Attributes
+    ----------
+    slope : (h, w, 6) int16, three channels across, then three down, in eighths of grey levels per pixel.
+    turn : pixels of a full turn.
+    left : first column of the picture in the full panorama.
+    top : first row likewise.
+    blur : blur in pixels.
+    """
 
     slope: np.ndarray
     turn: float
@@ -61,8 +99,15 @@ class Gradients:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceEstimate:
-    """offset (3,) metres from a pose; turn_deg, clockwise from above, of its heading; the fit there; spread (4, 4),
-    the covariance of offset and turn_deg."""
+    """Position found near a pose.
+
+    Attributes
+    ----------
+    offset : (3,) metres from the pose.
+    turn_deg : change of the heading, clockwise from above.
+    fit : fit of the outlines there, 0 to 1.
+    covariance : (4, 4) of offset and turn_deg.
+    """
 
     offset: np.ndarray
     turn_deg: float
@@ -71,30 +116,38 @@ class PlaceEstimate:
 
 
 def sample_outline(scene: Scene, pose: Pose) -> OutlineSamples:
-    """The edges of walls and roofs that a camera sees against other surfaces or the sky."""
-    place = camera_position(pose)
-    ends = _edges(scene, place)
+    """Sample the edges of walls and roofs that a camera sees against other surfaces or the sky."""
+    centre = camera_position(pose)
+    ends = _surface_edges(scene, centre)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    count = np.maximum(1, (length / SPACING_M).astype(int))
+    count = np.maximum(1, (length / SAMPLE_SPACING_M).astype(int))
     edge = np.repeat(np.arange(len(ends)), count)
     number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     along = (ends[:, 1] - ends[:, 0]) / np.maximum(length, 1e-9)[:, None]
     point = ends[edge, 0] + ((number + 0.5) / count[edge] * length[edge])[:, None] * along[edge]
     along = along[edge]
-    kept, sky = _stands_out(scene, place, point, along)
-    point, along, edge, number, sky = point[kept], along[kept], edge[kept], number[kept], sky[kept]
-    key, group = np.unique(np.column_stack([edge, number // GROUP]), axis=0, return_inverse=True)
+    is_visible, is_sky = _visible_outline(scene, centre, point, along)
+    point, along, edge, number, is_sky = (
+        point[is_visible],
+        along[is_visible],
+        edge[is_visible],
+        number[is_visible],
+        is_sky[is_visible],
+    )
+    group_keys, group = np.unique(np.column_stack([edge, number // SAMPLES_PER_GROUP]), axis=0, return_inverse=True)
     group = group.reshape(-1)
-    rays = point - place
+    rays = point - centre
     distance = np.linalg.norm(rays, axis=1)
     sine = np.linalg.norm(np.cross(along, rays), axis=1) / distance
-    weight = np.bincount(group, SPACING_M * sine / distance * np.where(sky, 1.0, INNER), minlength=len(key))
-    weight[np.bincount(group, minlength=len(key)) < 3] = 0
+    weight = np.bincount(
+        group, SAMPLE_SPACING_M * sine / distance * np.where(is_sky, 1.0, INNER_WEIGHT), minlength=len(group_keys)
+    )
+    weight[np.bincount(group, minlength=len(group_keys)) < 3] = 0
     return OutlineSamples(point, along, group.astype(np.int64), weight)
 
 
-def _edges(scene: Scene, place: np.ndarray) -> np.ndarray:
-    """Ends (k, 2, 3) of the outlines of surfaces other than the ground near a place."""
+def _surface_edges(scene: Scene, place: np.ndarray) -> np.ndarray:
+    """Outline edges (k, 2, 3) of surfaces other than the ground near a position."""
     mesh, charts = scene.mesh, scene.charts
     corners = mesh.vertices[mesh.triangles]
     near = (np.linalg.norm(corners - place, axis=2).min(axis=1) < MAX_OUTLINE_DISTANCE_M) & (
@@ -106,14 +159,15 @@ def _edges(scene: Scene, place: np.ndarray) -> np.ndarray:
     pair = np.sort(index.reshape(-1, 2), axis=1)
     key = np.column_stack([np.repeat(surface, 3), pair])
     _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
-    own = np.sort(first[count == 1])
-    _, once = np.unique(pair[own], axis=0, return_index=True)  # an edge that two surfaces share counts once
-    return sides[own[np.sort(once)]]
+    single = np.sort(first[count == 1])
+    _, once = np.unique(pair[single], axis=0, return_index=True)  # edges that two surfaces share, once
+    return sides[single[np.sort(once)]]
 
 
-def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether samples (k, 3) are in sight with different things to their sides, the ground aside, and whether one of these is
-    the sky: (k,) bool each."""
+def _visible_outline(
+    scene: Scene, place: np.ndarray, point: np.ndarray, along: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Visibility of samples (k, 3) with different surfaces on both sides, the ground excluded; and sky on a side: (k,) bool each."""
     charts = scene.charts
     rays = point - place
     distance = np.linalg.norm(rays, axis=1)
@@ -122,50 +176,75 @@ def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.nd
     normal, plane = charts.normals(), np.einsum("ij,ij->i", charts.normals(), charts.origin)
     depths, hits = [], []
     for side in (1, -1):
-        tilted = rays + side * np.tan(np.radians(BESIDE_DEG)) * distance[:, None] * across
+        tilted = rays + side * np.tan(np.radians(SIDE_OFFSET_DEG)) * distance[:, None] * across
         depth, hit = scene.caster.cast(place, tilted)
         depths.append(depth)
         hits.append(hit)
-    one, other = hits
+    first_hit, second_hit = hits
     nearest = np.minimum(*depths)
-    seen = (nearest * distance > distance - SKIN_M - 0.15 * distance) & (nearest < 1.5)
-    level, _ = scene.caster.cast(place, rays * (1 - SKIN_M / np.maximum(distance, 2 * SKIN_M))[:, None])
-    seen &= level >= 1.0
-    alike = (np.einsum("ij,ij->i", normal[one], normal[other]) > SAME_COS) & (
-        np.abs(plane[one] - plane[other]) < SAME_M
+    is_visible = (nearest * distance > distance - OUTLINE_TOLERANCE_M - 0.15 * distance) & (nearest < 1.5)
+    front_depth, _ = scene.caster.cast(
+        place, rays * (1 - OUTLINE_TOLERANCE_M / np.maximum(distance, 2 * OUTLINE_TOLERANCE_M))[:, None]
     )
-    same = (one >= 0) & (other >= 0) & alike & (charts.building[one] == charts.building[other])
-    ground = ((one >= 0) & (charts.kind[one] == ChartKind.GROUND)) | (
-        (other >= 0) & (charts.kind[other] == ChartKind.GROUND)
+    is_visible &= front_depth >= 1.0
+    is_coplanar = (np.einsum("ij,ij->i", normal[first_hit], normal[second_hit]) > SAME_NORMAL_COS) & (
+        np.abs(plane[first_hit] - plane[second_hit]) < SAME_PLANE_M
     )
-    return seen & ~same & ~ground & (distance < MAX_OUTLINE_DISTANCE_M) & (distance > 1.0), (one < 0) | (other < 0)
+    is_same = (
+        (first_hit >= 0) & (second_hit >= 0) & is_coplanar & (charts.building[first_hit] == charts.building[second_hit])
+    )
+    is_ground = ((first_hit >= 0) & (charts.kind[first_hit] == ChartKind.GROUND)) | (
+        (second_hit >= 0) & (charts.kind[second_hit] == ChartKind.GROUND)
+    )
+    return is_visible & ~is_same & ~is_ground & (distance < MAX_OUTLINE_DISTANCE_M) & (distance > 1.0), (
+        first_hit < 0
+    ) | (second_hit < 0)
 
 
 def image_gradients(image: np.ndarray, pose: Pose, turn_pixels: int, blur: float) -> Gradients:
-    """The gradients of a panorama (H, W, 3) uint8, the part pose.view of the full one, shrunk to `widest` pixels a turn."""
+    """Compute the gradients of a panorama after downscaling.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
+    pose : pose of the camera.
+    turn_pixels : pixels of a full turn at most.
+    blur : Gaussian blur in pixels.
+    """
     import cv2
 
     left, top, width, _ = pose.view
     shrink = min(1.0, turn_pixels * width / image.shape[1])
     size = (round(image.shape[1] * shrink), round(image.shape[0] * shrink))
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if shrink < 1 else image
+    downscaled = cv2.resize(image, size, interpolation=cv2.INTER_AREA) if shrink < 1 else image
     rim = int(4 * blur)
-    wrapped = cv2.copyMakeBorder(small, 0, 0, rim, rim, cv2.BORDER_WRAP if width == 1 else cv2.BORDER_REPLICATE)
+    wrapped = cv2.copyMakeBorder(downscaled, 0, 0, rim, rim, cv2.BORDER_WRAP if width == 1 else cv2.BORDER_REPLICATE)
     soft = cv2.GaussianBlur(wrapped, (0, 0), blur)
     slope = [cv2.Sobel(soft, cv2.CV_16S, *order, ksize=3)[:, rim:-rim] for order in ((1, 0), (0, 1))]
     turn = size[0] / width
     return Gradients(np.concatenate(slope, axis=2), turn, left * turn, top * turn / 2, blur)
 
 
-def outline_fit(outline: OutlineSamples, picture: Gradients, pose: Pose, offset: np.ndarray, turn_deg: float = 0.0) -> float:
-    """How well the outline lies on edges of the picture from pose + offset (3,), turned about the vertical: 0 to 1."""
+def outline_fit(
+    outline: OutlineSamples, picture: Gradients, pose: Pose, offset: np.ndarray, turn_deg: float = 0.0
+) -> float:
+    """Compute the fit of an outline to image edges, 0 to 1.
+
+    Parameters
+    ----------
+    outline : samples of the mesh.
+    picture : gradients of the panorama.
+    pose : pose of the camera.
+    offset : (3,) translation of the pose in metres.
+    turn_deg : rotation about the vertical.
+    """
     if len(outline.group) == 0 or outline.weight.sum() == 0:
         return 0.0
     c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
     camera = camera_from_world(pose) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
     place = camera_position(pose) + offset
     geometry = (picture.turn, picture.left, picture.top)
-    response = _respond(
+    response = _edge_response(
         outline.point, outline.along, outline.group, place, camera, geometry, picture.slope, len(outline.weight)
     )
     step = response / 8 * picture.blur * np.sqrt(2 * np.pi)
@@ -173,8 +252,8 @@ def outline_fit(outline: OutlineSamples, picture: Gradients, pose: Pose, offset:
 
 
 def search_gradients(image: np.ndarray, pose: Pose) -> tuple[Gradients, Gradients]:
-    """The gradients of a panorama to find its place on, and to fix it on."""
-    return image_gradients(image, pose, *COARSE), image_gradients(image, pose, *FINE)
+    """Compute the gradients of a panorama at the coarse and the fine resolution."""
+    return image_gradients(image, pose, *COARSE_RESOLUTION), image_gradients(image, pose, *FINE_RESOLUTION)
 
 
 def find_place(
@@ -185,28 +264,40 @@ def find_place(
     heading_deg: float,
     height_is_assumed: bool = False,
 ) -> PlaceEstimate:
-    """Where the outline fits best near a pose: a grid on blurred gradients, then simplexes, at last on sharp ones.
+    """Find the position near a pose at which the outline fits best.
 
-    pictures: as of `search_gradients`. heading_deg is the expected error of the pose's heading. carried: whether the pose's height is
-    that at which cameras are carried over the ground, or the roofs around are as high as was guessed: neither is to be mended
-    by the other's error. What lies farther from the pose must fit better.
+    Searches a grid on coarse gradients, then runs simplexes on coarse and fine ones. Positions farther from the pose must fit
+    better.
+
+    Parameters
+    ----------
+    outline : samples of the mesh.
+    pictures : coarse and fine gradients, see `search_gradients`.
+    pose : pose to start from.
+    heading_deg : expected error of the heading in degrees.
+    height_is_assumed : the pose's height is the usual camera height above the ground, or the roofs around have guessed heights;
+        then neither corrects the other.
     """
     from scipy.optimize import minimize
 
-    pulls = np.array([LEVEL_PULL, LEVEL_PULL, CARRIED_PULL if height_is_assumed else STATED_PULL])
+    pulls = np.array(
+        [HORIZONTAL_COST, HORIZONTAL_COST, ASSUMED_HEIGHT_COST if height_is_assumed else STATED_HEIGHT_COST]
+    )
 
     def cost(picture: Gradients, v: np.ndarray) -> float:
-        pull = float(pulls @ v[:3] ** 2) + TURN_PULL * float(v[3] / heading_deg) ** 2
+        pull = float(pulls @ v[:3] ** 2) + TURN_COST * float(v[3] / heading_deg) ** 2
         return pull - outline_fit(outline, picture, pose, v[:3], float(v[3]))
 
     coarse, fine = pictures
-    level = np.arange(-LEVEL_M, LEVEL_M + 1e-9, STEP_M)
-    height = np.arange(-HEIGHT_M, HEIGHT_M + 1e-9, UP_STEP_M)
+    level = np.arange(-SEARCH_HORIZONTAL_M, SEARCH_HORIZONTAL_M + 1e-9, HORIZONTAL_STEP_M)
+    height = np.arange(-SEARCH_VERTICAL_M, SEARCH_VERTICAL_M + 1e-9, VERTICAL_STEP_M)
     turns = np.arange(-2, 3) * heading_deg / 2 if heading_deg > 0.2 else np.zeros(1)
     grid = np.stack(np.meshgrid(level, level, height, turns, indexing="ij"), axis=-1).reshape(-1, 4)
     best = grid[int(np.argmin([cost(coarse, v) for v in grid]))]
-    for picture, size in ((coarse, STEP_M / 2), (fine, STEP_M / 4)):
-        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size * UP_STEP_M / STEP_M, heading_deg / 2])])
+    for picture, size in ((coarse, HORIZONTAL_STEP_M / 2), (fine, HORIZONTAL_STEP_M / 4)):
+        corners = best + np.vstack(
+            [np.zeros(4), np.diag([size, size, size * VERTICAL_STEP_M / HORIZONTAL_STEP_M, heading_deg / 2])]
+        )
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
     turn_deg = float(best[3])
@@ -214,36 +305,37 @@ def find_place(
         best[:3],
         turn_deg,
         outline_fit(outline, fine, pose, best[:3], turn_deg),
-        _spread(
+        _fit_covariance(
             lambda v: -outline_fit(outline, coarse, pose, v[:3], float(v[3])),
             best,
-            np.array([STEP_M, STEP_M, STEP_M, heading_deg]),
-            np.where([False, False, height_is_assumed, False], CARRIED_UP, EXPECTED),
+            np.array([HORIZONTAL_STEP_M, HORIZONTAL_STEP_M, HORIZONTAL_STEP_M, heading_deg]),
+            np.where([False, False, height_is_assumed, False], MAX_ASSUMED_HEIGHT_SIGMA_M, MAX_SIGMA),
         ),
     )
 
 
-def _spread(
+def _fit_covariance(
     cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.ndarray, expected: np.ndarray
 ) -> np.ndarray:
-    """The covariance (4, 4) of what costs least: the inverse of how the cost bends between steps (4,), times COST; errors of
-    `expected` (4,) at most, as of a pose that nothing told.
+    """Covariance (4, 4) at the minimum: inverse curvature over `steps` times SIGMA_COST, bounded by the errors `expected`.
 
-    Along an edge the outline fits as well as before, and across a far one nearly: height and distance stand for each other.
+    The fit hardly changes along an edge, or with distance to a far edge: height and distance are correlated.
     """
-    off = np.diag(steps)
-    bend = np.empty((4, 4))
+    offsets = np.diag(steps)
+    curvature = np.empty((4, 4))
     for i in range(4):
         for j in range(i, 4):
-            at = [cost(best + a * off[i] + b * off[j]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
-            bend[i, j] = bend[j, i] = (at[0] - at[1] - at[2] + at[3]) / (4 * steps[i] * steps[j])
-    values, axes = np.linalg.eigh(bend * np.outer(expected, expected))  # in units in which all are alike
-    scaled = axes / np.maximum(values, COST) @ axes.T
-    return np.asarray(COST * scaled * np.outer(expected, expected))
+            values_at = [cost(best + a * offsets[i] + b * offsets[j]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            curvature[i, j] = curvature[j, i] = (values_at[0] - values_at[1] - values_at[2] + values_at[3]) / (
+                4 * steps[i] * steps[j]
+            )
+    values, axes = np.linalg.eigh(curvature * np.outer(expected, expected))  # in standard errors
+    scaled = axes / np.maximum(values, SIGMA_COST) @ axes.T
+    return np.asarray(SIGMA_COST * scaled * np.outer(expected, expected))
 
 
 @njit(cache=True, nogil=True)
-def _respond(
+def _edge_response(
     point: np.ndarray,
     along: np.ndarray,
     group: np.ndarray,
@@ -253,7 +345,7 @@ def _respond(
     slope: np.ndarray,
     groups: int,
 ) -> np.ndarray:
-    """Mean over each group's samples of the gradient across the edge, its channels' absolute values averaged: (groups,)."""
+    """Mean gradient across the edge over each group's samples, absolute values averaged over channels: (groups,)."""
     rows, columns = slope.shape[:2]
     turn, left, top = geometry
     total = np.zeros((groups, 3))

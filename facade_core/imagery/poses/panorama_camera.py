@@ -1,4 +1,4 @@
-"""A posed equirectangular picture as a camera. Axes: geometry/README.md."""
+"""Posed equirectangular pictures as cameras. Axes: geometry/README.md."""
 
 from __future__ import annotations
 
@@ -10,21 +10,28 @@ from facade_core.core.errors import GeometryError
 from facade_core.core.types import Pose
 from facade_core.geometry.equirectangular import upright_rotation
 
-# How far from a panorama its ground is taken from it, metres: farther a pose that is off by a degree moves a kerb by metres.
+# Ground is taken from panoramas within this many metres: farther away, a pose error of one degree moves a kerb
+# by metres.
 GROUND_REACH_M = 15.0
-# Likewise walls that are no facades, and roofs: farther it would move them by more than squares that are compared are wide.
+# Limit for roofs and walls without a layout: farther away, such an error exceeds the compared squares.
 WALL_REACH_M = 40.0
 
 
 def camera_position(pose: Pose) -> np.ndarray:
-    """The camera's place (3,) in world metres; GeometryError for a pose without height."""
+    """Return the camera's position (3,) in world metres.
+
+    Raises
+    ------
+    GeometryError
+        If the pose has no height.
+    """
     if pose.z is None:
         raise GeometryError(f"the pose at {pose.x:.1f}, {pose.y:.1f} has no height; put it on the terrain first")
     return np.array([pose.x, pose.y, pose.z], np.float64)
 
 
 def camera_from_world(pose: Pose) -> np.ndarray:
-    """Rotation (3, 3) of a panorama: heading clockwise from north, pitch up, roll clockwise as the camera looks."""
+    """Compute the rotation (3, 3) of a panorama: heading clockwise from north, pitch up, roll clockwise."""
     heading, pitch, roll = np.radians([pose.heading, pose.pitch, pose.roll])
     upright = upright_rotation(np.array([np.sin(heading), np.cos(heading)]))
     pitched = np.array([[1, 0, 0], [0, np.cos(pitch), np.sin(pitch)], [0, -np.sin(pitch), np.cos(pitch)]])
@@ -33,7 +40,17 @@ def camera_from_world(pose: Pose) -> np.ndarray:
 
 
 def project_to_panorama(directions: np.ndarray, pose: Pose) -> np.ndarray:
-    """Where world directions (..., 3) fall in the full panorama: (..., 2) shares of its width and height from the top left."""
+    """Project world directions to the full panorama.
+
+    Parameters
+    ----------
+    directions : (..., 3) in the world.
+    pose : pose of the camera.
+
+    Returns
+    -------
+    (..., 2) shares of width and height, from the top left.
+    """
     camera = np.asarray(directions, np.float64) @ camera_from_world(pose).T
     longitude = np.arctan2(camera[..., 0], camera[..., 2])
     latitude = np.arctan2(-camera[..., 1], np.hypot(camera[..., 0], camera[..., 2]))
@@ -41,13 +58,23 @@ def project_to_panorama(directions: np.ndarray, pose: Pose) -> np.ndarray:
 
 
 def is_in_view(share: np.ndarray, pose: Pose) -> np.ndarray:
-    """Whether shares (..., 2) of the full panorama are in the part that the picture holds: (...,) bool."""
+    """Test whether shares of the full panorama are in the part that the picture contains.
+
+    Parameters
+    ----------
+    share : (..., 2) shares of the full width and height.
+    pose : pose with that part.
+
+    Returns
+    -------
+    (...,) bool.
+    """
     left, top, width, height = pose.view
     return ((share[..., 0] - left) % 1.0 < width) & (share[..., 1] >= top) & (share[..., 1] < top + height)
 
 
 def rotate_pose(pose: Pose, turn: np.ndarray) -> Pose:
-    """The pose of a camera for which the world directions d of `pose` are turn (3, 3) @ d."""
+    """Rotate a pose, so that world directions d of `pose` become turn (3, 3) @ d."""
     from scipy.spatial.transform import Rotation
 
     world_from_camera = turn @ camera_from_world(pose).T

@@ -1,8 +1,8 @@
-"""Which wall of a block a photo shows, by where it says it was taken and what it shows by itself.
+"""Matching of photos to walls, from the stated position and the photo's own content.
 
-A rectified photo says how the camera was turned off the wall before it, so that each wall tells whither the camera looked. From
-places around the stated one a ray goes through the middle of the photo: a wall is as likely as it is met, as the heading agrees
-with the stated one, and as its roof stands where the photo has it.
+The rectification of a photo gives the camera's angle to the wall, so that each candidate wall implies a camera heading. Rays
+through the photo's middle start at positions sampled around the stated one. The likelihood of a wall is the share of rays
+that hit it, weighted by the agreement of the heading with the stated one and of the roof's height with the photo.
 """
 
 from __future__ import annotations
@@ -14,28 +14,40 @@ import numpy as np
 from facade_core.geometry.scene import Scene
 from facade_core.parsing.segmenter import outside_mask
 
-# Metres over the ground at which people hold cameras, and at which they look for the wall: over cars, under balconies.
-EYE_M, LOOK_M = 1.65, 2.5
-# How far a stated place is off (a spread each way, metres) and a stated heading (degrees), and how often that is quite wrong.
-PLACE_M, HEADING_DEG, LYING = 5.0, 20.0, 0.02
-# Spread of the logarithm of a roof's height as the photo has it.
-ROOF = 0.15
-# That a photo shows none of the walls is as likely as that this share of the rays meets one whose roof is where it has it.
-ELSEWHERE = 0.005
-# Walls are looked for from so many places, no farther than REACH_M; of one that is met farther from its normal, degrees, a
-# photo shows nothing of use.
-PLACES, REACH_M, GRAZING_DEG = 256, 60.0, 70.0
-# The share of a photo's columns around its middle at which the roof is looked for, and of those that must show sky above it.
-COLUMNS, SKY = 0.06, 0.5
+# Height of hand-held cameras above the ground in metres.
+CAMERA_HEIGHT_M = 1.65
+# Height above the ground of the rays that look for the wall: above cars, below balconies.
+RAY_HEIGHT_M = 2.5
+# Standard error of a stated position in each direction, metres.
+POSITION_SIGMA_M = 5.0
+# Standard error of a stated heading, degrees.
+HEADING_SIGMA_DEG = 20.0
+# Share of stated headings that are plainly wrong.
+WRONG_HEADING_SHARE = 0.02
+# Standard error of the logarithm of a roof's height in the photo.
+ROOF_LOG_SIGMA = 0.15
+# Weight of the case that the photo shows none of the walls, as a share of matching rays.
+NO_WALL_WEIGHT = 0.005
+# Sampled positions per wall.
+POSITION_SAMPLES = 256
+# Farther walls, in metres, are not considered,
+MAX_WALL_DISTANCE_M = 60.0
+# nor walls seen farther from their normal, in degrees.
+MAX_OBLIQUITY_DEG = 70.0
+# Share of the photo's columns, around its middle, in which the roof is searched.
+ROOF_COLUMNS_SHARE = 0.06
+# Share of these columns that must show sky above the roof.
+MIN_SKY_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class PhotoOrientation:
-    """What a rectified photo tells.
+    """Orientation of the camera relative to the wall of a rectified photo.
 
-    Args:
-        ahead: (2,) where the photo's middle points, in the plane of ground: along the wall to the right, and into it; unit.
-        roof: height of the roof's edge over the camera, by the camera's distance from the wall; None where it is not seen.
+    Attributes
+    ----------
+    ahead : (2,) unit direction of the photo's middle on the ground: along the wall to the right, and into it.
+    roof_slope : height of the roof's edge above the camera over the camera's distance; None where it is not seen.
     """
 
     ahead: np.ndarray
@@ -44,13 +56,14 @@ class PhotoOrientation:
 
 @dataclass(frozen=True, slots=True)
 class WallLikelihoods:
-    """Of walls, how likely it is that a photo's middle shows each, and what speaks for it.
+    """Likelihood that a photo's middle shows each of n walls, with its evidence.
 
-    Args:
-        likely: (n,) they sum to less than 1, as it may show none.
-        met: (n,) the share of the tried places from which the ray through the photo's middle meets it.
-        turned: (n,) degrees from the stated heading to that of a camera that sees it so; NaN where none is stated.
-        roof: (n,) metres over the ground at which the photo has its roof; NaN where that is not seen, or it is not met.
+    Attributes
+    ----------
+    probability : (n,) sums to less than 1, as the photo may show none of them.
+    hit_share : (n,) share of the sampled positions whose ray through the photo's middle hits the wall.
+    heading_offset_deg : (n,) implied heading minus the stated one, NaN without a stated one.
+    roof_height_m : (n,) height above the ground at which the photo has its roof; NaN where it is not seen or not hit.
     """
 
     probability: np.ndarray
@@ -59,85 +72,130 @@ class WallLikelihoods:
     roof_height_m: np.ndarray
 
 
-def estimate_orientation(image: np.ndarray, seen: np.ndarray, homography: np.ndarray, focal: float, size: tuple[int, int]) -> PhotoOrientation:
-    """What a photo of size (h, w) tells that a homography (3, 3) rectifies to image (H, W, 3), seen (H, W) bool; focal in photo
-    pixels; the principal point is the photo's centre."""
-    turned, camera = camera_from_homography(homography, focal, size)
-    across, _, into = turned[
-        2
-    ]  # the third row of a rotation into the camera's frame is the camera's axis in the plane's
+def estimate_orientation(
+    image: np.ndarray, seen: np.ndarray, homography: np.ndarray, focal: float, size: tuple[int, int]
+) -> PhotoOrientation:
+    """Estimate the camera's orientation from a rectified photo; the principal point is the photo's centre.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8, the rectified photo.
+    seen : (H, W) bool, pixels that the photo covers.
+    homography : (3, 3) from photo pixels to the pixels of `image`.
+    focal : focal length in photo pixels.
+    size : height and width of the photo.
+    """
+    rotation, camera = camera_from_homography(homography, focal, size)
+    across, _, into = rotation[2]  # optical axis of the camera in the plane's frame
     ahead = np.array([across, into]) / max(float(np.hypot(across, into)), 1e-9)
     middle = camera[0] + camera[2] * across / into if into > 0.1 else np.nan
-    return PhotoOrientation(ahead, _roof(image, seen, middle, camera))
+    return PhotoOrientation(ahead, _roof_slope(image, seen, middle, camera))
 
 
-def camera_from_homography(homography: np.ndarray, focal: float, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """How the camera of a photo of size (h, w) stood before the plane that a homography (3, 3) takes the photo's pixels to.
+def camera_from_homography(
+    homography: np.ndarray, focal: float, size: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the pose of the camera relative to the plane that a homography rectifies.
 
-    The rotation (3, 3) from the plane's axes (x right, y down, z into it) to the camera's, and its place (3,) in the plane's
-    pixels, the third its distance."""
+    Parameters
+    ----------
+    homography : (3, 3) from photo pixels to plane pixels.
+    focal : focal length in photo pixels.
+    size : height and width of the photo.
+
+    Returns
+    -------
+    Rotation (3, 3) from the plane's axes (x right, y down, z into it) to the camera's, and the camera's position (3,) in plane
+    pixels, whose third component is its distance.
+    """
     height, width = size
     intrinsic = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
     columns = np.linalg.solve(intrinsic, np.linalg.inv(homography))
     columns /= np.linalg.norm(columns[:, :2], axis=0).mean()
-    if columns[2, 2] < 0:  # the plane lies before the camera
+    if columns[2, 2] < 0:  # the plane must be in front of the camera
         columns = -columns
-    # of three columns that are nearly a rotation's, the nearest one
+    # nearest rotation to three almost orthogonal columns
     u, _, v = np.linalg.svd(np.column_stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])]))
     rotation = u @ v
     x, y, z = -rotation.T @ columns[:, 2]
     return rotation, np.array([x, y, -z])
 
 
-def _roof(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.ndarray) -> float | None:
-    """The height of the roof's edge over the camera by its distance, at a column of a rectified photo."""
+def _roof_slope(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.ndarray) -> float | None:
+    """Height of the roof's edge above the camera over the camera's distance, near a column of a rectified photo."""
     if not 0 <= middle < seen.shape[1]:
         return None
-    half = max(2, round(COLUMNS / 2 * seen.shape[1]))
+    half = max(2, round(ROOF_COLUMNS_SHARE / 2 * seen.shape[1]))
     part = np.s_[:, max(int(middle) - half, 0) : int(middle) + half]
     wall = seen[part] & ~outside_mask(image, ~seen)[part]
     top = np.argmax(wall, axis=0)
     sky = wall.any(axis=0) & (np.take_along_axis(seen[part], np.maximum(top - 3, 0)[None], 0)[0]) & (top > 3)
-    if sky.mean() < SKY:
+    if sky.mean() < MIN_SKY_SHARE:
         return None
     return float((camera[1] - np.median(top[sky])) / camera[2])
 
 
 def match_walls(
-    scene: Scene, walls: np.ndarray, orientation: PhotoOrientation, place: np.ndarray, heading: float | None, *, seed: int
+    scene: Scene,
+    walls: np.ndarray,
+    orientation: PhotoOrientation,
+    place: np.ndarray,
+    heading: float | None,
+    *,
+    seed: int,
 ) -> WallLikelihoods:
-    """How likely it is of each wall (n,), by its chart, that a photo's middle shows it.
+    """Compute the likelihood of each wall that a photo's middle shows it.
 
-    place (3,): where the photo says that it was taken, on the ground, metres; heading: degrees clockwise from the frame's
-    north, None where it states none. seed: of the places around it that are tried."""
+    Parameters
+    ----------
+    scene : scene that contains the walls.
+    walls : (n,) charts.
+    orientation : camera orientation from the photo.
+    place : (3,) stated position on the ground in metres.
+    heading : stated heading in degrees clockwise from the frame's north, None without.
+    seed : random seed of the sampled positions.
+    """
     charts = scene.charts
     normal, right = charts.normals()[walls], charts.axis_u[walls]
     foot = charts.points_at_shares(walls, np.array([[0.5, 1.0]]))[:, 0]
-    way = orientation.ahead[0] * right - orientation.ahead[1] * normal
-    way[:, 2] = 0.0
-    far = np.linalg.norm((foot - place)[:, :2], axis=1) - charts.size[walls, 0] / 2
-    tried = np.flatnonzero(
-        (far < REACH_M)
-        & (np.einsum("ij,ij->i", place - foot, normal) > -3 * PLACE_M)
-        & (orientation.ahead[1] > np.cos(np.radians(GRAZING_DEG)))
+    direction = orientation.ahead[0] * right - orientation.ahead[1] * normal
+    direction[:, 2] = 0.0
+    distance = np.linalg.norm((foot - place)[:, :2], axis=1) - charts.size[walls, 0] / 2
+    candidates = np.flatnonzero(
+        (distance < MAX_WALL_DISTANCE_M)
+        & (np.einsum("ij,ij->i", place - foot, normal) > -3 * POSITION_SIGMA_M)
+        & (orientation.ahead[1] > np.cos(np.radians(MAX_OBLIQUITY_DEG)))
     )
-    around = np.random.default_rng(seed).normal(0, PLACE_M, (PLACES, 2))
-    origin = np.column_stack([place[:2] + around, np.full(PLACES, place[2] + LOOK_M)])
-    likely, shares = np.zeros(len(walls)), np.zeros(len(walls))
-    turned, roof = np.full(len(walls), np.nan), np.full(len(walls), np.nan)
-    for i in tried.tolist():
-        metres, met = scene.caster.cast(origin, np.broadcast_to(way[i], origin.shape))
-        hit = (met == walls[i]) & (metres < REACH_M)
-        shares[i] = hit.mean()
-        weight = hit.astype(float)
+    offsets = np.random.default_rng(seed).normal(0, POSITION_SIGMA_M, (POSITION_SAMPLES, 2))
+    origin = np.column_stack([place[:2] + offsets, np.full(POSITION_SAMPLES, place[2] + RAY_HEIGHT_M)])
+    likelihood, hit_shares = np.zeros(len(walls)), np.zeros(len(walls))
+    heading_offsets, roof_heights = np.full(len(walls), np.nan), np.full(len(walls), np.nan)
+    for i in candidates.tolist():
+        ray_length, met_chart = scene.caster.cast(origin, np.broadcast_to(direction[i], origin.shape))
+        is_hit = (met_chart == walls[i]) & (ray_length < MAX_WALL_DISTANCE_M)
+        hit_shares[i] = is_hit.mean()
+        weight = is_hit.astype(float)
         if orientation.roof_slope is not None:
-            before = np.where(hit, metres, 1.0) * orientation.ahead[1]
-            over = charts.size[walls[i], 1] - EYE_M
-            weight *= np.exp(-((np.log(max(over, 0.5) / np.maximum(orientation.roof_slope * before, 0.5)) / ROOF) ** 2) / 2)
-            roof[i] = EYE_M + orientation.roof_slope * np.median(before[hit]) if hit.any() else np.nan
-        likely[i] = weight.mean()
+            wall_distance = np.where(is_hit, ray_length, 1.0) * orientation.ahead[1]
+            roof_above_camera = charts.size[walls[i], 1] - CAMERA_HEIGHT_M
+            weight *= np.exp(
+                -(
+                    (
+                        np.log(max(roof_above_camera, 0.5) / np.maximum(orientation.roof_slope * wall_distance, 0.5))
+                        / ROOF_LOG_SIGMA
+                    )
+                    ** 2
+                )
+                / 2
+            )
+            roof_heights[i] = (
+                CAMERA_HEIGHT_M + orientation.roof_slope * np.median(wall_distance[is_hit]) if is_hit.any() else np.nan
+            )
+        likelihood[i] = weight.mean()
         if heading is not None:
-            off = (np.degrees(np.arctan2(way[i, 0], way[i, 1])) - heading + 180) % 360 - 180
-            likely[i] *= (1 - LYING) * np.exp(-((off / HEADING_DEG) ** 2) / 2) + LYING
-            turned[i] = off
-    return WallLikelihoods(likely / (likely.sum() + ELSEWHERE), shares, turned, roof)
+            difference = (np.degrees(np.arctan2(direction[i, 0], direction[i, 1])) - heading + 180) % 360 - 180
+            likelihood[i] *= (1 - WRONG_HEADING_SHARE) * np.exp(
+                -((difference / HEADING_SIGMA_DEG) ** 2) / 2
+            ) + WRONG_HEADING_SHARE
+            heading_offsets[i] = difference
+    return WallLikelihoods(likelihood / (likelihood.sum() + NO_WALL_WEIGHT), hit_shares, heading_offsets, roof_heights)

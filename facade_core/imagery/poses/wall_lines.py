@@ -1,4 +1,4 @@
-"""The turn of a posed panorama from straight lines on walls: they are level or upright, whatever the camera's place."""
+"""Rotation of a posed panorama from straight lines on walls: they are level or upright at any camera position."""
 
 from __future__ import annotations
 
@@ -13,27 +13,46 @@ from facade_core.geometry.scene import Scene
 from facade_core.imagery.poses.panorama_camera import camera_position, is_in_view, project_to_panorama
 from facade_core.imagery.rectify.panorama import rectify_view
 
-# Width of the look around that finds the walls, how many are used, and the least share of the sphere of one.
-LOOK, MOST_WALLS, LEAST_WALL = 512, 14, 5e-4
-# Flatter than this, lines on a wall are too stretched to tell directions.
-FACING_DEG = 18.0
-# Finest raster of a wall, pixels per metre, and its longest side in pixels.
-FINEST, LONGEST = 30.0, 1200
-# Shortest line that counts, in pixels and metres, and how far from its axis it may point.
-SHORTEST_PX, SHORTEST_M, WIDEST_DEG = 14.0, 0.45, 9.0
-# Pixels beside what is not seen whose lines are its outline.
-RIM = 4
+# Width in pixels of the scan that finds the walls.
+SCAN_WIDTH = 512
+# Walls that are used at most.
+MAX_WALLS = 14
+# Smallest share of the sphere of a wall.
+MIN_WALL_SHARE_OF_SPHERE = 5e-4
+# Lines on walls seen at flatter angles are too stretched.
+MIN_FACING_DEG = 18.0
+# Finest raster of a wall.
+MAX_PIXELS_PER_METRE = 30.0
+# Longest side of that raster in pixels.
+MAX_RASTER_SIDE = 1200
+# Shortest line that counts, in pixels
+MIN_LINE_PIXELS = 14.0
+# and in metres.
+MIN_LINE_M = 0.45
+# Largest angle between a line and its axis.
+MAX_AXIS_ANGLE_DEG = 9.0
+# Lines closer than this to unseen pixels belong to their outline.
+UNSEEN_RIM_PIXELS = 4
 # Cauchy scales in degrees, one round of reweighting each.
-SCALES = (3.0, 2.0, 1.0, 0.6, 0.4, 0.3, 0.3, 0.3)
-# Expected error of the given turn in degrees, against that of one line of a radian.
-PRIOR_DEG, LINE_DEG = 3.0, 0.15
+CAUCHY_SCALES_DEG = (3.0, 2.0, 1.0, 0.6, 0.4, 0.3, 0.3, 0.3)
+# Expected error of the stated rotation in degrees,
+PRIOR_SIGMA_DEG = 3.0
+# against that of a line of one radian.
+LINE_SIGMA_DEG = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallLines:
-    """Lines (k,) on walls as a panorama shows them in the world of its given pose: plane (k, 3), unit normals of the planes
-    through camera and line; axis (k, 3), the world direction each should have; wall (k, 3), outward normals of their
-    walls; weight (k,), angular length in radians, at most 0.3; chart (k,)."""
+    """Lines (k,) on walls in a panorama, in the world of its stated pose.
+
+    Attributes
+    ----------
+    plane : (k, 3) unit normals of the planes through camera and line.
+    axis : (k, 3) world direction that each line should have.
+    wall : (k, 3) outward normals of the walls.
+    weight : (k,) angular length in radians, at most 0.3.
+    chart : (k,) chart of the wall.
+    """
 
     plane: np.ndarray
     axis: np.ndarray
@@ -45,7 +64,7 @@ class WallLines:
         return len(self.weight)
 
     def slopes(self, turn: np.ndarray) -> np.ndarray:
-        """Angles (k,) in degrees on the rectified walls between lines and axes, after a turn of the world (3, 3)."""
+        """Compute the angles (k,) in degrees between lines and axes on the rectified walls, after a world rotation (3, 3)."""
         along = np.cross(self.plane @ turn.T, self.wall)
         return (
             np.degrees(
@@ -61,91 +80,124 @@ class WallLines:
 
 
 def detect_wall_lines(scene: Scene, image: np.ndarray, pose: Pose) -> WallLines:
-    """The lines on the walls that a panorama shows largest; image (H, W, 3) uint8 as of `rectify_view`."""
-    found = [_lines_on(scene, chart, image, pose, distance) for chart, distance in _walls(scene, pose)]
-    columns = list(zip(*found, strict=True)) if found else [[np.zeros((0, 3))]] * 3 + [[np.zeros(0)]] * 2
+    """Detect lines on the largest walls of a panorama.
+
+    Parameters
+    ----------
+    scene : scene that contains the walls.
+    image : (H, W, 3) uint8 as in `rectify_view`.
+    pose : stated pose.
+    """
+    columns_by_wall = [
+        _lines_on_wall(scene, chart, image, pose, distance) for chart, distance in _largest_walls(scene, pose)
+    ]
+    columns = (
+        list(zip(*columns_by_wall, strict=True)) if columns_by_wall else [[np.zeros((0, 3))]] * 3 + [[np.zeros(0)]] * 2
+    )
     return WallLines(*(np.concatenate(column) for column in columns))
 
 
-def _walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
-    """Charts of walls by the share of the sphere they take, largest first, and their median distance in metres."""
-    rays = panorama_rays(np.array([0.0, 1.0]), LOOK)
+def _largest_walls(scene: Scene, pose: Pose) -> list[tuple[int, float]]:
+    """Wall charts by their share of the sphere, largest first, with median distance in metres."""
+    rays = panorama_rays(np.array([0.0, 1.0]), SCAN_WIDTH)
     distance, chart = scene.caster.cast(camera_position(pose), rays)
     facing = -np.einsum("hwi,hwi->hw", rays, scene.charts.normals()[chart])
-    usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(FACING_DEG)))
+    usable = (chart >= 0) & (scene.charts.kind[chart] == ChartKind.WALL) & (facing > np.sin(np.radians(MIN_FACING_DEG)))
     usable &= is_in_view(project_to_panorama(rays, pose), pose)
-    area = np.cos((0.5 - (np.arange(LOOK // 2) + 0.5) / (LOOK // 2)) * np.pi)[:, None] * np.ones((1, LOOK))
+    area = np.cos((0.5 - (np.arange(SCAN_WIDTH // 2) + 0.5) / (SCAN_WIDTH // 2)) * np.pi)[:, None] * np.ones(
+        (1, SCAN_WIDTH)
+    )
     share = np.bincount(chart[usable], area[usable], minlength=len(scene.charts)) / area.sum()
-    largest = np.argsort(-share, kind="stable")[:MOST_WALLS]
+    largest = np.argsort(-share, kind="stable")[:MAX_WALLS]
     return [
-        (int(c), float(np.median(distance[usable & (chart == c)]))) for c in largest.tolist() if share[c] >= LEAST_WALL
+        (int(c), float(np.median(distance[usable & (chart == c)])))
+        for c in largest.tolist()
+        if share[c] >= MIN_WALL_SHARE_OF_SPHERE
     ]
 
 
-def _lines_on(
+def _lines_on_wall(
     scene: Scene, chart: int, image: np.ndarray, pose: Pose, distance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The columns of Lines for one wall."""
+    """Columns of WallLines for one wall."""
     import cv2
 
     charts, placement = scene.charts, scene.placement
     extent = np.array([placement.height[chart], placement.width[chart]]) / placement.texels_per_metre[chart]
-    density = min(FINEST, 1.2 * image.shape[1] / pose.view[2] / (2 * np.pi) / distance, LONGEST / extent.max())
+    density = min(
+        MAX_PIXELS_PER_METRE,
+        1.2 * image.shape[1] / pose.view[2] / (2 * np.pi) / distance,
+        MAX_RASTER_SIDE / extent.max(),
+    )
     size = tuple(max(8, round(float(side) * density)) for side in extent)
     view = rectify_view(scene, chart, image, pose, size)
     grey = cv2.cvtColor(view.rgb, cv2.COLOR_RGB2GRAY)
     segments = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
     ends = np.zeros((0, 2, 2)) if segments is None else segments.reshape(-1, 2, 2).astype(np.float64) + 0.5
-    within = cv2.erode(view.seen.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8), borderValue=0)
+    is_inside = cv2.erode(
+        view.seen.astype(np.uint8),
+        np.ones((2 * UNSEEN_RIM_PIXELS + 1, 2 * UNSEEN_RIM_PIXELS + 1), np.uint8),
+        borderValue=0,
+    )
     across, down = np.abs(ends[:, 1] - ends[:, 0]).T
     length = np.hypot(across, down)
-    good = length >= max(SHORTEST_PX, SHORTEST_M * density)
-    good &= np.minimum(across, down) <= np.tan(np.radians(WIDEST_DEG)) * np.maximum(across, down)
+    is_valid = length >= max(MIN_LINE_PIXELS, MIN_LINE_M * density)
+    is_valid &= np.minimum(across, down) <= np.tan(np.radians(MAX_AXIS_ANGLE_DEG)) * np.maximum(across, down)
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        at = np.floor(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])).astype(int)
-        good &= within[at[:, 1].clip(0, size[0] - 1), at[:, 0].clip(0, size[1] - 1)] > 0
-    ends, level = ends[good], across[good] > down[good]
+        pixel = np.floor(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])).astype(int)
+        is_valid &= is_inside[pixel[:, 1].clip(0, size[0] - 1), pixel[:, 0].clip(0, size[1] - 1)] > 0
+    ends, is_level = ends[is_valid], across[is_valid] > down[is_valid]
     metres = ends * (extent[::-1] / np.array(size[::-1]))
-    rays = charts.origin[chart] + metres @ np.stack([charts.axis_u[chart], charts.axis_v[chart]]) - camera_position(pose)
+    rays = (
+        charts.origin[chart] + metres @ np.stack([charts.axis_u[chart], charts.axis_v[chart]]) - camera_position(pose)
+    )
     rays /= np.linalg.norm(rays, axis=2, keepdims=True)
     plane = np.cross(rays[:, 0], rays[:, 1])
     size_of = np.linalg.norm(plane, axis=1)
-    axis = np.where(level[:, None], charts.axis_u[chart], charts.axis_v[chart])
+    axis = np.where(is_level[:, None], charts.axis_u[chart], charts.axis_v[chart])
     n = len(plane)
     wall = np.broadcast_to(charts.normals()[chart], (n, 3))
     return plane / np.maximum(size_of, 1e-12)[:, None], axis, wall, np.minimum(size_of, 0.3), np.full(n, chart)
 
 
 def solve_turn(lines: WallLines) -> tuple[np.ndarray, np.ndarray]:
-    """The turn of the world (3, 3) that brings lines to their axes, and its information (3, 3) in 1 / degrees squared.
+    """Solve for the world rotation that aligns lines with their axes.
 
     Least squares of the angles between axes and planes, reweighted for a Cauchy error that narrows.
+
+    Parameters
+    ----------
+    lines : lines of one panorama.
+
+    Returns
+    -------
+    Rotation (3, 3), and its information (3, 3) in 1 / degrees squared.
     """
     from scipy.spatial.transform import Rotation
 
     turn = np.eye(3)
-    information = np.eye(3) / PRIOR_DEG**2
-    for scale in SCALES:
+    information = np.eye(3) / PRIOR_SIGMA_DEG**2
+    for scale in CAUCHY_SCALES_DEG:
         plane = lines.plane @ turn.T
-        off = np.degrees(np.arcsin(np.clip(np.einsum("ij,ij->i", plane, lines.axis), -1, 1)))
-        weight = (lines.weight / LINE_DEG) ** 2 / (1 + (off / scale) ** 2)
+        angle = np.degrees(np.arcsin(np.clip(np.einsum("ij,ij->i", plane, lines.axis), -1, 1)))
+        weight = (lines.weight / LINE_SIGMA_DEG) ** 2 / (1 + (angle / scale) ** 2)
         gradient = np.cross(plane, lines.axis)
-        information = (gradient * weight[:, None]).T @ gradient + np.eye(3) / PRIOR_DEG**2
+        information = (gradient * weight[:, None]).T @ gradient + np.eye(3) / PRIOR_SIGMA_DEG**2
         before = np.degrees(Rotation.from_matrix(turn).as_rotvec())
-        step = np.linalg.solve(information, -gradient.T @ (weight * off) - before / PRIOR_DEG**2)
+        step = np.linalg.solve(information, -gradient.T @ (weight * angle) - before / PRIOR_SIGMA_DEG**2)
         turn = Rotation.from_rotvec(np.radians(step)).as_matrix() @ turn
     return turn, information
 
 
 def line_misfit(lines: WallLines, turn: np.ndarray) -> float:
-    """Weighted mean of the robust error of the lines after a turn, from 0 to 1: what a better turn makes smaller."""
-    off = lines.slopes(turn)
-    return float(np.average(off**2 / (off**2 + 1.0), weights=lines.weight))
+    """Compute the weighted mean of the lines' robust error after a rotation, 0 to 1."""
+    angle = lines.slopes(turn)
+    return float(np.average(angle**2 / (angle**2 + 1.0), weights=lines.weight))
 
 
 def median_slope(lines: WallLines, turn: np.ndarray) -> float:
-    """Weighted median of the angles in degrees between lines and axes on the rectified walls."""
-    off = np.abs(lines.slopes(turn))
-    order = np.argsort(off)
+    """Compute the weighted median of the angles in degrees between lines and axes on the rectified walls."""
+    angle = np.abs(lines.slopes(turn))
+    order = np.argsort(angle)
     share = np.cumsum(lines.weight[order])
-    return float(off[order][np.searchsorted(share, share[-1] / 2)])
+    return float(angle[order][np.searchsorted(share, share[-1] / 2)])

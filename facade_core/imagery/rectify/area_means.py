@@ -1,4 +1,4 @@
-"""Area means of an image under small parallelograms: what a texel that covers many pixels should show."""
+"""Area means of an image under small parallelograms, for texels that cover many pixels."""
 
 from __future__ import annotations
 
@@ -8,20 +8,27 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-# Samples along either side of a parallelogram; the pyramid takes care of what is longer in both directions.
-MOST_SAMPLES = 12
+# Samples along each side of a parallelogram; the pyramid covers parallelograms that are long in both
+# directions.
+MAX_SAMPLES = 12
 
 
 @dataclass(frozen=True, slots=True)
 class Pyramid:
-    """An image and its halvings in one array: pixels (n, 3) uint8; levels (l, 3) int64: first pixel, height, width."""
+    """Image and its halvings in one array.
+
+    Attributes
+    ----------
+    pixels : (n, 3) uint8.
+    levels : (l, 3) int64 first pixel, height and width of each level.
+    """
 
     pixels: np.ndarray
     levels: np.ndarray
 
 
 def build_pyramid(image: np.ndarray) -> Pyramid:
-    """The pyramid of an RGB image (h, w, 3) uint8, each level half the one before, down to one pixel."""
+    """Build the pyramid of an RGB image (h, w, 3) uint8, halved down to one pixel."""
     import cv2
 
     images = [np.ascontiguousarray(image)]
@@ -46,9 +53,18 @@ def area_mean(
     repeat: bool,
     out: np.ndarray,
 ) -> None:
-    """Mean colour, into out (3,), of the parallelogram with centre (x, y) and sides a and b, in pixels of the largest level.
+    """Write the mean colour of a parallelogram into `out`.
 
-    Beyond the image it repeats, or its border does. Magnified pixels are interpolated by a cubic (Catmull-Rom).
+    Beyond the image the content repeats, or the border does. Magnified pixels are interpolated by a cubic (Catmull-Rom).
+
+    Parameters
+    ----------
+    pixels, levels : arrays of a `Pyramid`.
+    x, y : centre in pixels of the largest level.
+    ax, ay : first side of the parallelogram.
+    bx, by : second side.
+    repeat : repeat the image beyond its border.
+    out : (3,) uint8; changed in place.
     """
     along, across = np.hypot(ax, ay), np.hypot(bx, by)
     level = int(np.log2(max(1.0, min(along, across))))
@@ -56,8 +72,8 @@ def area_mean(
     start, height, width = levels[level]
     sx, sy = width / levels[0, 2], height / levels[0, 1]
     shrink = 0.5**level
-    m = min(MOST_SAMPLES, max(1, int(np.ceil(along * shrink - 1e-3))))
-    n = min(MOST_SAMPLES, max(1, int(np.ceil(across * shrink - 1e-3))))
+    m = min(MAX_SAMPLES, max(1, int(np.ceil(along * shrink - 1e-3))))
+    n = min(MAX_SAMPLES, max(1, int(np.ceil(across * shrink - 1e-3))))
     red, green, blue = 0.0, 0.0, 0.0
     cubic = m * n == 1
     reach = 2 if cubic else 1
@@ -70,11 +86,11 @@ def area_mean(
             x0, y0 = int(np.floor(px)), int(np.floor(py))
             fx, fy = px - x0, py - y0
             for dy in range(1 - reach, 1 + reach):
-                wy = _weight(dy - fy, cubic)
-                row = _inside(y0 + dy, height, repeat)
+                wy = _interpolation_weight(dy - fy, cubic)
+                row = _wrap_or_clamp(y0 + dy, height, repeat)
                 for dx in range(1 - reach, 1 + reach):
-                    w = wy * _weight(dx - fx, cubic)
-                    k = start + row * width + _inside(x0 + dx, width, repeat)
+                    w = wy * _interpolation_weight(dx - fx, cubic)
+                    k = start + row * width + _wrap_or_clamp(x0 + dx, width, repeat)
                     red += w * pixels[k, 0]
                     green += w * pixels[k, 1]
                     blue += w * pixels[k, 2]
@@ -85,12 +101,12 @@ def area_mean(
 
 
 @njit(cache=True, nogil=True)
-def _inside(index: int, size: int, repeat: bool) -> int:
+def _wrap_or_clamp(index: int, size: int, repeat: bool) -> int:
     return index % size if repeat else min(max(index, 0), size - 1)
 
 
 @njit(cache=True, nogil=True)
-def _weight(offset: float, cubic: bool) -> float:
+def _interpolation_weight(offset: float, cubic: bool) -> float:
     d = abs(offset)
     if not cubic:
         return 1.0 - d

@@ -1,4 +1,4 @@
-"""A picture of a facade, cut to the facade: sky above it, the street before it and neighbours beside it are no wall."""
+"""Crop of a facade picture to the facade, without sky, street and neighbours."""
 
 from __future__ import annotations
 
@@ -10,98 +10,130 @@ import numpy as np
 from facade_core.core.types import Box
 from facade_core.parsing.segmenter import outside_mask
 
-# A facade that is less than this share of its picture is not believed: the picture stays whole.
-LEAST = 0.25
-# Sides of the picture are told within one part of so many.
-PARTS = 192
-# A run from a wall's foot is street up to this share of its height, where this share of its columns has one: a bare wall is
-# taken for a neighbour's from top to bottom, and a plinth for street in places.
-MOST_FOOT, COLUMNS = 0.25, 0.3
-# What is hidden counts so little, for the box: it stays where it costs nothing.
-_NEITHER = 1e-4
+# A facade that covers less of its picture is rejected: the picture stays whole.
+MIN_FACADE_SHARE = 0.25
+# Cells per side of the grid on which the box is searched.
+GRID_CELLS = 192
+# Street at the foot of a column covers at most this share of the height. The parser takes bare walls as a whole
+# for neighbours.
+MAX_STREET_SHARE = 0.25
+# Street is accepted if this share of the columns has it: the parser takes plinths for street in places.
+MIN_STREET_COLUMNS = 0.3
+# Value of hidden pixels for the box, which keeps them if that costs nothing.
+_HIDDEN_VALUE = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FacadeCrop:
-    """The part of a picture that is the facade: image (h, w, 3) uint8; hidden (h, w) bool, what does not show it; outside
-    (h, w) bool, what shows sky, street or neighbours at its borders; box (x0, y0, x1, y1) of it in the picture, half-open;
-    found, whether there is a facade in the picture: where there is none that is believed, it stays whole."""
+    """Part of a picture that shows the facade.
+
+    Attributes
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool, pixels that do not show the facade.
+    outside : (h, w) bool, sky, street or neighbours at the borders.
+    box : x0, y0, x1, y1 of the part in the picture, half-open.
+    has_facade : False if no facade was found; the picture then stays whole.
+    """
 
     image: np.ndarray
     hidden: np.ndarray
     outside: np.ndarray
     box: Box
-    found: bool = True
+    has_facade: bool = True
 
 
 def crop_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> FacadeCrop:
-    """A picture (H, W, 3) uint8, of which hidden (H, W) bool does not show the facade, cut to it, by the parser's model or the
-    shipped one; whole where it shows none."""
+    """Crop a picture to its facade.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    hidden : (H, W) bool, pixels that do not show the facade.
+    model : parser model, the shipped one by default.
+    """
     height, width = hidden.shape
     box = None
     if not hidden.all():
         outside = outside_mask(image, hidden, model=model)
         box = find_facade_box(outside, hidden)
     if box is None:
-        return FacadeCrop(image, hidden, np.zeros_like(hidden), (0, 0, width, height), found=False)
+        return FacadeCrop(image, hidden, np.zeros_like(hidden), (0, 0, width, height), has_facade=False)
     x0, y0, x1, y1 = box
     part = np.s_[y0:y1, x0:x1]
-    return FacadeCrop(image[part], hidden[part], _from_border(outside[part]), box)
+    return FacadeCrop(image[part], hidden[part], _touching_border(outside[part]), box)
 
 
 def street_mask(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> np.ndarray:
-    """Where a posed panorama shows, on a wall of the model, the street below the real wall's foot, (h, w) bool: heights of
-    models, of cameras and of the ground between are seldom right to the metre.
+    """Mask the street below the foot of a wall in a posed panorama.
 
-    image (h, w, 3) uint8 is the wall; hidden (h, w) bool, what does not show it. Counted are runs of pixels from the raster's
-    last row up, by columns; what stands on the street interrupts none. Neighbours are not looked for: where a wall ends
-    sideways the model tells, and a bare one looks like a neighbour. Nor is the sky, which looks like plaster.
+    Heights of models, cameras and the ground are rarely exact to the metre. Per column, a run of street pixels counts from the
+    last row up; hidden pixels do not interrupt it. Neighbours and sky are ignored: the model gives the wall's ends, a bare wall
+    resembles a neighbour, and sky resembles plaster.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8, the rectified wall.
+    hidden : (h, w) bool, pixels that do not show the wall.
+    model : parser model, the shipped one by default.
+
+    Returns
+    -------
+    (h, w) bool.
     """
     if hidden.all():
         return np.zeros_like(hidden)
     street = (outside_mask(image, hidden, model=model) & ~hidden)[::-1]
-    run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
-    length = run.sum(axis=0)
-    length[(length > MOST_FOOT * len(street)) | ~(run & street).any(axis=0)] = 0
-    if (length > 0).sum() < COLUMNS * (~hidden.all(axis=0)).sum():
+    is_run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
+    length = is_run.sum(axis=0)
+    length[(length > MAX_STREET_SHARE * len(street)) | ~(is_run & street).any(axis=0)] = 0
+    if (length > 0).sum() < MIN_STREET_COLUMNS * (~hidden.all(axis=0)).sum():
         return np.zeros_like(hidden)
     return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)
 
 
 def find_facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box | None:
-    """The box (x0, y0, x1, y1), of all, in which pixels of the facade outnumber those outside (H, W) bool by most; hidden ones
-    count for neither. None where that is less than LEAST of the picture.
+    """Find the box in which facade pixels outnumber outside pixels by most.
 
-    All boxes of a picture of PARTS x PARTS cells are compared: for each pair of rows the greatest run of columns (Kadane).
+    Compares all boxes on a grid of GRID_CELLS x GRID_CELLS: the best run of columns (Kadane) for each pair of rows.
+
+    Parameters
+    ----------
+    outside : (H, W) bool, pixels outside the facade.
+    hidden : (H, W) bool, pixels that count for neither.
+
+    Returns
+    -------
+    x0, y0, x1, y1; None if the box covers less than MIN_FACADE_SHARE of the picture.
     """
     import cv2
 
     height, width = outside.shape
-    size = (min(width, PARTS), min(height, PARTS))
-    beside, unseen = (
+    size = (min(width, GRID_CELLS), min(height, GRID_CELLS))
+    outside_share, hidden_share = (
         cv2.resize(mask.astype(np.uint8) * 255, size, interpolation=cv2.INTER_AREA) / 255.0
         for mask in (outside & ~hidden, hidden)
     )
-    value = (1 - unseen) - 2 * beside + _NEITHER * unseen
-    above = np.concatenate([np.zeros((1, size[0])), np.cumsum(value, axis=0)])
-    best, found = 0.0, None
+    value = (1 - hidden_share) - 2 * outside_share + _HIDDEN_VALUE * hidden_share
+    cumulative = np.concatenate([np.zeros((1, size[0])), np.cumsum(value, axis=0)])
+    best, best_box = 0.0, None
     for top in range(size[1]):
-        sums = np.cumsum(above[top + 1 :] - above[top], axis=1)
+        sums = np.cumsum(cumulative[top + 1 :] - cumulative[top], axis=1)
         sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
         gain = sums - np.minimum.accumulate(sums, axis=1)
         bottom, right = divmod(int(gain.argmax()), gain.shape[1])
         if gain[bottom, right] > best:
             best = gain[bottom, right]
-            found = (int(sums[bottom, : right + 1].argmin()), top, right, top + bottom + 1)
-    if found is None:
+            best_box = (int(sums[bottom, : right + 1].argmin()), top, right, top + bottom + 1)
+    if best_box is None:
         return None
-    x0, x1 = (round(x * width / size[0]) for x in found[::2])
-    y0, y1 = (round(y * height / size[1]) for y in found[1::2])
-    return (x0, y0, x1, y1) if (y1 - y0) * (x1 - x0) >= LEAST * outside.size else None
+    x0, x1 = (round(x * width / size[0]) for x in best_box[::2])
+    y0, y1 = (round(y * height / size[1]) for y in best_box[1::2])
+    return (x0, y0, x1, y1) if (y1 - y0) * (x1 - x0) >= MIN_FACADE_SHARE * outside.size else None
 
 
-def _from_border(outside: np.ndarray) -> np.ndarray:
-    """The parts that reach the border: what is taken for sky inside a facade is a pane or a gap in a balcony."""
+def _touching_border(outside: np.ndarray) -> np.ndarray:
+    """Components that touch the border: "sky" inside a facade is a pane or a gap in a balcony."""
     import cv2
 
     count, parts = cv2.connectedComponents(outside.astype(np.uint8), connectivity=4)

@@ -1,4 +1,4 @@
-"""What part of a facade's plane a photo shows well: where lines along both of its axes lie."""
+"""Extent of a facade on its plane: the region with lines along both of its axes."""
 
 from __future__ import annotations
 
@@ -6,133 +6,162 @@ import numpy as np
 
 from facade_core.imagery.rectify.vanishing import FacadeCamera, undistort
 
-# Cells along the photo's diagonal, and over how many of them the facade goes on between two of its lines.
-CELLS = 96
-GAP = 9
-# Where the lines of the wall's right are a smaller share of all that are not vertical, it is not this wall that is seen; parts
-# of it (between trees) count if they have this share of the largest one's lines.
-LEVEL_SHARE = 0.25
-LEAST_PART = 0.05
-# Share of all the photo's lines but the vertical that must be the wall's level ones: a street seen along its length has less.
-LEAST_LEVEL = 0.05
-LEAST_LINES = 12
-# Share of the lines' length at each side that may lie outside the facade.
-STRAY = 0.002
-# Kept around the outermost lines, as a share of the extent: more above, where roofs and chimneys are poor in lines. A strip of
-# the photo as narrow as NARROW is not cut off.
-MARGIN, ROOF_MARGIN = 0.03, 0.08
-NARROW = 0.06
-# Degrees from the wall's normal beyond which its pixels are too stretched to be of use.
-GRAZING = 77.0
-# A photo whose corners move by less than this (half diagonals) is rectified already, and stays whole.
-STILL = 0.07
-# Provided that its lines cover this share of it; else it shows more than the facade.
-COVERED = 0.6
+# Cells along the photo's diagonal.
+GRID_CELLS = 96
+# Cells that a facade continues between two of its lines.
+MAX_GAP_CELLS = 9
+# Where the wall's level lines are a smaller share of all lines but vertical ones, another wall is seen.
+MIN_LEVEL_SHARE = 0.25
+# Parts of the wall, between trees, count if they have this share of the largest part's lines.
+MIN_PART_SHARE = 0.05
+# Share of all lines but vertical ones that are level lines of the wall; a street seen along its length has
+# less.
+MIN_LEVEL_LINE_SHARE = 0.05
+# Lines of each axis that a facade needs.
+MIN_LINES = 12
+# Share of the lines' length at each side that may be outside the facade.
+STRAY_SHARE = 0.002
+# Margin around the outermost lines, as a share of the extent,
+MARGIN = 0.03
+# and above them: roofs and chimneys have few lines.
+ROOF_MARGIN = 0.08
+# Narrower strips of the photo are not cut off.
+MIN_CUT_SHARE = 0.06
+# Pixels seen farther from the wall's normal, in degrees, are too stretched.
+MAX_OBLIQUITY_DEG = 77.0
+# A photo whose corners move less than this, in half diagonals, is already rectified and stays whole
+MAX_RECTIFIED_SHIFT = 0.07
+# if its lines cover this share of it; else it shows more than the facade.
+MIN_COVERED_SHARE = 0.6
 
 
-def facade_extent(segments: np.ndarray, view: FacadeCamera, corners: np.ndarray) -> tuple[float, float, float, float] | None:
-    """The facade's box (x0, y0, x1, y1) on its plane at distance 1, None where too few lines along both axes lie together.
+def facade_extent(
+    segments: np.ndarray, view: FacadeCamera, corners: np.ndarray
+) -> tuple[float, float, float, float] | None:
+    """Compute the facade's box on its plane at distance 1.
 
-    segments (n, 2, 2) as the view was found in; corners (4, 2) of the photo, clockwise from the upper left.
+    Parameters
+    ----------
+    segments : (n, 2, 2) lines from which the camera was found.
+    view : camera that sees the facade.
+    corners : (4, 2) of the photo, clockwise from the upper left.
+
+    Returns
+    -------
+    x0, y0, x1, y1; None if too few lines along both axes are close together.
     """
-    shown = project_to_plane(_grid(corners), view)
-    shown = shown[np.isfinite(shown).all(axis=1)]
-    if len(shown) < 4:
+    grid = project_to_plane(_photo_grid(corners), view)
+    grid = grid[np.isfinite(grid).all(axis=1)]
+    if len(grid) < 4:
         return None
-    limit = np.concatenate([shown.min(axis=0), shown.max(axis=0)])
-    together = _together(segments, view)
+    limit = np.concatenate([grid.min(axis=0), grid.max(axis=0)])
+    is_clustered = _clustered_segments(segments, view)
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    if lengths[together & (view.family == 0)].sum() < LEAST_LEVEL * lengths[view.family != 1].sum():
+    if lengths[is_clustered & (view.family == 0)].sum() < MIN_LEVEL_LINE_SHARE * lengths[view.family != 1].sum():
         return None
-    supporting = segments[together]
+    supporting = segments[is_clustered]
     ends = project_to_plane(supporting, view)
-    fine = np.isfinite(ends).all(axis=(1, 2))
-    if fine.sum() < 4:
+    is_projected = np.isfinite(ends).all(axis=(1, 2))
+    if is_projected.sum() < 4:
         return None
-    weight = np.repeat(lengths[together][fine], 2)
-    box = np.concatenate([_inner(ends[fine].reshape(-1, 2)[:, axis], weight) for axis in (0, 1)])[[0, 2, 1, 3]]
+    weight = np.repeat(lengths[is_clustered][is_projected], 2)
+    box = np.concatenate([_trimmed_range(ends[is_projected].reshape(-1, 2)[:, axis], weight) for axis in (0, 1)])[
+        [0, 2, 1, 3]
+    ]
     size = box[2:] - box[:2]
     if (size <= 0).any():
         return None
     box += np.array([-MARGIN, -ROOF_MARGIN, MARGIN, MARGIN]) * np.tile(size, 2)
-    box = np.where(np.abs(limit - box) < NARROW * np.tile(size, 2), limit, box)
-    whole = _whole(view, corners)
-    if whole is not None and np.prod(size) > COVERED * (whole[2] - whole[0]) * (whole[3] - whole[1]):
-        return whole
+    box = np.where(np.abs(limit - box) < MIN_CUT_SHARE * np.tile(size, 2), limit, box)
+    full = _full_extent(view, corners)
+    if full is not None and np.prod(size) > MIN_COVERED_SHARE * (full[2] - full[0]) * (full[3] - full[1]):
+        return full
     x0, y0 = np.maximum(box[:2], limit[:2]).tolist()
     x1, y1 = np.minimum(box[2:], limit[2:]).tolist()
     return x0, y0, x1, y1
 
 
 def project_to_plane(points: np.ndarray, view: FacadeCamera) -> np.ndarray:
-    """Points (..., 2) of the photo on the facade's plane at distance 1; NaN where it is not seen, or at a grazing angle."""
+    """Project photo points to the facade's plane at distance 1.
+
+    Parameters
+    ----------
+    points : (..., 2) in the photo.
+    view : camera that sees the facade.
+
+    Returns
+    -------
+    (..., 2), NaN where the plane is not seen or at a grazing angle.
+    """
     straight = undistort(points, view.distortion)
     rays = np.concatenate([straight / view.focal, np.ones((*points.shape[:-1], 1))], axis=-1)
     facing = rays @ view.rotation
     depth = facing[..., 2:]
-    seen = depth > np.cos(np.radians(GRAZING)) * np.linalg.norm(rays, axis=-1, keepdims=True)
+    seen = depth > np.cos(np.radians(MAX_OBLIQUITY_DEG)) * np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.where(seen, facing[..., :2] / np.where(seen, depth, 1.0), np.nan)
 
 
-def _whole(view: FacadeCamera, corners: np.ndarray) -> tuple[float, float, float, float] | None:
-    """The box of all of a photo that is rectified already."""
-    there = project_to_plane(corners, view)
-    if not np.isfinite(there).all():
+def _full_extent(view: FacadeCamera, corners: np.ndarray) -> tuple[float, float, float, float] | None:
+    """Box of a whole photo that is already rectified, else None."""
+    projected = project_to_plane(corners, view)
+    if not np.isfinite(projected).all():
         return None
-    # The scale and shift that bring the corners closest to where they were.
-    centred, before = there - there.mean(axis=0), corners - corners.mean(axis=0)
-    scale = (centred * before).sum() / (centred**2).sum()
-    if np.linalg.norm(centred * scale - before, axis=1).max() > STILL:
+    # scale and shift that move the corners closest to their original positions
+    centred, original = projected - projected.mean(axis=0), corners - corners.mean(axis=0)
+    scale = (centred * original).sum() / (centred**2).sum()
+    if np.linalg.norm(centred * scale - original, axis=1).max() > MAX_RECTIFIED_SHIFT:
         return None
-    left, right = there[[0, 3], 0].mean(), there[[1, 2], 0].mean()
-    top, bottom = there[[0, 1], 1].mean(), there[[2, 3], 1].mean()
+    left, right = projected[[0, 3], 0].mean(), projected[[1, 2], 0].mean()
+    top, bottom = projected[[0, 1], 1].mean(), projected[[2, 3], 1].mean()
     return float(left), float(top), float(right), float(bottom)
 
 
-def _together(segments: np.ndarray, view: FacadeCamera) -> np.ndarray:
-    """Which segments (n,) of the two families lie where both do, and where few others do."""
+def _clustered_segments(segments: np.ndarray, view: FacadeCamera) -> np.ndarray:
+    """Segments (n,) bool of both families in places where both families are dense and others are not."""
     import cv2
 
     low = segments.reshape(-1, 2).min(axis=0)
-    cell = 2.0 / CELLS
+    cell = 2.0 / GRID_CELLS
     rows, columns = (np.ceil((segments.reshape(-1, 2).max(axis=0) - low) / cell).astype(int) + 1)[::-1]
     places = np.round((segments - low) / cell).astype(np.int32)
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     middle = places.sum(axis=1) // 2
     near, total = [], []
     for family in (0, 1, -1):
-        own = view.family == family
+        in_family = view.family == family
         lines = np.zeros((rows, columns), np.uint8)
-        cv2.polylines(lines, list(places[own]), False, 1)
-        near.append(cv2.dilate(lines, np.ones((GAP, GAP), np.uint8)))
+        cv2.polylines(lines, list(places[in_family]), False, 1)
+        near.append(cv2.dilate(lines, np.ones((MAX_GAP_CELLS, MAX_GAP_CELLS), np.uint8)))
         amount = np.zeros((rows, columns))
-        np.add.at(amount, (middle[own, 1], middle[own, 0]), lengths[own])
-        total.append(cv2.boxFilter(amount, -1, (GAP, GAP), normalize=False, borderType=cv2.BORDER_CONSTANT))
-    # Walls of other directions share the vertical with this one, so it is the level lines that tell. A small facade before much
-    # clutter has too few of them anywhere.
+        np.add.at(amount, (middle[in_family, 1], middle[in_family, 0]), lengths[in_family])
+        total.append(
+            cv2.boxFilter(amount, -1, (MAX_GAP_CELLS, MAX_GAP_CELLS), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        )
+    # Walls of other directions share the vertical with this one: only level lines distinguish them. A small facade in clutter
+    # has too few of them anywhere.
     shared = np.logical_and(near[0], near[1])
-    found = np.zeros(len(segments), np.bool_)
-    for share in (LEVEL_SHARE, 0.0):
+    is_clustered = np.zeros(len(segments), np.bool_)
+    for share in (MIN_LEVEL_SHARE, 0.0):
         region = shared & (total[0] >= share * (total[0] + total[2]))
         count, labels, _, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8))
-        own = labels[middle[:, 1], middle[:, 0]]
-        within = (view.family >= 0) & (own > 0)
-        support = np.bincount(own, lengths * within, minlength=count)
-        found = within & (support >= LEAST_PART * support.max())[own]
-        if min(np.bincount(view.family[found], minlength=2)) >= LEAST_LINES:
+        in_family = labels[middle[:, 1], middle[:, 0]]
+        within = (view.family >= 0) & (in_family > 0)
+        support = np.bincount(in_family, lengths * within, minlength=count)
+        is_clustered = within & (support >= MIN_PART_SHARE * support.max())[in_family]
+        if min(np.bincount(view.family[is_clustered], minlength=2)) >= MIN_LINES:
             break
-    return found
+    return is_clustered
 
 
-def _inner(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Where the values (n,) begin and end, but for a stray share of the weight."""
+def _trimmed_range(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Range of the values (n,) without a stray share of the weight at each end."""
     order = np.argsort(values, kind="stable")
     share = np.cumsum(weight[order]) / weight.sum()
-    first, last = np.searchsorted(share, [STRAY, 1 - STRAY])
+    first, last = np.searchsorted(share, [STRAY_SHARE, 1 - STRAY_SHARE])
     return values[order[[first, min(last, len(values) - 1)]]]
 
 
-def _grid(corners: np.ndarray) -> np.ndarray:
-    """Points (k, 2) all over the photo."""
+def _photo_grid(corners: np.ndarray) -> np.ndarray:
+    """Grid of points (k, 2) over the photo."""
     (x0, y0), (x1, y1) = corners[0], corners[2]
     return np.stack(np.meshgrid(np.linspace(x0, x1, 65), np.linspace(y0, y1, 65)), axis=-1).reshape(-1, 2)

@@ -1,30 +1,34 @@
-"""Fisheye pictures that are said to be equirectangular panoramas, told by the black around their circles."""
+"""Fisheye pictures declared as equirectangular panoramas, recognised by the black around their circles."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Levels of a grey value that the black around a lens's circle is below, and spread over; lenses cast some light on it.
-BLACK, SPREAD = 24.0, 8.0
-# The share of the pixels outside the circles that are so; those of the circle's rim and of a maker's mark may not be.
-MOST = 0.97
-# A circle is taken larger than the square it touches, as lenses' circles are not centred to the pixel.
-LARGER = 1.06
-# Mean grey of what the circles show: a picture of the night is dark everywhere.
-LIT = 40.0
+# Grey level below which the surroundings of a lens's circle are black
+BLACK_LEVEL = 24.0
+# and their largest deviation from the median; lenses cast some light on them.
+BLACK_SPREAD = 8.0
+# Share of the pixels outside the circles that are black; the circle's rim and a maker's mark are not.
+MIN_BLACK_SHARE = 0.97
+# Circles are enlarged by this: lens circles are not centred to the pixel.
+CIRCLE_SCALE = 1.06
+# Mean grey level inside the circles; night pictures are dark everywhere.
+MIN_BRIGHTNESS = 40.0
 
 
 def is_fisheye(image: np.ndarray) -> bool:
-    """Whether a picture (h, w, 3) uint8 is of a fisheye lens, or of two side by side: its corners, outside a circle in each
-    square, are black, and what is inside is not. A panorama's corners are sky and street."""
+    """Return True if a picture (h, w, 3) uint8 shows one fisheye circle, or two next to each other.
+
+    The corners outside a circle in each square are black, and the inside is not. A panorama's corners are sky and street.
+    """
     grey = image.mean(axis=2)
     height, width = grey.shape
     circles = max(1, round(width / height))
     x = ((np.arange(width) + 0.5) * circles / width) % 1.0 - 0.5
     y = (np.arange(height) + 0.5) / height - 0.5
-    outside = np.hypot(x, y[:, None]) > 0.5 * LARGER
+    outside = np.hypot(x, y[:, None]) > 0.5 * CIRCLE_SCALE
     corners, shown = grey[outside], grey[~outside]
-    if len(corners) == 0 or shown.mean() < LIT:
+    if len(corners) == 0 or shown.mean() < MIN_BRIGHTNESS:
         return False
-    black = (corners < BLACK) & (np.abs(corners - np.median(corners)) <= SPREAD)
-    return bool(black.mean() >= MOST)
+    black = (corners < BLACK_LEVEL) & (np.abs(corners - np.median(corners)) <= BLACK_SPREAD)
+    return bool(black.mean() >= MIN_BLACK_SHARE)

@@ -1,4 +1,4 @@
-"""A chart's raster from the textures that its model brings along."""
+"""Rasters of charts from the textures of their model."""
 
 from __future__ import annotations
 
@@ -10,20 +10,29 @@ from facade_core.core.numba_cache import njit
 from facade_core.geometry.scene import Scene
 from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
 
-# Texels beside a triangle's edge still belong to it by rounding.
-EDGE = 1e-6
-# Pixels by which coordinates of 0 or 1 may miss the picture's border.
-ROUNDING = 0.01
+# Tolerance of barycentric coordinates at a triangle's edge, for rounding.
+EDGE_TOLERANCE = 1e-6
+# Pixels by which texture coordinates of 0 or 1 may miss the picture's border.
+BORDER_TOLERANCE = 0.01
 # Pixels kept around the part of a picture that a chart uses.
-MARGIN = 4
+CROP_MARGIN = 4
 
 
 def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """A chart in its model's own texture: rgb (h, w, 3) uint8 at the size of its place in the atlas, and covered (h, w) bool.
+    """Render a chart from its model's own textures, at its size in the atlas.
 
-    images: texture index -> RGB (H, W, 3) uint8; u is right, v up, and textures repeat beyond 0 to 1. Triangles without
-    texture, or whose picture is not given, are left black. Colour goes on for one texel beyond the textured triangles, which
-    counts as covered too.
+    Triangles without texture, or without a picture, stay black. Colours extend one texel beyond the textured triangles, which
+    counts as covered.
+
+    Parameters
+    ----------
+    scene : scene that contains the chart.
+    chart : index of the chart.
+    images : texture index -> (H, W, 3) uint8; u is right, v up, and textures repeat beyond 0 to 1.
+
+    Returns
+    -------
+    rgb (h, w, 3) uint8 and covered (h, w) bool.
     """
     mesh, charts = scene.mesh, scene.charts
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
@@ -40,30 +49,29 @@ def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarr
         if index not in images:
             continue
         used = texture == index
-        part, pixels, repeat = _part(images[index], mesh.uv[triangles[used]].astype(np.float64))
+        part, pixels, repeat = _used_part(images[index], mesh.uv[triangles[used]].astype(np.float64))
         levels = build_pyramid(part)
-        _paint(levels.pixels, levels.levels, flat[used], pixels, repeat, rgb, covered)
-    return _dilate(rgb, covered)
+        _rasterise(levels.pixels, levels.levels, flat[used], pixels, repeat, rgb, covered)
+    return _extend_colour(rgb, covered)
 
 
-def _part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """The part of a picture that coordinates (t, 3, 2) use, their pixels in it (t, 3, 2), and whether it repeats.
+def _used_part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Part of a picture that coordinates (t, 3, 2) use, their pixels in it (t, 3, 2), and True if it repeats.
 
-    A chart mostly uses little of a picture that many charts share. What stays inside the picture does not take in colour
-    from its opposite border.
+    Charts mostly use a small part of a shared picture. Coordinates within the picture take no colour from the opposite border.
     """
     height, width = image.shape[:2]
     pixels = uv * (width, -height) + (0.0, height)
     low, high = pixels.min(axis=(0, 1)), pixels.max(axis=(0, 1))
-    if (low < -ROUNDING).any() or (high > np.array([width, height]) + ROUNDING).any():
+    if (low < -BORDER_TOLERANCE).any() or (high > np.array([width, height]) + BORDER_TOLERANCE).any():
         return image, pixels, True
-    left, top = np.clip(np.floor(low) - MARGIN, 0, None).astype(int)
-    right, bottom = np.ceil(high).astype(int) + MARGIN
+    left, top = np.clip(np.floor(low) - CROP_MARGIN, 0, None).astype(int)
+    right, bottom = np.ceil(high).astype(int) + CROP_MARGIN
     return image[top:bottom, left:right], pixels - (left, top), False
 
 
 @njit(cache=True, nogil=True)
-def _paint(
+def _rasterise(
     pixels: np.ndarray,
     levels: np.ndarray,
     corners: np.ndarray,
@@ -72,7 +80,7 @@ def _paint(
     rgb: np.ndarray,
     covered: np.ndarray,
 ) -> None:
-    """Fill the texels whose centres lie in triangles; corners, source (t, 3, 2): in texels and in the texture's pixels."""
+    """Fill the texels with centres in triangles; corners and source (t, 3, 2) in texels and texture pixels."""
     rows, columns = covered.shape
     for t in range(len(corners)):
         x0, y0 = corners[t, 0]
@@ -96,7 +104,7 @@ def _paint(
             for c in range(first_column, last_column + 1):
                 dx, dy = c + 0.5 - x0, r + 0.5 - y0
                 s, w = sx * dx + sy * dy, tx * dx + ty * dy
-                if s < -EDGE or w < -EDGE or s + w > 1 + EDGE:
+                if s < -EDGE_TOLERANCE or w < -EDGE_TOLERANCE or s + w > 1 + EDGE_TOLERANCE:
                     continue
                 x = px + s * du[0] + w * dv[0]
                 y = py + s * du[1] + w * dv[1]
@@ -104,8 +112,8 @@ def _paint(
                 covered[r, c] = True
 
 
-def _dilate(rgb: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Spread colour by one texel: the mean of the covered texels around."""
+def _extend_colour(rgb: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Extend colours by one texel: the mean of the covered neighbours."""
     import cv2
 
     around = cv2.boxFilter(covered.astype(np.float32), -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)

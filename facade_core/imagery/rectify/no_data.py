@@ -1,65 +1,78 @@
-"""What a rectified picture does not show: the black corners that its warp left."""
+"""Black corners that the warp of a rectified picture leaves."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# No value of the border that a warp leaves is above this, also where a JPEG has rung; seldom is a part of a facade so black.
-BLACK = 14
-# A black corner has at least this share of the picture, else it is a shadow or a frame of a few pixels.
-LEAST = 0.0005
-# Its sides are straight to this share of the picture's longer side, all corners together have so many at most, and what these
-# enclose is alike. Or it is of one colour but for the noise of a JPEG.
-STRAIGHT, MOST_SIDES, ALIKE = 0.008, 16, 0.9
-NOISE, FLAT = 2, 0.99
-# What stands upright at the picture's foot and fills its box so far is a gateway; a corner that a warp left there tapers off.
-MOST_FILLED = 0.8
-# Pixels into which the border was mixed when the picture was warped and compressed.
+# Largest value of the border that a warp leaves, also with JPEG ringing; facades are rarely so black.
+BLACK_LEVEL = 14
+# Smallest share of the picture of a black corner; smaller ones are shadows or frames.
+MIN_CORNER_SHARE = 0.0005
+# Its sides are straight to this share of the picture's longer side.
+STRAIGHT_TOLERANCE = 0.008
+# All its parts have at most this many sides,
+MAX_SIDES = 16
+# and the polygon matches the part by this IoU.
+MIN_POLYGON_IOU = 0.9
+# Or the part has one colour to this many levels (JPEG noise)
+FLAT_NOISE = 2
+# in this share of its pixels.
+MIN_FLAT_SHARE = 0.99
+# A dark part at the picture's foot that fills its box by this share is a gateway; a warp's corner tapers off.
+MIN_GATEWAY_FILL = 0.8
+# Pixels into which warp and compression mixed the border.
 NO_DATA_RIM = 3
 
 
 def no_data_mask(image: np.ndarray) -> np.ndarray:
-    """The black corners of an image (h, w, 3) uint8, (h, w) bool: flat black that hangs together with a corner of the picture.
+    """Mask the black corners of an image: flat black that is connected to a corner of the picture.
 
-    What is dark elsewhere at the border, or upright at its foot as a gateway is, is part of what the picture shows. A
-    picture that is black as a whole has no corners.
+    Dark regions elsewhere at the border, and upright ones at the foot (gateways), belong to the content. A picture that is black
+    as a whole has no corners.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+
+    Returns
+    -------
+    (h, w) bool.
     """
     import cv2
 
     red, green, blue = np.moveaxis(image, 2, 0)
-    black = (np.maximum(np.maximum(red, green), blue) <= BLACK).astype(np.uint8)
+    black = (np.maximum(np.maximum(red, green), blue) <= BLACK_LEVEL).astype(np.uint8)
     if black.all():
         return np.zeros(black.shape, bool)
-    # a compressed edge is no straight line: single pixels do not tie a corner to a window
+    # opening: single pixels of a compressed edge must not connect a corner to a window
     solid = cv2.morphologyEx(black, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
     _, parts, stats, _ = cv2.connectedComponentsWithStats(solid, connectivity=4)
     corners = {int(part) for part in parts[[0, 0, -1, -1], [0, -1, 0, -1]]} - {0}
-    kept = [
+    corner_parts = [
         part
         for part in corners
-        if stats[part, cv2.CC_STAT_AREA] >= LEAST * black.size
+        if stats[part, cv2.CC_STAT_AREA] >= MIN_CORNER_SHARE * black.size
         and not _is_gateway(stats[part], black.shape[0])
         and _is_warped(image, (parts == part).astype(np.uint8))
     ]
-    found = np.isin(parts, kept).astype(np.uint8)
-    return cv2.dilate(found, np.ones((2 * NO_DATA_RIM + 1, 2 * NO_DATA_RIM + 1), np.uint8)).astype(bool)
+    is_corner = np.isin(parts, corner_parts).astype(np.uint8)
+    return cv2.dilate(is_corner, np.ones((2 * NO_DATA_RIM + 1, 2 * NO_DATA_RIM + 1), np.uint8)).astype(bool)
 
 
 def _is_gateway(stats: np.ndarray, height: int) -> bool:
     _, top, wide, high, area = stats.tolist()
-    return 0 < top == height - high and high > wide and area >= MOST_FILLED * wide * high
+    return 0 < top == height - high and high > wide and area >= MIN_GATEWAY_FILL * wide * high
 
 
 def _is_warped(image: np.ndarray, part: np.ndarray) -> bool:
-    """Whether a part (h, w) uint8 has few straight sides, as what lies beside a warped rectangle has, or one colour, as no deep
-    shadow has."""
+    """True if a part (h, w) uint8 has few straight sides, or one colour, which no deep shadow has."""
     import cv2
 
     contours, _ = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    sides = [cv2.approxPolyDP(contour, STRAIGHT * max(part.shape), closed=True) for contour in contours]
+    sides = [cv2.approxPolyDP(contour, STRAIGHT_TOLERANCE * max(part.shape), closed=True) for contour in contours]
     drawn = cv2.fillPoly(np.zeros_like(part), sides, 1)
-    if sum(map(len, sides)) <= MOST_SIDES and (drawn & part).sum() >= ALIKE * (drawn | part).sum():
+    if sum(map(len, sides)) <= MAX_SIDES and (drawn & part).sum() >= MIN_POLYGON_IOU * (drawn | part).sum():
         return True
     inner = cv2.erode(part, np.ones((4 * NO_DATA_RIM + 1, 4 * NO_DATA_RIM + 1), np.uint8), borderValue=1).astype(bool)
     values = image[inner].max(axis=1).astype(np.int64)
-    return values.size > 0 and bool((np.abs(values - np.median(values)) <= NOISE).mean() >= FLAT)
+    return values.size > 0 and bool((np.abs(values - np.median(values)) <= FLAT_NOISE).mean() >= MIN_FLAT_SHARE)

@@ -1,4 +1,4 @@
-"""Charts from posed panoramas: which show a chart and how well, and the chart's raster from one."""
+"""Charts in posed panoramas: visibility and quality, and the raster of a chart from one panorama."""
 
 from __future__ import annotations
 
@@ -22,29 +22,37 @@ from facade_core.imagery.poses.panorama_camera import (
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.imagery.rectify.resampling import ChartRaster, PanoramaLens, compute_footprints, resample_panorama
 
-# Flatter than this, a wall's pixels are stretched and its balconies hide its windows.
-GRAZING_DEG = 12.0
-# What lies this close before a surface does not hide it: mouldings, and the noise of the model.
+# At flatter angles a wall's pixels are stretched, and balconies hide windows.
+MIN_FACING_DEG = 12.0
+# Surfaces this close in front do not occlude, in metres: mouldings, and noise of the model.
 OCCLUSION_TOLERANCE_M = 0.05
-# A sighting shows at least this share of the chart.
-LEAST_SEEN = 0.02
-# Points of a chart that are looked at, per axis.
-SAMPLES = (12, 8)
-# Panoramas farther than this do not show a chart, metres.
+# Share of the chart that a sighting shows.
+MIN_SIGHTING_SHARE = 0.02
+# Points per axis at which a chart's visibility is sampled.
+GRID_POINTS = (12, 8)
+# Panoramas farther away, in metres, do not show a chart.
 MAX_SIGHTING_DISTANCE_M = 150.0
-# Texels between the rays that look for what hides a chart, before its outline is followed texel by texel.
-SPARSE = 4
+# Texels between the first visibility rays; outlines of occluders are then refined texel by texel.
+COARSE_STEP = 4
 # Rays cast at once, which bounds memory.
-RAYS = 1 << 18
+MAX_RAYS = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """A panorama that shows a chart: its index; seen, the share of the chart; pixels_per_metre and obliquity (degrees between
-    line of sight and surface), means over what is seen; score, higher is better."""
+    """Panorama that shows a chart.
+
+    Attributes
+    ----------
+    panorama : index of the panorama.
+    seen_share : share of the chart that is seen.
+    pixels_per_metre : mean resolution of the seen part.
+    obliquity : mean angle in degrees between line of sight and surface.
+    score : higher is better.
+    """
 
     panorama: int
-    seen: float
+    seen_share: float
     pixels_per_metre: float
     obliquity: float
     score: float
@@ -56,52 +64,99 @@ def find_sightings(
     poses: Sequence[Pose],
     image_sizes: Sequence[tuple[int, int]],
     *,
-    reach: float = MAX_SIGHTING_DISTANCE_M,
+    max_distance: float = MAX_SIGHTING_DISTANCE_M,
 ) -> list[Sighting]:
-    """Panoramas that show a chart within `reach` metres, best first; image_sizes are (height, width) in pixels.
+    """Find the panoramas that show a chart, best first.
 
-    A point counts as seen where nothing is before it, its surface is not seen at a grazing angle and the picture's view holds
-    it. The score is the share seen, less for pictures coarser than the atlas and for oblique ones, in which what stands out
-    of the wall is displaced. Raises GeometryError for a pose without height.
+    A point counts as seen if nothing occludes it, the angle is not grazing and the picture contains it. The score is the seen
+    share, reduced for pictures coarser than the atlas and for oblique ones, which displace protruding parts.
+
+    Parameters
+    ----------
+    scene : scene that contains the chart.
+    chart : index of the chart.
+    poses : poses of the panoramas.
+    image_sizes : height and width of the panoramas in pixels.
+    max_distance : largest distance in metres.
+
+    Raises
+    ------
+    GeometryError
+        If a pose has no height.
     """
-    found = []
-    for view in _views(scene, chart, poses, image_sizes, reach):
+    sightings = []
+    for view in _point_views(scene, chart, poses, image_sizes, max_distance):
         seen = float(view.usable.mean())
-        if seen < LEAST_SEEN:
+        if seen < MIN_SIGHTING_SHARE:
             continue
         resolution, facing = float(view.resolution.mean()), float(view.sine.mean())
         score = seen * min(1.0, resolution / scene.placement.texels_per_metre[chart]) * facing
-        found.append(Sighting(view.panorama, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
-    return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
+        sightings.append(Sighting(view.panorama, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
+    return sorted(sightings, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 
 def nearby_panoramas(scene: Scene, charts: np.ndarray, poses: Sequence[Pose]) -> list[np.ndarray]:
-    """Which panoramas may show each of some charts (n,), by where they are: indices (k,) in ascending order."""
+    """Return the panoramas that may show each chart, by position.
+
+    Parameters
+    ----------
+    scene : scene that contains the charts.
+    charts : (n,) charts.
+    poses : poses of the panoramas.
+
+    Returns
+    -------
+    Ascending indices (k,) for each chart.
+    """
     middle = scene.charts.points_at_shares(charts, np.array([[0.5, 0.5]]))[:, 0, :2]
-    # the points that are looked for lie on the chart: as far from its middle as its diagonal is long, at most
-    reach = MAX_SIGHTING_DISTANCE_M + 2 * np.hypot(*scene.charts.size[charts].T)
+    # sampled points are at most the diagonal's length away from the chart's middle
+    max_distance = MAX_SIGHTING_DISTANCE_M + 2 * np.hypot(*scene.charts.size[charts].T)
     places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
-    place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
-    near = RowIndex(place)
-    return [np.sort(panorama[near.rows_with(chart)]) for chart in range(len(charts))]
+    place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=max_distance)
+    grouped = RowIndex(place)
+    return [np.sort(panorama[grouped.rows_with(chart)]) for chart in range(len(charts))]
 
 
 def point_visibility(
-    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], *, reach: float = MAX_SIGHTING_DISTANCE_M
+    scene: Scene,
+    chart: int,
+    poses: Sequence[Pose],
+    image_sizes: Sequence[tuple[int, int]],
+    *,
+    max_distance: float = MAX_SIGHTING_DISTANCE_M,
 ) -> np.ndarray:
-    """How well panoramas show the points of a chart that `find_sightings` looks at, (panoramas, points): 0 where one does not
-    see a point, else its resolution there over the atlas', at most 1, times the sine of the angle of sight."""
-    points = _grid(scene, chart)
-    shown = np.zeros((len(poses), len(points)))
-    for view in _views(scene, chart, poses, image_sizes, reach):
-        sharp = np.minimum(1.0, view.resolution / scene.placement.texels_per_metre[chart])
-        shown[view.panorama, view.usable] = sharp * view.sine
-    return shown
+    """Compute how well panoramas show the sample points of a chart.
+
+    Parameters
+    ----------
+    scene : scene that contains the chart.
+    chart : index of the chart.
+    poses : poses of the panoramas.
+    image_sizes : height and width of the panoramas in pixels.
+    max_distance : largest distance in metres.
+
+    Returns
+    -------
+    (panoramas, points) resolution over the atlas' resolution, at most 1, times the sine of the viewing angle; 0 where not seen.
+    """
+    points = _sample_points(scene, chart)
+    visibility = np.zeros((len(poses), len(points)))
+    for view in _point_views(scene, chart, poses, image_sizes, max_distance):
+        sharpness = np.minimum(1.0, view.resolution / scene.placement.texels_per_metre[chart])
+        visibility[view.panorama, view.usable] = sharpness * view.sine
+    return visibility
 
 
-class _OfPoints(NamedTuple):
-    """What a panorama sees of the points of a chart: its index; usable (points,) bool; of these the pixels per metre and the
-    sine of the angle between line of sight and surface, (usable,)."""
+class _PointView(NamedTuple):
+    """Visibility of a chart's points in one panorama.
+
+    Attributes
+    ----------
+    panorama : index of the panorama.
+    usable : (points,) bool.
+    resolution : (usable,) pixels per metre.
+    sine : (usable,) sine of the angle between line of sight and surface.
+    """
 
     panorama: int
     usable: np.ndarray
@@ -109,11 +164,11 @@ class _OfPoints(NamedTuple):
     sine: np.ndarray
 
 
-def _views(
-    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], reach: float
-) -> Iterator[_OfPoints]:
-    """The panoramas on a chart's side within reach that see one of its points."""
-    points = _grid(scene, chart)
+def _point_views(
+    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], max_distance: float
+) -> Iterator[_PointView]:
+    """Panoramas on a chart's side, within a distance, that see one of its points."""
+    points = _sample_points(scene, chart)
     if len(points) == 0 or len(poses) == 0:
         return
     normal = scene.charts.normals()[chart]
@@ -121,29 +176,51 @@ def _views(
     middle = points.mean(axis=0)
     radius = np.linalg.norm(points - middle, axis=1).max()
     offset = places - middle
-    near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= reach + radius)
-    for index in np.flatnonzero(near).tolist():
+    is_near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= max_distance + radius)
+    for index in np.flatnonzero(is_near).tolist():
         pose, (_, width) = poses[index], image_sizes[index]
         rays = points - places[index]
         distance = np.linalg.norm(rays, axis=1)
         sine = -(rays @ normal) / np.maximum(distance, 1e-9)
-        usable = (distance <= reach) & (sine >= np.sin(np.radians(GRAZING_DEG))) & is_in_view(project_to_panorama(rays, pose), pose)
-        usable[usable] = _visible(scene, chart, places[index], rays[usable])
+        usable = (
+            (distance <= max_distance)
+            & (sine >= np.sin(np.radians(MIN_FACING_DEG)))
+            & is_in_view(project_to_panorama(rays, pose), pose)
+        )
+        usable[usable] = _are_points_visible(scene, chart, places[index], rays[usable])
         if usable.any():
             pixels_per_radian = width / pose.view[2] / (2 * np.pi)
             resolution = pixels_per_radian / distance[usable] * np.sqrt(sine[usable])
-            yield _OfPoints(index, usable, resolution, sine[usable])
+            yield _PointView(index, usable, resolution, sine[usable])
 
 
 def rectify_view(
-    scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int], hidden: np.ndarray | None = None
+    scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int], occluded: np.ndarray | None = None
 ) -> ChartView:
-    """A chart as a panorama shows it: rgb (h, w, 3) uint8, black where not seen, seen and quality (h, w).
+    """Rectify a chart from a panorama.
 
-    image (H, W, 3) uint8 is the part pose.view of the full panorama; size (h, w) divides the chart's place in the atlas, whose
-    own size gives the atlas's texels. A texel is the mean of the pixels it covers. Not seen are texels behind other surfaces,
-    at a grazing angle, outside the picture or in the flat mask at its bottom; occluded are those where the panorama is hidden
-    (H, W) bool. Raises GeometryError for a pose without height, ImageError for an image that is not uint8 RGB.
+    A texel is the mean of the pixels it covers. Not seen are texels behind other surfaces, at a grazing angle, outside the
+    picture or in the flat mask at its bottom.
+
+    Parameters
+    ----------
+    scene : scene that contains the chart.
+    chart : index of the chart.
+    image : (H, W, 3) uint8, the part `pose.view` of the full panorama.
+    pose : pose of the camera.
+    size : height and width of the raster; the chart's size in the atlas gives the atlas's texels.
+    occluded : (H, W) bool, occluders in the panorama.
+
+    Returns
+    -------
+    The view of the chart, black where not seen.
+
+    Raises
+    ------
+    GeometryError
+        If the pose has no height.
+    ImageError
+        If the image is not uint8 RGB.
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or 0 in image.shape:
         raise ImageError(f"a panorama is uint8 RGB (h, w, 3), not {image.dtype} {image.shape}; convert it")
@@ -161,28 +238,28 @@ def rectify_view(
     compute_footprints(
         ChartRaster(corner, right, down, charts.normals()[chart]),
         PanoramaLens(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
-        np.sin(np.radians(GRAZING_DEG)),
+        np.sin(np.radians(MIN_FACING_DEG)),
         footprints,
         seen,
         quality,
     )
-    _hide(scene, chart, place, corner, right, down, seen)
+    _clear_hidden(scene, chart, place, corner, right, down, seen)
     rgb = resample_panorama(image, pose.view, footprints, seen)
-    occluded = None if hidden is None else _taken(hidden, footprints, seen)
+    occluded = None if occluded is None else _occluded_texels(occluded, footprints, seen)
     return ChartView(rgb, seen, quality * seen, occluded)
 
 
-def _taken(hidden: np.ndarray, footprints: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """The seen texels (h, w) bool around which a panorama is hidden (H, W) bool; a texel beside them is hidden too."""
+def _occluded_texels(hidden: np.ndarray, footprints: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Seen texels (h, w) bool that are occluded in the panorama (H, W) bool, with a rim of one texel."""
     import cv2
 
-    taken = np.zeros(seen.shape, np.uint8)
+    is_occluded = np.zeros(seen.shape, np.uint8)
     row, column = (np.clip(footprints[seen, axis].astype(np.intp), 0, hidden.shape[1 - axis] - 1) for axis in (1, 0))
-    taken[seen] = hidden[row, column]
-    return cv2.dilate(taken, np.ones((3, 3), np.uint8)).astype(bool) & seen
+    is_occluded[seen] = hidden[row, column]
+    return cv2.dilate(is_occluded, np.ones((3, 3), np.uint8)).astype(bool) & seen
 
 
-def _hide(
+def _clear_hidden(
     scene: Scene,
     chart: int,
     place: np.ndarray,
@@ -191,29 +268,35 @@ def _hide(
     down: np.ndarray,
     seen: np.ndarray,
 ) -> None:
-    """Clear the seen texels that something stands before: all rays where coarse ones disagree with their neighbours."""
+    """Clear the seen texels that a surface occludes: coarse rays first, all rays where neighbours disagree."""
     import cv2
 
     rows, columns = seen.shape
     step = (
-        np.arange(0, rows + SPARSE, SPARSE).clip(max=rows - 1),
-        np.arange(0, columns + SPARSE, SPARSE).clip(max=columns - 1),
+        np.arange(0, rows + COARSE_STEP, COARSE_STEP).clip(max=rows - 1),
+        np.arange(0, columns + COARSE_STEP, COARSE_STEP).clip(max=columns - 1),
     )
-    coarse = _shown(scene, chart, place, corner, right, down, *(at.ravel() for at in np.meshgrid(*step, indexing="ij")))
+    coarse = _are_texels_visible(
+        scene, chart, place, corner, right, down, *(at.ravel() for at in np.meshgrid(*step, indexing="ij"))
+    )
     coarse = coarse.reshape(len(step[0]), len(step[1])).astype(np.uint8)
     square = np.ones((2, 2), np.uint8)
     # corners of the blocks between rays, the anchor at their upper left
     all_shown = cv2.erode(coarse, square, anchor=(0, 0))[:-1, :-1].astype(bool)
     some_shown = cv2.dilate(coarse, square, anchor=(0, 0))[:-1, :-1].astype(bool)
-    shown, mixed = (m.repeat(SPARSE, 0).repeat(SPARSE, 1)[:rows, :columns] for m in (all_shown, some_shown ^ all_shown))
-    row, column = np.nonzero(seen & mixed)
-    seen &= shown | mixed
-    for start in range(0, len(row), RAYS):
-        part = slice(start, start + RAYS)
-        seen[row[part], column[part]] = _shown(scene, chart, place, corner, right, down, row[part], column[part])
+    all_visible, is_mixed = (
+        m.repeat(COARSE_STEP, 0).repeat(COARSE_STEP, 1)[:rows, :columns] for m in (all_shown, some_shown ^ all_shown)
+    )
+    row, column = np.nonzero(seen & is_mixed)
+    seen &= all_visible | is_mixed
+    for start in range(0, len(row), MAX_RAYS):
+        part = slice(start, start + MAX_RAYS)
+        seen[row[part], column[part]] = _are_texels_visible(
+            scene, chart, place, corner, right, down, row[part], column[part]
+        )
 
 
-def _shown(
+def _are_texels_visible(
     scene: Scene,
     chart: int,
     place: np.ndarray,
@@ -223,28 +306,28 @@ def _shown(
     row: np.ndarray,
     column: np.ndarray,
 ) -> np.ndarray:
-    """Whether the texels at rows and columns (k,) are in sight: (k,) bool."""
+    """Visibility (k,) bool of the texels at rows and columns (k,)."""
     rays = corner + (row[:, None] + 0.5) * down + (column[:, None] + 0.5) * right
-    return _visible(scene, chart, place, rays)
+    return _are_points_visible(scene, chart, place, rays)
 
 
-def _visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Whether the points origin + rays (..., 3) on a chart are in sight: (...,) bool."""
+def _are_points_visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Visibility (...,) bool of the points origin + rays (..., 3) on a chart."""
     reached, hit = scene.caster.cast(origin, rays)
     surface = scene.charts.surface
-    own = (hit >= 0) & (surface[hit] == surface[chart])
-    return own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < OCCLUSION_TOLERANCE_M)
+    is_own = (hit >= 0) & (surface[hit] == surface[chart])
+    return is_own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < OCCLUSION_TOLERANCE_M)
 
 
-def _grid(scene: Scene, chart: int) -> np.ndarray:
+def _sample_points(scene: Scene, chart: int) -> np.ndarray:
     """World points (k, 3) evenly spread over a chart's own triangles."""
     charts, mesh = scene.charts, scene.mesh
-    at = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in SAMPLES)), axis=-1).reshape(-1, 2)
-    at = at * charts.size[chart]
+    points = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in GRID_POINTS)), axis=-1).reshape(-1, 2)
+    points = points * charts.size[chart]
     corners = mesh.vertices[mesh.triangles[mesh.chart_triangles(chart)]] - charts.origin[chart]
     flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
     edge = np.roll(flat, -1, axis=1) - flat
-    to = at[:, None, None] - flat
-    side = edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0]
+    offset = points[:, None, None] - flat
+    side = edge[..., 0] * offset[..., 1] - edge[..., 1] * offset[..., 0]
     inside = ((side >= 0).all(axis=2) | (side <= 0).all(axis=2)).any(axis=1)
-    return charts.origin[chart] + at[inside] @ np.stack([charts.axis_u[chart], charts.axis_v[chart]])
+    return charts.origin[chart] + points[inside] @ np.stack([charts.axis_u[chart], charts.axis_v[chart]])

@@ -1,4 +1,4 @@
-"""A photo of a facade as if taken from straight before it."""
+"""Rectification of a facade photo to a frontal view."""
 
 from __future__ import annotations
 
@@ -11,31 +11,39 @@ from facade_core.imagery.rectify.extent import facade_extent
 from facade_core.imagery.rectify.vanishing import FacadeCamera, distort, find_facade_camera
 from facade_core.parsing.validation import check_image
 
-# Lines are sought at this size of the longer side, and are at least this share of the half diagonal long.
+# Longer side in pixels at which lines are detected.
 WORKING_SIDE = 1500
-SHORTEST = 0.02
-LEAST_SIDE = 64
-# Fewer segments than this along an axis are no facade; nor is a photo with a smaller share of its lines' length along both.
-LEAST_SEGMENTS = 8
-LEAST_SHARE = 0.3
-# Degrees by which the axes' segments may miss in the result (median), and by how much its scale may vary in area.
-MOST_RESIDUAL = 1.0
-MOST_STRETCH = 60.0
-# The result has no more pixels than this many times the photo's, nor a longer side.
-MOST_PIXELS = 1.5
-LONGEST = 8192
+# Shortest line, as a share of the half diagonal.
+MIN_LINE_LENGTH = 0.02
+# Smallest side of a photo in pixels.
+MIN_PHOTO_SIDE = 64
+# Segments that each axis of a facade needs.
+MIN_SEGMENTS = 8
+# Share of the lines' length that must follow the two axes.
+MIN_AXIS_SHARE = 0.3
+# Median angle in degrees between the lines and the axes of the result at most.
+MAX_RESIDUAL_DEG = 1.0
+# Largest ratio between area scales within the result.
+MAX_AREA_RATIO = 60.0
+# Pixels of the result over pixels of the photo at most.
+MAX_PIXEL_RATIO = 1.5
+# Longest side of the result in pixels.
+MAX_RESULT_SIDE = 8192
 
 REMEDY = "take it from nearer the front, with the whole facade in view, or leave it out"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rectified:
-    """A facade seen from straight before it.
+    """Frontal view of a facade.
 
-    image (h, w, 3) uint8 RGB; homography (3, 3) float64 takes photo pixels to its pixels (x right, y down, whole numbers at
-    pixel centres): image is the photo warped by it, black where seen (h, w) bool is False: outside the photo, or hidden by
-    alpha. focal in photo pixels, given or found; residual, the median angle in degrees that is left between the facade's lines
-    and the image's axes.
+    Attributes
+    ----------
+    image : (h, w, 3) uint8 RGB, the photo warped by the homography, black where not seen.
+    homography : (3, 3) float64 from photo pixels to image pixels (x right, y down, whole numbers at pixel centres).
+    seen : (h, w) bool, False outside the photo or where alpha hides it.
+    focal : focal length in photo pixels, stated or estimated.
+    residual : median angle in degrees between the facade's lines and the image's axes.
     """
 
     image: np.ndarray
@@ -46,25 +54,32 @@ class Rectified:
 
 
 def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
-    """The dominant facade of a photo, cut out of it and rectified, with width and height in their true proportion.
+    """Rectify the dominant facade of a photo and crop to it, with true proportions.
 
-    photo (H, W, 3) uint8 RGB, or (H, W, 4), whose alpha hides. The principal point is taken to be the centre. focal in pixels
-    (from EXIF); None: found from the vanishing points, as far as they tell, between them and a 31 mm equivalent. Radial
-    distortion is estimated, but what comes back is the homography that is nearest to the whole map. A photo that is rectified
-    already keeps its full extent. Raises ImageError for an image of another kind, and, with the reason, where no facade is
-    found that can be rectified reliably.
+    The principal point is the photo's centre. Radial distortion is estimated; the result is the homography nearest to the whole
+    map. A photo that is already rectified keeps its full extent.
+
+    Parameters
+    ----------
+    photo : (H, W, 3) uint8 RGB, or (H, W, 4) with alpha that hides.
+    focal : focal length in pixels, from EXIF; None estimates it from the vanishing points and an expected 31 mm equivalent.
+
+    Raises
+    ------
+    ImageError
+        If the image is of another kind, or no facade can be rectified reliably; the message gives the reason.
     """
     check_image(photo)
-    if min(photo.shape[:2]) < LEAST_SIDE:
+    if min(photo.shape[:2]) < MIN_PHOTO_SIDE:
         raise ImageError(
-            f"photo: {photo.shape[1]} x {photo.shape[0]} pixels are too few; give one of {LEAST_SIDE} or more"
+            f"photo: {photo.shape[1]} x {photo.shape[0]} pixels are too few; give one of {MIN_PHOTO_SIDE} or more"
         )
     if focal is not None and not (np.isfinite(focal) and focal > 0):
         raise ImageError(f"photo: a focal length of {focal} pixels is none; leave it out to have it estimated")
     half = np.hypot(*photo.shape[:2]) / 2
     centre = (np.array(photo.shape[1::-1]) - 1) / 2
-    segments, pixel = _segments(photo, half, centre)
-    if len(segments) < 2 * LEAST_SEGMENTS:
+    segments, pixel = _detect_segments(photo, half, centre)
+    if len(segments) < 2 * MIN_SEGMENTS:
         raise ImageError(f"photo: only {len(segments)} straight lines, too few for a facade; {REMEDY}")
     view = find_facade_camera(segments, pixel, None if focal is None else focal / half)
     if view is None:
@@ -81,8 +96,8 @@ def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
     return Rectified(image, homography, seen, view.focal * half, residual)
 
 
-def _segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tuple[np.ndarray, float]:
-    """Straight lines (n, 2, 2) of a photo in half diagonals from its centre, and the size of a pixel as searched."""
+def _detect_segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tuple[np.ndarray, float]:
+    """Straight lines (n, 2, 2) of a photo in half diagonals from its centre, and the size of a searched pixel."""
     import cv2
 
     scale = min(1.0, WORKING_SIDE / max(photo.shape[:2]))
@@ -96,52 +111,54 @@ def _segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tuple[np.nd
         return np.empty((0, 2, 2)), 1.0
     ends = np.asarray(found, np.float64).reshape(-1, 2, 2)
     if photo.shape[2] == 4:
-        # A cut-out's own outline is no line of the facade.
+        # The outline of a cut-out is no line of the facade.
         hidden = cv2.dilate((small[..., 3] < 128).astype(np.uint8), np.ones((7, 7), np.uint8)).astype(np.bool_)
-        at = np.clip(np.round(ends.mean(axis=1)).astype(int), 0, np.array(size) - 1)
-        ends = ends[~hidden[at[:, 1], at[:, 0]]]
-    # Centres of pixels at whole numbers, before and after.
+        pixel = np.clip(np.round(ends.mean(axis=1)).astype(int), 0, np.array(size) - 1)
+        ends = ends[~hidden[pixel[:, 1], pixel[:, 0]]]
+    # Pixel centres are at whole numbers, before and after.
     ends = ((ends + 0.5) * (np.array(photo.shape[1::-1]) / size) - 0.5 - centre) / half
-    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= SHORTEST]
+    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) >= MIN_LINE_LENGTH]
     return ends, 1.0 / (half * scale)
 
 
 def _check_view(view: FacadeCamera, segments: np.ndarray) -> None:
-    """Raise ImageError for a view that too little speaks for, ."""
+    """Raise ImageError for a camera with too little support."""
     across, upright = int((view.family == 0).sum()), int((view.family == 1).sum())
-    if min(across, upright) < LEAST_SEGMENTS:
+    if min(across, upright) < MIN_SEGMENTS:
         raise ImageError(
             f"photo: {across} lines along a facade's horizontal and {upright} along its vertical are too few; {REMEDY}"
         )
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     share = lengths[view.family >= 0].sum() / lengths.sum()
-    if share < LEAST_SHARE:
+    if share < MIN_AXIS_SHARE:
         raise ImageError(f"photo: only {share:.0%} of its lines agree on a facade's two directions; {REMEDY}")
 
 
 def _homography(
     view: FacadeCamera, box: tuple[float, float, float, float], corners: np.ndarray, half: float, centre: np.ndarray
 ) -> tuple[np.ndarray, tuple[int, int]]:
-    """The map from photo to result pixels, and the result's (height, width): as many pixels as the photo has of the facade."""
+    """Map from photo to result pixels, and the result's height and width, at the photo's resolution of the facade."""
     import cv2
 
     x0, y0, x1, y1 = box
     plane = np.stack(np.meshgrid(np.linspace(x0, x1, 33), np.linspace(y0, y1, 33)), axis=-1)
     rays = np.concatenate([plane, np.ones((33, 33, 1))], axis=-1) @ view.rotation.T
-    before = rays[..., 2] > 0.05
-    straight = rays[..., :2] / np.where(before, rays[..., 2], 1.0)[..., None] * view.focal
+    in_front = rays[..., 2] > 0.05
+    straight = rays[..., :2] / np.where(in_front, rays[..., 2], 1.0)[..., None] * view.focal
     photo = distort(straight, view.distortion)
-    inside = before & (photo >= corners[0]).all(axis=-1) & (photo <= corners[2]).all(axis=-1)
+    inside = in_front & (photo >= corners[0]).all(axis=-1) & (photo <= corners[2]).all(axis=-1)
     if inside.sum() < 16:
         raise ImageError(f"photo: the facade lies almost outside it; {REMEDY}")
     # Area of the photo per area of the plane at a point is the camera's focal^2 / depth^3 of the unit ray.
     density = (view.focal * half) ** 2 / rays[inside][:, 2] ** 3
-    if density.max() / density.min() > MOST_STRETCH:
+    if density.max() / density.min() > MAX_AREA_RATIO:
         raise ImageError(f"photo: the facade is seen too obliquely to be flattened; {REMEDY}")
     photo_area = half**2 * float(np.prod(corners[2] - corners[0]))
     area = (x1 - x0) * (y1 - y0)
     scale = min(
-        float(np.sqrt(density.mean())), float(np.sqrt(MOST_PIXELS * photo_area / area)), LONGEST / max(x1 - x0, y1 - y0)
+        float(np.sqrt(density.mean())),
+        float(np.sqrt(MAX_PIXEL_RATIO * photo_area / area)),
+        MAX_RESULT_SIDE / max(x1 - x0, y1 - y0),
     )
     size = max(1, round((y1 - y0) * scale)), max(1, round((x1 - x0) * scale))
     target = (plane - [x0, y0]) * scale - 0.5
@@ -150,20 +167,20 @@ def _homography(
 
 
 def _check_result(segments: np.ndarray, family: np.ndarray, homography: np.ndarray, size: tuple[int, int]) -> float:
-    """The residual in degrees of the lines (n, 2, 2; photo pixels) in the result; ImageError where it is a wild warp."""
-    if min(size) < LEAST_SIDE // 2 or max(size) > 20 * min(size):
+    """Residual in degrees of the lines (n, 2, 2; photo pixels) in the result; ImageError for a wild warp."""
+    if min(size) < MIN_PHOTO_SIDE // 2 or max(size) > 20 * min(size):
         raise ImageError(f"photo: its facade would come out as {size[1]} x {size[0]} pixels; {REMEDY}")
     ends = np.concatenate([segments, np.ones((len(segments), 2, 1))], axis=2) @ homography.T
-    fine = (family >= 0) & (ends[..., 2] > 0).all(axis=1)
-    flat = ends[fine, :, :2] / ends[fine, :, 2:]
+    is_in_front = (family >= 0) & (ends[..., 2] > 0).all(axis=1)
+    flat = ends[is_in_front, :, :2] / ends[is_in_front, :, 2:]
     inside = ((flat.mean(axis=1) >= 0) & (flat.mean(axis=1) < size[::-1])).all(axis=1)
-    step, own = (flat[:, 1] - flat[:, 0])[inside], family[fine][inside]
-    missed = np.abs(np.where(own == 0, step[:, 1], step[:, 0]))
-    angle = np.degrees(np.arctan2(missed, np.abs(np.where(own == 0, step[:, 0], step[:, 1]))))
-    if min((own == 0).sum(), (own == 1).sum()) < LEAST_SEGMENTS:
+    step, own_family = (flat[:, 1] - flat[:, 0])[inside], family[is_in_front][inside]
+    missed = np.abs(np.where(own_family == 0, step[:, 1], step[:, 0]))
+    angle = np.degrees(np.arctan2(missed, np.abs(np.where(own_family == 0, step[:, 0], step[:, 1]))))
+    if min((own_family == 0).sum(), (own_family == 1).sum()) < MIN_SEGMENTS:
         raise ImageError(f"photo: too few lines along both axes lie on the facade itself; {REMEDY}")
     residual = float(np.median(angle))
-    if residual > MOST_RESIDUAL:
+    if residual > MAX_RESIDUAL_DEG:
         raise ImageError(f"photo: its lines would still be {residual:.1f} degrees off the axes; {REMEDY}")
     return residual
 
@@ -171,8 +188,8 @@ def _check_result(segments: np.ndarray, family: np.ndarray, homography: np.ndarr
 def _warp(photo: np.ndarray, homography: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     import cv2
 
-    shown = photo[..., 3] >= 128 if photo.shape[2] == 4 else np.ones(photo.shape[:2], np.bool_)
+    is_opaque = photo[..., 3] >= 128 if photo.shape[2] == 4 else np.ones(photo.shape[:2], np.bool_)
     image = cv2.warpPerspective(np.ascontiguousarray(photo[..., :3]), homography, size[::-1], flags=cv2.INTER_LINEAR)
-    seen = cv2.warpPerspective(shown.astype(np.uint8) * 255, homography, size[::-1], flags=cv2.INTER_LINEAR) >= 250
+    seen = cv2.warpPerspective(is_opaque.astype(np.uint8) * 255, homography, size[::-1], flags=cv2.INTER_LINEAR) >= 250
     image[~seen] = 0
     return image, seen

@@ -1,4 +1,4 @@
-"""Texels of a chart in a panorama: where they fall, and the mean of the pixels that each covers."""
+"""Resampling of panoramas to a chart's texels: the pixels that each texel covers, and their mean."""
 
 from __future__ import annotations
 
@@ -9,16 +9,24 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.imagery.rectify.area_means import area_mean, build_pyramid
 
-# Colour distance to the bottom row within which pixels above it belong to the same flat mask.
-FLAT = 12
+# Colour distance to the bottom row within which pixels above belong to the same flat mask.
+MASK_TOLERANCE = 12
 # Rows above the mask that compression has mixed with it.
-MASK_RIM = 4
-# Share of the full panorama's height above which a flat bottom is ground, not a mask.
-MASK_HIGHEST = 2 / 3
+MASK_RIM_ROWS = 4
+# A flat bottom above this share of the full panorama's height is ground, not a mask.
+MASK_TOP_SHARE = 2 / 3
 
 
 class ChartRaster(NamedTuple):
-    """A chart's texels from the camera: corner (3,) the upper left one's, right and down (3,) from one to the next, normal."""
+    """Texel grid of a chart, relative to the camera.
+
+    Attributes
+    ----------
+    corner : (3,) upper left corner.
+    right : (3,) step from one texel to the next in a row.
+    down : (3,) step from one row to the next.
+    normal : (3,) normal of the chart.
+    """
 
     corner: np.ndarray
     right: np.ndarray
@@ -27,12 +35,17 @@ class ChartRaster(NamedTuple):
 
 
 class PanoramaLens(NamedTuple):
-    """How a picture shows the world.
+    """Projection of a panorama.
 
-    camera (3, 3): rotation;
-    turn, half: pixels per turn and per half turn;
-    left, top: pixels of the full panorama left of and above the picture;
-    height, width: of the picture.
+    Attributes
+    ----------
+    camera : (3, 3) rotation.
+    turn : pixels per full turn.
+    half : pixels per half turn, vertically.
+    left : pixels of the full panorama left of the picture.
+    top : pixels above it.
+    height : height of the picture.
+    width : width of the picture.
     """
 
     camera: np.ndarray
@@ -47,9 +60,18 @@ class PanoramaLens(NamedTuple):
 def resample_panorama(
     image: np.ndarray, view: tuple[float, float, float, float], footprints: np.ndarray, seen: np.ndarray
 ) -> np.ndarray:
-    """Colours (h, w, 3) uint8 of the seen texels, black elsewhere; clears in `seen` (h, w) those that a mask hides.
+    """Resample a panorama to the seen texels, and clear those that its flat mask hides.
 
-    image (H, W, 3) uint8 is the part `view` of the full panorama; footprints (h, w, 6) as of footprints_of.
+    Parameters
+    ----------
+    image : (H, W, 3) uint8, the part `view` of the full panorama.
+    view : left, top, width and height of that part.
+    footprints : (h, w, 6), see `compute_footprints`.
+    seen : (h, w) bool; changed in place.
+
+    Returns
+    -------
+    (h, w, 3) uint8, black where not seen.
     """
     rgb = np.zeros((*seen.shape, 3), np.uint8)
     if not seen.any():
@@ -57,18 +79,18 @@ def resample_panorama(
     used = footprints[seen]
     turn = image.shape[1] / view[2]
     margin = float(np.abs(used[:, 2:]).max()) + 3.0  # pixels around texel centres that are read
-    first, columns = _columns(used[:, 0], margin, image.shape[1], turn)
+    first, columns = _needed_columns(used[:, 0], margin, image.shape[1], turn)
     upper = max(0, int(used[:, 1].min() - margin))
     lower = min(len(image), int(used[:, 1].max() + margin) + 1)
-    mask = _mask_top(image, columns, round((MASK_HIGHEST - view[1]) / view[3] * len(image)), lower)
+    mask = _mask_top(image, columns, round((MASK_TOP_SHARE - view[1]) / view[3] * len(image)), lower)
     runs = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1)  # slices are copied much faster than columns
     part = build_pyramid(np.concatenate([image[upper:lower, run[0] : run[-1] + 1] for run in runs], axis=1))
-    _resample(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
+    _resample_texels(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
     return rgb
 
 
-def _columns(x: np.ndarray, margin: float, width: int, turn: float) -> tuple[int, np.ndarray]:
-    """The first column and all columns of the picture that texels at x need; a full panorama goes on across its border."""
+def _needed_columns(x: np.ndarray, margin: float, width: int, turn: float) -> tuple[int, np.ndarray]:
+    """First column and all columns of the picture that texels at x need; a full panorama continues across its border."""
     if turn > width:
         first = max(0, int(x.min() - margin))
         return first, np.arange(first, min(width, int(x.max() + margin) + 1))
@@ -81,9 +103,9 @@ def _columns(x: np.ndarray, margin: float, width: int, turn: float) -> tuple[int
 
 
 def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) -> np.ndarray:
-    """First row of the flat mask at the bottom of each column: black, or whatever one colour the whole bottom row has.
+    """First row of the flat mask at the bottom of each column: one colour, which the whole bottom row has.
 
-    Rows above `highest` are never masked; rows from `lower` on are of no interest.
+    Rows above `highest` are never masked. Rows from `lower` on are not needed.
     """
     none = np.full(len(columns), len(image))
     highest = max(highest, 0)
@@ -91,21 +113,38 @@ def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) 
         return none
     bottom = image[-1].astype(np.int16)
     colour = np.median(bottom, axis=0)
-    if (np.abs(bottom - colour).max(axis=1) > FLAT).mean() > 0.05:
+    if (np.abs(bottom - colour).max(axis=1) > MASK_TOLERANCE).mean() > 0.05:
         return none
-    low, high = np.clip(colour - FLAT, 0, 255).astype(np.uint8), np.clip(colour + FLAT, 0, 255).astype(np.uint8)
+    low, high = (
+        np.clip(colour - MASK_TOLERANCE, 0, 255).astype(np.uint8),
+        np.clip(colour + MASK_TOLERANCE, 0, 255).astype(np.uint8),
+    )
     part = image[highest:][::-1][:, columns]
     flat = ((part >= low) & (part <= high)).all(axis=2)
     run = np.where(flat.all(axis=0), len(flat), flat.argmin(axis=0))
-    return np.where(run > 0, np.maximum(len(image) - run - MASK_RIM, highest), none)
+    return np.where(run > 0, np.maximum(len(image) - run - MASK_RIM_ROWS, highest), none)
 
 
 @njit(cache=True, nogil=True)
 def compute_footprints(
-    raster: ChartRaster, lens: PanoramaLens, grazing: float, footprints: np.ndarray, seen: np.ndarray, quality: np.ndarray
+    raster: ChartRaster,
+    lens: PanoramaLens,
+    grazing: float,
+    footprints: np.ndarray,
+    seen: np.ndarray,
+    quality: np.ndarray,
 ) -> None:
-    """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen, and
-    the picture's pixels per texel along a side, at most 1, times the sine of the angle of sight."""
+    """Compute each texel's footprint in the picture, its visibility and its quality.
+
+    Parameters
+    ----------
+    raster : texels of the chart.
+    lens : projection of the picture.
+    grazing : sine of the smallest viewing angle.
+    footprints : (h, w, 6) centre x, y and both sides of the covered parallelogram; written.
+    seen : (h, w) bool, the texel is inside the picture and not at a grazing angle; written.
+    quality : (h, w) pixels per texel along a side, at most 1, times the sine of the viewing angle; written.
+    """
     rows, columns = seen.shape
     corner, right, down, normal = raster
     camera, turn, half, left, top = lens.camera, lens.turn, lens.half, lens.left, lens.top
@@ -127,9 +166,9 @@ def compute_footprints(
         above, below = (r - 1) % 2, r % 2
         for c in range(columns):
             x0 = x[above, c]
-            x1 = x0 + _across(x[above, c + 1] - x0, turn)
-            x2 = x0 + _across(x[below, c] - x0, turn)
-            x3 = x0 + _across(x[below, c + 1] - x0, turn)
+            x1 = x0 + _shortest_difference(x[above, c + 1] - x0, turn)
+            x2 = x0 + _shortest_difference(x[below, c] - x0, turn)
+            x3 = x0 + _shortest_difference(x[below, c + 1] - x0, turn)
             y0, y1, y2, y3 = y[above, c], y[above, c + 1], y[below, c], y[below, c + 1]
             mx, my = (x0 + x1 + x2 + x3) / 4, (y0 + y1 + y2 + y3) / 4
             mx %= turn
@@ -149,13 +188,13 @@ def compute_footprints(
 
 
 @njit(cache=True, nogil=True)
-def _across(difference: float, turn: float) -> float:
-    """A difference of columns the short way round."""
+def _shortest_difference(difference: float, turn: float) -> float:
+    """Difference of columns, the short way round."""
     return difference - turn * np.round(difference / turn)
 
 
 @njit(cache=True, nogil=True)
-def _resample(
+def _resample_texels(
     pixels: np.ndarray,
     levels: np.ndarray,
     footprints: np.ndarray,
@@ -166,7 +205,7 @@ def _resample(
     rgb: np.ndarray,
     seen: np.ndarray,
 ) -> None:
-    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; unsee the masked."""
+    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; clear masked ones."""
     rows, columns = seen.shape
     for r in range(rows):
         for c in range(columns):

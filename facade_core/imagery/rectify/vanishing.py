@@ -1,9 +1,9 @@
-"""The two axes of a facade and the camera that sees it, from line segments: vanishing points found jointly.
+"""Camera and axes of a facade from line segments, by jointly estimated vanishing points.
 
 Lengths are shares of the photo's half diagonal, from its centre, x right and y down; the camera looks along z. A facade's
-vertical and horizontal lines meet the picture plane in two vanishing points, which a focal length turns into two directions
-at a right angle. The vertical one is sought by RANSAC over pairs of segments; given it and a focal length, one angle is left,
-which is searched in steps. Least squares over the segments that agree then settle rotation, focal length and distortion.
+vertical and horizontal lines have two vanishing points, which a focal length turns into two orthogonal directions. RANSAC over
+pairs of segments finds the vertical one. Given it and a focal length, one angle remains, which is searched in steps. Least
+squares over the agreeing segments then refine rotation, focal length and distortion.
 """
 
 from __future__ import annotations
@@ -12,37 +12,52 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-# Focal lengths (35 mm equivalents) tried when it is unknown, and what is then expected: most cameras of houses lie within
-# a factor exp(FOCAL_SPREAD). Half the diagonal of that film is HALF_FILM mm.
-FOCALS_MM = (22.0, 28.0, 36.0, 48.0)
-FOCAL_MM = 31.0
-FOCAL_SPREAD = 0.25
-GIVEN_SPREAD = 0.02
-HALF_FILM = 21.63
-# Radial distortion to expect: the shift at the corner as a share of the half diagonal.
-DISTORTION_SPREAD = 0.015
-# Degrees: how far from the photo's vertical a facade's edges may run, and what the facade may be turned by.
-STEEPEST = 42.0
-MOST_YAW, MOST_PITCH, MOST_ROLL = 66.0, 42.0, 22.0
-# Degrees by which a segment may miss its vanishing point: in the search, and in the rounds of least squares.
-SEARCH = 2.5
-ROUNDS = (2.5, 1.6, 1.2)
-# What a segment's direction is known to: pixels at its ends, and radians however long it is (walls are not quite straight).
-END_PIXELS = 0.7
-CROOKED = 0.006
-# Segments err together (a crooked house): no more than this many tell independently.
-INDEPENDENT = 150.0
-PAIRS = 1000
-CANDIDATES = 4
+# 35 mm equivalent focal lengths that are tried when it is unknown,
+TRIED_FOCALS_MM = (22.0, 28.0, 36.0, 48.0)
+# its expected value,
+EXPECTED_FOCAL_MM = 31.0
+# and the standard error of its logarithm: most photos of buildings are within this factor.
+FOCAL_LOG_SIGMA = 0.25
+# The same for a stated focal length.
+GIVEN_FOCAL_LOG_SIGMA = 0.02
+# Half diagonal of that film in millimetres.
+HALF_DIAGONAL_MM = 21.63
+# Standard deviation of radial distortion: shift at the corner over the half diagonal.
+DISTORTION_SIGMA = 0.015
+# Largest angle in degrees between a facade's edges and the photo's vertical.
+MAX_VERTICAL_DEG = 42.0
+# Largest rotation of a facade in degrees: yaw,
+MAX_YAW_DEG = 66.0
+# pitch
+MAX_PITCH_DEG = 42.0
+# and roll.
+MAX_ROLL_DEG = 22.0
+# Degrees by which a segment may miss its vanishing point in the search,
+SEARCH_TOLERANCE_DEG = 2.5
+# and in the rounds of least squares.
+ROUND_TOLERANCES_DEG = (2.5, 1.6, 1.2)
+# Error of a segment's ends in pixels,
+END_SIGMA_PX = 0.7
+# and of its direction in radians at any length: walls are not perfectly straight.
+DIRECTION_SIGMA = 0.006
+# Segments that count as independent: errors of a crooked building are correlated.
+MAX_INDEPENDENT = 150.0
+# Sampled pairs of segments.
+RANSAC_PAIRS = 1000
+# Vertical vanishing points that are followed up.
+MAX_CANDIDATES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FacadeCamera:
-    """How a camera sees a facade.
+    """Camera relative to a facade.
 
-    rotation (3, 3): its columns are the facade's right, its down and away from the viewer, in camera coordinates; focal in half
-    diagonals; distortion: undistorted = point / (1 + distortion r^2); family (n,) int8, 0 for segments along the facade's
-    right, 1 along its down, -1 others.
+    Attributes
+    ----------
+    rotation : (3, 3) columns are the facade's right, its down and away from the viewer, in camera coordinates.
+    focal : focal length in half diagonals.
+    distortion : undistorted = point / (1 + distortion r^2).
+    family : (n,) int8, 0 for segments along the facade's right, 1 along its down, -1 for others.
     """
 
     rotation: np.ndarray
@@ -52,105 +67,123 @@ class FacadeCamera:
 
 
 def find_facade_camera(segments: np.ndarray, pixel: float, focal: float | None) -> FacadeCamera | None:
-    """The view that most of the segments' length agrees with; None where no two vanishing points are found.
+    """Find the camera with which most of the segments' length agrees.
 
-    segments (n, 2, 2) float64 and focal in half diagonals, pixel is the size of one; focal None: unknown.
+    Parameters
+    ----------
+    segments : (n, 2, 2) float64 in half diagonals.
+    pixel : size of a pixel in half diagonals.
+    focal : focal length in half diagonals, None if unknown.
+
+    Returns
+    -------
+    The camera; None if no two vanishing points are found.
     """
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    expected = (np.log(FOCAL_MM / HALF_FILM), FOCAL_SPREAD) if focal is None else (np.log(focal), GIVEN_SPREAD)
+    expected = (
+        (np.log(EXPECTED_FOCAL_MM / HALF_DIAGONAL_MM), FOCAL_LOG_SIGMA)
+        if focal is None
+        else (np.log(focal), GIVEN_FOCAL_LOG_SIGMA)
+    )
     best, best_score = None, 0.0
-    for start in _search(segments, lengths, focal):
-        view = _settle(segments, lengths, pixel, start, expected, ROUNDS[0])
-        if view is None or not is_upright(view.rotation):
+    for start in _search_cameras(segments, lengths, focal):
+        camera = _refine_camera(segments, lengths, pixel, start, expected, ROUND_TOLERANCES_DEG[0])
+        if camera is None or not is_upright(camera.rotation):
             continue
-        straight = undistort(segments, view.distortion)
-        yaw = np.radians(camera_angles(view.rotation)[0])
-        score = _scores(straight, lengths, view.rotation[:, 1], view.focal, np.array([yaw]), np.radians(ROUNDS[0]))[0]
+        straight = undistort(segments, camera.distortion)
+        yaw = np.radians(camera_angles(camera.rotation)[0])
+        score = _agreement_scores(
+            straight, lengths, camera.rotation[:, 1], camera.focal, np.array([yaw]), np.radians(ROUND_TOLERANCES_DEG[0])
+        )[0]
         if score > best_score:
-            best, best_score = view, score
-    for tolerance in ROUNDS[1:]:
-        best = best and _settle(segments, lengths, pixel, best, expected, tolerance)
+            best, best_score = camera, score
+    for tolerance in ROUND_TOLERANCES_DEG[1:]:
+        best = best and _refine_camera(segments, lengths, pixel, best, expected, tolerance)
     if best is None or not is_upright(best.rotation):
         return None
-    return replace(best, family=_families(segments, best, ROUNDS[-1]))
+    return replace(best, family=_assign_families(segments, best, ROUND_TOLERANCES_DEG[-1]))
 
 
 def is_upright(rotation: np.ndarray) -> bool:
-    """Whether a rotation is one that a camera before a facade may have."""
-    return all(abs(turn) <= most for turn, most in zip(camera_angles(rotation), (MOST_YAW, MOST_PITCH, MOST_ROLL), strict=True))
+    """Return True if a camera in front of a facade may have this rotation (3, 3)."""
+    return all(
+        abs(turn) <= most
+        for turn, most in zip(camera_angles(rotation), (MAX_YAW_DEG, MAX_PITCH_DEG, MAX_ROLL_DEG), strict=True)
+    )
 
 
 def undistort(points: np.ndarray, distortion: float) -> np.ndarray:
-    """Points (..., 2) as a lens without radial distortion would show them."""
+    """Remove radial distortion from points (..., 2)."""
     return points / (1 + distortion * (points**2).sum(axis=-1, keepdims=True))
 
 
 def distort(points: np.ndarray, distortion: float) -> np.ndarray:
-    """The inverse of undistort."""
+    """Apply radial distortion to points (..., 2), the inverse of `undistort`."""
     square = (points**2).sum(axis=-1, keepdims=True)
     return points * 2 / (1 + np.sqrt(np.maximum(1 - 4 * distortion * square, 0.0)))
 
 
 def camera_angles(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Yaw, pitch (of the camera, up) and roll in degrees of a View's rotation: what the camera is turned by."""
+    """Compute yaw, pitch (of the camera, up) and roll in degrees from the rotation of a FacadeCamera."""
     down = rotation[:, 1]
     pitch = np.arcsin(np.clip(-down[2], -1, 1))
     roll = np.arctan2(-down[0], down[1])
-    yaw = np.arctan2(*(rotation[:, 0] @ _rights(down, np.radians([90.0, 0.0])).T))
+    yaw = np.arctan2(*(rotation[:, 0] @ _horizontal_directions(down, np.radians([90.0, 0.0])).T))
     return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(roll))
 
 
-def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[FacadeCamera]:
-    """Views to start from, no segments assigned: the best for each vertical that comes into question."""
+def _search_cameras(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[FacadeCamera]:
+    """Cameras to start from, without assigned segments: the best for each candidate of the vertical."""
     step = segments[:, 1] - segments[:, 0]
-    steep = np.abs(step[:, 0]) < np.tan(np.radians(STEEPEST)) * np.abs(step[:, 1])
-    if steep.sum() < 3 or (~steep).sum() < 3:
+    is_steep = np.abs(step[:, 0]) < np.tan(np.radians(MAX_VERTICAL_DEG)) * np.abs(step[:, 1])
+    if is_steep.sum() < 3 or (~is_steep).sum() < 3:
         return []
-    found = []
-    yaws = np.radians(np.arange(-MOST_YAW, MOST_YAW + 0.5, 1.0))
-    for point in _vertical_candidates(segments[steep], lengths[steep]):
+    cameras = []
+    yaws = np.radians(np.arange(-MAX_YAW_DEG, MAX_YAW_DEG + 0.5, 1.0))
+    for point in _vertical_candidates(segments[is_steep], lengths[is_steep]):
         best, best_score = None, 0.0
-        for length in [mm / HALF_FILM for mm in FOCALS_MM] if focal is None else [focal]:
+        for length in [mm / HALF_DIAGONAL_MM for mm in TRIED_FOCALS_MM] if focal is None else [focal]:
             down = point / np.array([length, length, 1.0])
             down /= np.linalg.norm(down) * (np.sign(down[1]) or 1.0)
-            score = _scores(segments, lengths, down, length, yaws, np.radians(SEARCH))
+            score = _agreement_scores(segments, lengths, down, length, yaws, np.radians(SEARCH_TOLERANCE_DEG))
             k = int(np.argmax(score))
             if score[k] > best_score:
-                right = _rights(down, yaws[k : k + 1])[0]
+                right = _horizontal_directions(down, yaws[k : k + 1])[0]
                 rotation = np.column_stack([right, down, np.cross(right, down)])
                 best, best_score = FacadeCamera(rotation, length, 0.0, np.empty(0, np.int8)), score[k]
         if best is not None and is_upright(best.rotation):
-            found.append(best)
-    return found
+            cameras.append(best)
+    return cameras
 
 
-def _scores(
+def _agreement_scores(
     segments: np.ndarray, lengths: np.ndarray, down: np.ndarray, focal: float, yaws: np.ndarray, tolerance: float
 ) -> np.ndarray:
-    """Length of segments (n, 2, 2) that agrees with a facade's down (3,) or its right at each yaw (k,) around it: (k,).
+    """Length of segments (n, 2, 2) that agrees with a facade's down (3,) or with its right at each yaw (k,): (k,).
 
-    Segments level with the eye agree with every yaw, and so speak for none: of each counts by how much it agrees more with
-    one yaw than it does on average.
+    Segments at eye level agree with every yaw. Therefore a segment counts by its agreement above the average over all yaws.
     """
     scale = np.array([focal, focal, 1.0])
     vertical = _agreement(_angles(segments, (down * scale)[None]), tolerance)
-    every = np.radians(np.arange(-MOST_YAW, MOST_YAW + 0.5, 2.0))
-    usual = _agreement(_angles(segments, _rights(down, every) * scale), tolerance).mean(axis=1, keepdims=True)
-    level = _agreement(_angles(segments, _rights(down, yaws) * scale), tolerance) - usual
+    all_yaws = np.radians(np.arange(-MAX_YAW_DEG, MAX_YAW_DEG + 0.5, 2.0))
+    mean_level = _agreement(_angles(segments, _horizontal_directions(down, all_yaws) * scale), tolerance).mean(
+        axis=1, keepdims=True
+    )
+    level = _agreement(_angles(segments, _horizontal_directions(down, yaws) * scale), tolerance) - mean_level
     return lengths @ np.maximum(vertical, level)
 
 
-def _rights(down: np.ndarray, yaws: np.ndarray) -> np.ndarray:
-    """Directions (k, 3) at a right angle to down, turned by yaws (k,) about it from the camera's right."""
+def _horizontal_directions(down: np.ndarray, yaws: np.ndarray) -> np.ndarray:
+    """Directions (k, 3) orthogonal to down, rotated about it by yaws (k,) from the camera's right."""
     level = np.array([1.0, 0.0, 0.0]) - down[0] * down
     level /= np.linalg.norm(level)
     return np.cos(yaws)[:, None] * level + np.sin(yaws)[:, None] * np.cross(level, down)
 
 
 def _vertical_candidates(segments: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """Vanishing points (k, 3) on which steep segments agree, the best first."""
-    chance = np.random.default_rng(0)
-    pairs = chance.choice(len(segments), (PAIRS, 2), p=lengths / lengths.sum())
+    """Vanishing points (k, 3) on which steep segments agree, best first."""
+    rng = np.random.default_rng(0)
+    pairs = rng.choice(len(segments), (RANSAC_PAIRS, 2), p=lengths / lengths.sum())
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     ends = np.concatenate([segments, np.ones((len(segments), 2, 1))], axis=2)
     lines = np.cross(ends[:, 0], ends[:, 1])
@@ -158,23 +191,23 @@ def _vertical_candidates(segments: np.ndarray, lengths: np.ndarray) -> np.ndarra
     points = np.cross(lines[pairs[:, 0]], lines[pairs[:, 1]])
     points = points[np.linalg.norm(points, axis=1) > 1e-9]
     points /= np.linalg.norm(points, axis=1, keepdims=True) * np.where(points[:, 1:2] < 0, -1.0, 1.0)
-    # Only points far above or below, which a camera within the limits can show.
-    nearest = FOCALS_MM[0] / HALF_FILM / np.tan(np.radians(MOST_PITCH))
+    # only points far above or below, as the limits of the pitch require
+    nearest = TRIED_FOCALS_MM[0] / HALF_DIAGONAL_MM / np.tan(np.radians(MAX_PITCH_DEG))
     points = points[np.abs(points[:, 1]) > nearest * np.abs(points[:, 2])]
     if len(points) == 0:
         return points
-    score = (lengths[:, None] * _agreement(_angles(segments, points), np.radians(SEARCH))).sum(axis=0)
+    score = (lengths[:, None] * _agreement(_angles(segments, points), np.radians(SEARCH_TOLERANCE_DEG))).sum(axis=0)
     chosen: list[np.ndarray] = []
     for k in np.argsort(-score, kind="stable"):
         if all(abs(points[k] @ other) < np.cos(np.radians(2.0)) for other in chosen):
             chosen.append(points[k])
-        if len(chosen) == CANDIDATES:
+        if len(chosen) == MAX_CANDIDATES:
             break
     return np.array(chosen)
 
 
 def _agreement(miss: np.ndarray, tolerance: float) -> np.ndarray:
-    """1 for no miss, falling to 0 at the tolerance."""
+    """Agreement: 1 for no miss, 0 from the tolerance on."""
     return np.maximum(0.0, 1.0 - (miss / tolerance) ** 2)
 
 
@@ -189,50 +222,50 @@ def _angles(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.arcsin(np.clip(sine / np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-12), -1.0, 1.0))
 
 
-def _vanishing(rotation: np.ndarray, focal: float) -> np.ndarray:
-    """Vanishing points (2, 3), homogeneous, of the facade's right and down."""
+def _vanishing_points(rotation: np.ndarray, focal: float) -> np.ndarray:
+    """Homogeneous vanishing points (2, 3) of the facade's right and down."""
     return rotation[:, :2].T * np.array([focal, focal, 1.0])
 
 
-def _families(segments: np.ndarray, view: FacadeCamera, tolerance: float) -> np.ndarray:
-    """The family (n,) int8 of each segment, among those that miss its vanishing point by less than tolerance degrees."""
-    straight = undistort(segments, view.distortion)
-    angles = np.abs(_angles(straight, _vanishing(view.rotation, view.focal)))
+def _assign_families(segments: np.ndarray, camera: FacadeCamera, tolerance: float) -> np.ndarray:
+    """Family (n,) int8 of each segment, -1 for those that miss both vanishing points by more than tolerance degrees."""
+    straight = undistort(segments, camera.distortion)
+    angles = np.abs(_angles(straight, _vanishing_points(camera.rotation, camera.focal)))
     return np.where(angles.min(axis=1) < np.radians(tolerance), angles.argmin(axis=1), -1).astype(np.int8)
 
 
-def _settle(
+def _refine_camera(
     segments: np.ndarray,
     lengths: np.ndarray,
     pixel: float,
-    view: FacadeCamera,
+    camera: FacadeCamera,
     expected: tuple[float, float],
     tolerance: float,
 ) -> FacadeCamera | None:
-    """The view of least squared misses of the segments within tolerance degrees; None if they are hardly any.
+    """Camera of least squared misses of the segments within tolerance degrees; None if these are too few.
 
-    expected: the logarithm of the focal length and its standard deviation.
+    expected : logarithm of the focal length and its standard error.
     """
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
-    family = _families(segments, view, tolerance)
+    family = _assign_families(segments, camera, tolerance)
     if min((family == 0).sum(), (family == 1).sum()) < 3:
         return None
     used = family >= 0
-    own, which = segments[used], family[used]
-    sigma = np.hypot(END_PIXELS * pixel * 2 / lengths[used], CROOKED)
-    weight = min(1.0, np.sqrt(INDEPENDENT / len(own))) / sigma
+    used_segments, used_family = segments[used], family[used]
+    sigma = np.hypot(END_SIGMA_PX * pixel * 2 / lengths[used], DIRECTION_SIGMA)
+    weight = min(1.0, np.sqrt(MAX_INDEPENDENT / len(used_segments))) / sigma
 
     def misses(state: np.ndarray) -> np.ndarray:
-        turned = Rotation.from_rotvec(state[:3]).as_matrix() @ view.rotation
-        vanishing = _vanishing(turned, np.exp(state[3]))[which]
-        angles = _angles(undistort(own, state[4]), vanishing[:, None])[:, 0] * weight
-        # Misses beyond about two sigma count less and less (Cauchy), as do segments that only happen to agree.
+        rotation = Rotation.from_rotvec(state[:3]).as_matrix() @ camera.rotation
+        vanishing = _vanishing_points(rotation, np.exp(state[3]))[used_family]
+        angles = _angles(undistort(used_segments, state[4]), vanishing[:, None])[:, 0] * weight
+        # Cauchy error: misses beyond about two sigma count less and less.
         robust = np.sign(angles) * np.sqrt(4 * np.log1p(angles**2 / 4))
-        return np.append(robust, [(state[3] - expected[0]) / expected[1], state[4] / DISTORTION_SPREAD])
+        return np.append(robust, [(state[3] - expected[0]) / expected[1], state[4] / DISTORTION_SIGMA])
 
-    start = np.array([0.0, 0.0, 0.0, np.log(view.focal), view.distortion])
-    found = least_squares(misses, start, x_scale=[0.01, 0.01, 0.01, 0.05, 0.005], ftol=1e-5, max_nfev=15).x
-    rotation = Rotation.from_rotvec(found[:3]).as_matrix() @ view.rotation
-    return FacadeCamera(rotation, float(np.exp(found[3])), float(found[4]), family)
+    start = np.array([0.0, 0.0, 0.0, np.log(camera.focal), camera.distortion])
+    solution = least_squares(misses, start, x_scale=[0.01, 0.01, 0.01, 0.05, 0.005], ftol=1e-5, max_nfev=15).x
+    rotation = Rotation.from_rotvec(solution[:3]).as_matrix() @ camera.rotation
+    return FacadeCamera(rotation, float(np.exp(solution[3])), float(solution[4]), family)

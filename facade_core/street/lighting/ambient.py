@@ -6,7 +6,13 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.geometry.charts import ChartKind
-from facade_core.geometry.daylight import RAY_SHIFT_M, MAX_BACK_FACE_SHARE, RAY_LIFT_M, hemisphere_directions, fill_hidden_places
+from facade_core.geometry.daylight import (
+    MAX_BACK_FACE_SHARE,
+    RAY_LIFT_M,
+    RAY_SHIFT_M,
+    fill_hidden_places,
+    hemisphere_directions,
+)
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M, SKY_LIGHT, SUN_LIGHT, sun_direction
 from facade_core.street.lighting.sun import RAY_LIFT_M as OFF_M
@@ -29,8 +35,9 @@ MAX_AMBIENT_LIGHT = 1.6
 def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.ndarray]:
     """Compute the sky's light and the reflected sunlight on a grid over a chart.
 
-    A ray that hits nothing within OCCLUDER_RANGE_M brings the sky's light. A ray that hits a surface brings its reflected skylight,
-    and its reflected sunlight if the sun reaches it. Nothing farther than MAX_SHADOW_REACH_M has an influence.
+    A ray that hits nothing within OCCLUDER_RANGE_M brings the sky's light. A ray that hits a surface brings its
+    reflected skylight, and its reflected sunlight if the sun reaches it. Nothing farther than MAX_SHADOW_REACH_M has an
+    influence.
 
     Returns
     -------

@@ -51,7 +51,9 @@ def relight_facade(
     tones = stain_tones(colour, labels, density, (float(origin @ along), float(origin @ down)), seed)
     above, back = ambient_light(scene, chart, sun)
     out = np.empty_like(colour)
-    apply_facade_light(colour, is_synthesised, labels == FacadeClass.WALL, light.astype(np.float32), above, back, tones, out)
+    apply_facade_light(
+        colour, is_synthesised, labels == FacadeClass.WALL, light.astype(np.float32), above, back, tones, out
+    )
     return out
 
 

@@ -10,8 +10,8 @@ ZENITH_COLOUR = np.array([104.0, 151.0, 205.0])
 LAND_COLOUR = np.array([178.0, 184.0, 182.0])
 # At this distance two thirds of a colour are the horizon's.
 HAZE_M = 1500.0
-# Rows of roofs around the horizon, the farther first: number of houses, tangent of the lowest roof, range of the tangents,
-# share of haze.
+# Rows of roofs around the horizon, the farther first: number of houses, tangent of the lowest roof, range of the
+# tangents, share of haze.
 ROOFLINES = ((151, 0.050, 0.035, 0.66), (89, 0.026, 0.040, 0.42))
 HOUSE_COLOUR = np.array([148.0, 143.0, 134.0])
 ROOF_COLOUR = np.array([122.0, 98.0, 88.0])
@@ -22,9 +22,15 @@ MAX_WALL_DROP = 0.014
 
 
 def sky_colour(up: np.ndarray) -> np.ndarray:
-    """Compute the sky's colour (..., 3) in 0..255 from the sine of the elevation (...,).
+    """Compute the sky's colour; below the horizon it is land in haze.
 
-    Below the horizon it is land in haze.
+    Parameters
+    ----------
+    up : (...,) sine of the elevation.
+
+    Returns
+    -------
+    (..., 3) in 0..255.
     """
     share = np.clip(up, 0.0, 1.0)[..., None] ** 0.55
     below = np.clip(-80 * up, 0.0, 1.0)[..., None]
@@ -32,13 +38,23 @@ def sky_colour(up: np.ndarray) -> np.ndarray:
 
 
 def backdrop_colour(rays: np.ndarray) -> np.ndarray:
-    """Compute the colour behind the block, (..., 3) in 0..255, for unit directions (..., 3).
+    """Compute the colour behind the block.
 
     Two rows of roofs in the haze close the horizon. They are not from a map but hashed from the direction.
+
+    Parameters
+    ----------
+    rays : (..., 3) unit directions.
+
+    Returns
+    -------
+    (..., 3) in 0..255.
     """
     shown = sky_colour(rays[..., 2])
     steep = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-6)
-    low = (steep < max(lowest + higher for _, lowest, higher, _ in ROOFLINES)) & (steep > -MAX_WALL_DROP - ROOFLINE_BLUR)
+    low = (steep < max(lowest + higher for _, lowest, higher, _ in ROOFLINES)) & (
+        steep > -MAX_WALL_DROP - ROOFLINE_BLUR
+    )
     shown[low] = _add_rooflines(shown[low], rays[low], steep[low])
     return shown
 
@@ -54,7 +70,9 @@ def _add_rooflines(colour: np.ndarray, rays: np.ndarray, steep: np.ndarray) -> n
         height *= 1 - np.where(_hash_numbers(house, 3 * row + 1) < 0.5, 0.4 * np.abs(at - house - 0.5), 0.0)
         tone = HOUSE_COLOUR * (0.9 + 0.2 * _hash_numbers(house, 3 * row + 2))[:, None]
         tone[steep > 0.8 * height] = ROOF_COLOUR
-        covers = np.clip((height - steep) / ROOFLINE_BLUR, 0.0, 1.0) * np.clip(1 + (steep + MAX_WALL_DROP) / ROOFLINE_BLUR, 0.0, 1.0)
+        covers = np.clip((height - steep) / ROOFLINE_BLUR, 0.0, 1.0) * np.clip(
+            1 + (steep + MAX_WALL_DROP) / ROOFLINE_BLUR, 0.0, 1.0
+        )
         colour = colour + covers[:, None] * (tone + haze * (HORIZON_COLOUR - tone) - colour)
     return colour
 
@@ -68,7 +86,17 @@ def _hash_numbers(number: np.ndarray, turn: int) -> np.ndarray:
 
 
 def add_sky(rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Replace pixels of infinite depth (h, w) of an equirectangular panorama (h, w, 3) uint8 by the sky."""
+    """Replace the pixels of infinite depth by the sky.
+
+    Parameters
+    ----------
+    rgb : (h, w, 3) uint8 equirectangular panorama.
+    depth : (h, w) metres.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
+    """
     height = len(rgb)
     up = np.sin(np.pi * (0.5 - (np.arange(height) + 0.5) / height))
     shown = np.broadcast_to(sky_colour(up).astype(np.uint8)[:, None], rgb.shape)

@@ -89,7 +89,17 @@ def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[np.ndarray
 
 
 def apply_sunlight(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """Apply the sky's light and a share of sunlight (h, w) to a colour (h, w, 3) uint8."""
+    """Apply the sky's light and a share of sunlight.
+
+    Parameters
+    ----------
+    colour : (h, w, 3) uint8.
+    light : (h, w) share of sunlight.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
+    """
     out = np.empty_like(colour)
     for band, (above, beside) in enumerate(zip(SKY_LIGHT.tolist(), SUN_LIGHT.tolist(), strict=True)):
         out[..., band] = np.minimum(colour[..., band] * (above + beside * light) + np.float32(0.5), 255)

@@ -1,8 +1,8 @@
 """Fill unseen ground and walls by example from the pictures around them.
 
-Like the completion by floors (floors paper, section 3.2), without floors. Candidates are the translations under which the
-pictured surface matches itself. A graph cut assigns one to each hidden cell, with seams where they show least. The parts are
-copied texel by texel, and their colours blended into the surroundings.
+Like the completion by floors (floors paper, section 3.2), without floors. Candidates are the translations under which
+the pictured surface matches itself. A graph cut assigns one to each hidden cell, with seams where they show least. The
+parts are copied texel by texel, and their colours blended into the surroundings.
 """
 
 from __future__ import annotations
@@ -100,8 +100,7 @@ def fill_by_example(
 def _copy_parts(
     image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Copy what translations reach; return the image and the known texels (h, w) bool. step: side of a cell, metres.
-    """
+    """Copy what translations reach; return the image and the known texels (h, w) bool. step: side of a cell, metres."""
     small, clear, hidden, kinds = _reduce_to_cells(image, known, wanted, kind, factor)
     rows, columns = np.nonzero(hidden)
     moves = _best_translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)

@@ -15,27 +15,14 @@ from facade_core.geometry.ground.kinds import rasterise_ground_layers
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials import field_kernels as kernels
-from facade_core.street.materials import grain
 from facade_core.street.materials.field_kernels import (
-    BALLAST,
-    BOARDS,
-    BRICK,
-    FELT,
-    FITTING,
-    LAID,
     NO_OVERRIDE,
-    PANE,
-    PLASTER,
-    SHEET,
-    SLATE,
-    SOIL,
-    TILE,
-    UNDERSIDE,
     ChartMaterials,
     FieldArrays,
     MaterialOverride,
+    SurfaceMaterial,
 )
-from facade_core.street.materials.grain import GrainTables
+from facade_core.street.materials.grain import GrainKind, GrainTables
 from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.street.materials.procedural import (
     BRICK_PALETTE,
@@ -66,10 +53,21 @@ FLAT_GRAVEL_SHARE = 0.3
 MAX_WALL_COSINE = 0.1
 # Values of OpenStreetMap's roof:material; others count as not stated.
 ROOF_MATERIAL_TAGS = {
-    SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
-    TILE: ("roof_tiles", "tile", "tiles", "clay", "eternit", "concrete_tiles"),
-    SLATE: ("slate", "stone"),
-    FELT: (
+    SurfaceMaterial.SHEET_METAL: (
+        "metal",
+        "metal_sheet",
+        "sheet_metal",
+        "copper",
+        "zinc",
+        "tin",
+        "steel",
+        "aluminium",
+        "iron",
+        "lead",
+    ),
+    SurfaceMaterial.ROOF_TILE: ("roof_tiles", "tile", "tiles", "clay", "eternit", "concrete_tiles"),
+    SurfaceMaterial.SLATE: ("slate", "stone"),
+    SurfaceMaterial.FELT: (
         "tar_paper",
         "bitumen",
         "asphalt",
@@ -79,7 +77,7 @@ ROOF_MATERIAL_TAGS = {
         "plastic",
         "rubber",
     ),
-    BALLAST: ("gravel", "grit", "pebbles"),
+    SurfaceMaterial.ROOF_GRAVEL: ("gravel", "grit", "pebbles"),
 }
 # Excess of green or blue over red that no tile has.
 MIN_COOL_EXCESS = 12
@@ -88,16 +86,16 @@ MIN_NORTH_COSINE = 0.25
 # Share of moss at the worst place of a roof.
 MAX_MOSS_SHARE = 0.55
 MATERIAL_GRAINS = {
-    SHEET: grain.METAL,
-    TILE: grain.ROOF_TILES,
-    SLATE: grain.SLATE,
-    FELT: grain.ASPHALT,
-    BALLAST: grain.GRAVEL,
-    PLASTER: grain.PLASTER_FINE,
-    BRICK: grain.BRICKS,
-    BOARDS: grain.BOARDS,
-    UNDERSIDE: grain.PLASTER_FINE,
-    FITTING: grain.METAL,
+    SurfaceMaterial.SHEET_METAL: GrainKind.METAL,
+    SurfaceMaterial.ROOF_TILE: GrainKind.ROOF_TILES,
+    SurfaceMaterial.SLATE: GrainKind.SLATE,
+    SurfaceMaterial.FELT: GrainKind.ASPHALT,
+    SurfaceMaterial.ROOF_GRAVEL: GrainKind.GRAVEL,
+    SurfaceMaterial.PLASTER: GrainKind.PLASTER_FINE,
+    SurfaceMaterial.BRICK: GrainKind.BRICKS,
+    SurfaceMaterial.BOARDS: GrainKind.BOARDS,
+    SurfaceMaterial.SOFFIT: GrainKind.PLASTER_FINE,
+    SurfaceMaterial.METAL_FIXTURE: GrainKind.METAL,
 }
 # Share of plaster buildings with rough plaster.
 ROUGH_PLASTER_SHARE = 1 / 3
@@ -110,9 +108,9 @@ MIN_OPEN_SKY = 0.25
 class MaterialField:
     """Material of all charts as a function of the world point, independent of the viewpoint.
 
-    Ground follows `ground`, or carriageways along the streets. Walls take their building's plaster, tilted roofs tiles along the
-    slope. A roof material replaces that of all roofs except upright ones. A footprint is the side in metres of the square over which
-    a colour is averaged; a texel's footprint is the texel.
+    Ground follows `ground`, or carriageways along the streets. Walls take their building's plaster, tilted roofs tiles
+    along the slope. A roof material replaces that of all roofs except upright ones. A footprint is the side in metres
+    of the square over which a colour is averaged; a texel's footprint is the texel.
 
     Attributes
     ----------
@@ -153,7 +151,9 @@ class MaterialField:
             seed,
         )
 
-    def with_facade_material(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[MaterialField, np.ndarray]:
+    def with_facade_material(
+        self, charts: Sequence[int], wall: WallMaterial, facade: int
+    ) -> tuple[MaterialField, np.ndarray]:
         """Return a copy in which the plaster walls of a building take a facade's wall material.
 
         Walls whose material or colour a source states are left out.
@@ -170,18 +170,20 @@ class MaterialField:
         """
         surfaces = self.arrays.charts
         own = np.array(charts)
-        own = own[surfaces.material[own] == PLASTER]
+        own = own[surfaces.material[own] == SurfaceMaterial.PLASTER]
         if self._scene.finishes:
             finish = [self._scene.finishes[row] for row in self._scene.charts.building[own].tolist()]
             own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
         if not len(own):
             return self, own
-        made, example = PLASTER, int(surfaces.grain[own[0]])
+        made, example = SurfaceMaterial.PLASTER, int(surfaces.grain[own[0]])
         if wall.brick:
-            made, example = BRICK, MATERIAL_GRAINS[BRICK]
+            made, example = SurfaceMaterial.BRICK, MATERIAL_GRAINS[SurfaceMaterial.BRICK]
         found = copy(self)
         colour = wall.colour / surfaces.grey[facade]
-        found.arrays = self.arrays._replace(own=MaterialOverride(np.sort(own).astype(np.int64), made, example, colour))
+        found.arrays = self.arrays._replace(
+            override=MaterialOverride(np.sort(own).astype(np.int64), int(made), int(example), colour)
+        )
         return found, own
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -203,7 +205,17 @@ class MaterialField:
         return out
 
     def texel_colours(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Compute the material (k, 3) uint8 at the centres of texels (k,) of a chart."""
+        """Compute the material at the centres of texels of a chart.
+
+        Parameters
+        ----------
+        chart : row of the chart.
+        rows, columns : (k,) texels.
+
+        Returns
+        -------
+        (k, 3) uint8.
+        """
         out = np.empty((len(rows), 3), np.uint8)
         for start in range(0, len(rows), PAINT_BATCH_TEXELS):
             some = slice(start, start + PAINT_BATCH_TEXELS)
@@ -246,18 +258,22 @@ class MaterialField:
         placement = self._scene.placement
         size = (int(placement.height[chart]), int(placement.width[chart]))
         density = float(placement.texels_per_metre[chart])
-        return rasterise_ground_layers(self._scene.charts, chart, self._ground.tile_around(chart), density, size, margin)
+        return rasterise_ground_layers(
+            self._scene.charts, chart, self._ground.tile_around(chart), density, size, margin
+        )
 
     def _paint_texels(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
-        """Texels (k,) of a chart, by the kernel that places are coloured by: one more that calls it would be compiled with all
-        that it calls."""
+        """Paint texels (k,) of a chart.
+
+        Uses the kernel of `colour`: a second caller of its parts would duplicate the compilation.
+        """
         step, count = float(self._step[chart]), len(rows)
         points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
         every = np.arange(count), np.full(count, chart), points, np.full(count, step)
         kernels.colour_points(*every, *self._kernel_arguments([chart]), out)
 
     def _kernel_arguments(self, charts: Sequence[int] | np.ndarray) -> tuple[FieldArrays, DaylightGrid]:
-        """The field and the light on some charts."""
+        """Return the arrays and the light for some charts."""
         daylight = self._scene.daylight
         daylight.compute(charts)
         lights = DaylightGrid(daylight.start, daylight.columns, daylight.rows, daylight.light)
@@ -272,46 +288,69 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
     np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
     normal = charts.normals()
-    made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
+    made = np.array(
+        [
+            SurfaceMaterial.PLASTER,
+            SurfaceMaterial.ROOF_TILE,
+            SurfaceMaterial.GROUND,
+            SurfaceMaterial.GLASS,
+            SurfaceMaterial.BOARDS,
+            SurfaceMaterial.SOFFIT,
+            SurfaceMaterial.METAL_FIXTURE,
+        ],
+        np.uint8,
+    )[charts.kind]
     roof = charts.kind == ChartKind.ROOF
     # aerial models have steps between roofs as steep roofs, which carry no tiles
     steep = roof & (np.abs(normal[:, 2]) < MAX_WALL_COSINE)
-    made[steep] = PLASTER
+    made[steep] = SurfaceMaterial.PLASTER
     roof &= ~steep
     number = scene.building_hashes[charts.building]
-    made[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SHEET
+    made[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SurfaceMaterial.SHEET_METAL
     level, lot = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.draw_uniform(number, seed + 83)
-    made[level & (lot < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = BALLAST
-    made[level & (lot < FLAT_FELT_SHARE)] = FELT
+    made[level & (lot < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = SurfaceMaterial.ROOF_GRAVEL
+    made[level & (lot < FLAT_FELT_SHARE)] = SurfaceMaterial.FELT
     if has_roof_picture:
-        made[roof] = LAID
+        made[roof] = SurfaceMaterial.ROOF_PICTURE
     if scene.finishes:
         bricks = np.array([one.wall_material == "brick" for one in scene.finishes])
-        made[(made == PLASTER) & bricks[charts.building]] = BRICK
+        made[(made == SurfaceMaterial.PLASTER) & bricks[charts.building]] = SurfaceMaterial.BRICK
         of = np.array([_stated_roof_material(one) for one in scene.finishes])[charts.building]
-        known = roof & (made != LAID) & (charts.building >= 0) & (of >= 0)
+        known = roof & (made != SurfaceMaterial.ROOF_PICTURE) & (charts.building >= 0) & (of >= 0)
         made[known] = of[known]
     grey = daylight_grey(normal)
     tint = np.ones((len(charts), 3))
     palettes = (
-        (SHEET, SHEET_METAL_PALETTE, 5),
-        (TILE, ROOF_TILE_PALETTE, 19),
-        (SLATE, SLATE_PALETTE, 19),
-        (FELT, FELT_PALETTE, 5),
-        (BALLAST, ROOF_GRAVEL_PALETTE, 5),
-        (PLASTER, PLASTER_PALETTE, 9),
-        (BRICK, BRICK_PALETTE, 9),
-        (BOARDS, WOOD_PALETTE, 37),
-        (FITTING, METAL_FIXTURE_PALETTE, 113),
+        (SurfaceMaterial.SHEET_METAL, SHEET_METAL_PALETTE, 5),
+        (SurfaceMaterial.ROOF_TILE, ROOF_TILE_PALETTE, 19),
+        (SurfaceMaterial.SLATE, SLATE_PALETTE, 19),
+        (SurfaceMaterial.FELT, FELT_PALETTE, 5),
+        (SurfaceMaterial.ROOF_GRAVEL, ROOF_GRAVEL_PALETTE, 5),
+        (SurfaceMaterial.PLASTER, PLASTER_PALETTE, 9),
+        (SurfaceMaterial.BRICK, BRICK_PALETTE, 9),
+        (SurfaceMaterial.BOARDS, WOOD_PALETTE, 37),
+        (SurfaceMaterial.METAL_FIXTURE, METAL_FIXTURE_PALETTE, 113),
     )
     for material, palette, turn in palettes:
         chosen = made == material
         tint[chosen] = kernels.pick_palette_colours(palette, number[chosen], seed + turn)
-    tint[made == UNDERSIDE] = SOFFIT_COLOUR
+    tint[made == SurfaceMaterial.SOFFIT] = SOFFIT_COLOUR
     if scene.finishes:
         unknown = (np.nan, np.nan, np.nan)
         stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
-        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE, SLATE, FELT, BALLAST))):
+        for part, materials in (
+            (0, (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK)),
+            (
+                1,
+                (
+                    SurfaceMaterial.SHEET_METAL,
+                    SurfaceMaterial.ROOF_TILE,
+                    SurfaceMaterial.SLATE,
+                    SurfaceMaterial.FELT,
+                    SurfaceMaterial.ROOF_GRAVEL,
+                ),
+            ),
+        ):
             colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
             known = np.isin(made, materials) & np.isfinite(colour[:, 0])
             tint[known] = colour[known]
@@ -323,8 +362,8 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     examples = np.zeros(len(charts), np.int64)
     for material, example in MATERIAL_GRAINS.items():
         examples[made == material] = example
-    rendered = (made == PLASTER) & (kernels.draw_uniform(number, seed + 73) < ROUGH_PLASTER_SHARE)
-    examples[rendered] = grain.PLASTER_ROUGH
+    rendered = (made == SurfaceMaterial.PLASTER) & (kernels.draw_uniform(number, seed + 73) < ROUGH_PLASTER_SHARE)
+    examples[rendered] = GrainKind.PLASTER_ROUGH
     mossy = np.where(normal[:, 1] > MIN_NORTH_COSINE, MAX_MOSS_SHARE * kernels.draw_uniform(number, seed + 79), 0.0)
     return ChartMaterials(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy)
 
@@ -337,5 +376,5 @@ def _stated_roof_material(finish: Finish) -> int:
     if finish.roof_material is None and finish.roof_colour is not None:
         red, green, blue = finish.roof_colour
         if green > red + MIN_COOL_EXCESS or blue > red + MIN_COOL_EXCESS:
-            return SHEET
+            return SurfaceMaterial.SHEET_METAL
     return -1

@@ -5,6 +5,7 @@ Points are processed in batches of one chart, one pass per ingredient. Every cal
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -42,8 +43,25 @@ from facade_core.street.materials.roofs import (
 from facade_core.street.materials.tiled_material import MipLevels, sample_mip_levels
 from facade_core.street.propagation.sampling import DaylightGrid, interpolate_light
 
-# What a chart is made of.
-SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT, BALLAST, FITTING = range(13)
+
+class SurfaceMaterial(IntEnum):
+    """Material of a chart."""
+
+    GROUND = 0
+    SHEET_METAL = 1
+    ROOF_TILE = 2
+    ROOF_PICTURE = 3
+    PLASTER = 4
+    GLASS = 5
+    BOARDS = 6
+    SOFFIT = 7
+    BRICK = 8
+    SLATE = 9
+    FELT = 10
+    ROOF_GRAVEL = 11
+    METAL_FIXTURE = 12
+
+
 # Share of a colour lost where no sky is visible.
 OCCLUSION_LOSS = 0.65
 # Roofs that fall less per metre count as flat; seams of sheets run north on them, else down the slope.
@@ -179,7 +197,9 @@ def _lower_bound(numbers: np.ndarray, number: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArrays, lights: DaylightGrid, out: np.ndarray) -> None:
+def _colour_batch(
+    c: int, points: np.ndarray, side: np.ndarray, field: FieldArrays, lights: DaylightGrid, out: np.ndarray
+) -> None:
     """Compute colours (n, 3) of points (3, n) of one chart. All callers come here, so that a point has one colour."""
     charts, seed = field.charts, field.seed
     n = len(side)
@@ -193,7 +213,9 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
         x[k] = right * axis_u[0] + down * axis_u[1] + off * axis_u[2]
         y[k] = right * axis_v[0] + down * axis_v[1] + off * axis_v[2]
     for k in range(n):
-        clear = (interpolate_light(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - MIN_DAYLIGHT) / (1 - MIN_DAYLIGHT)
+        clear = (interpolate_light(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - MIN_DAYLIGHT) / (
+            1 - MIN_DAYLIGHT
+        )
         light[k] = 1 - OCCLUSION_LOSS * max(1 - clear / charts.open_sky[c], 0.0)
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
@@ -202,16 +224,16 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
     tint, own = charts.tint[c], _lower_bound(field.override.charts, c)
     if own < len(field.override.charts) and field.override.charts[own] == c:
         made, example, tint = field.override.material, field.override.grain, field.override.colour * grey
-    if made == SOIL:
+    if made == SurfaceMaterial.GROUND:
         ground_colour(field.ground.chart_tile[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
-    if made == LAID:
+    if made == SurfaceMaterial.ROOF_PICTURE:
         for k in range(n):
             laid = sample_mip_levels(roof, x[k], y[k], side[k])
             for band in range(3):
                 out[k, band] = to_byte(laid[band] * grey * light[k])
         return
-    if made == PANE:
+    if made == SurfaceMaterial.GLASS:
         glass_reflection(x, y, size[1], side, seed, tone)
         frame_share(x, y, size[0], size[1], side, other)
         frame = FLASHING_COLOUR if axis_v[2] > ROOF_PANE_AXIS_Z else FRAME_COLOUR
@@ -221,27 +243,27 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
                 out[k, band] = to_byte((pane + other[k] * (frame[band] - pane)) * grey * light[k])
         return
     mixed, share = MORTAR_COLOUR, 0.0
-    if made in (SHEET, FELT, BALLAST):
+    if made in (SurfaceMaterial.SHEET_METAL, SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL):
         if abs(axis_v[2]) < MIN_ROOF_FALL:
             x, y = east, north
-        if made == SHEET:
+        if made == SurfaceMaterial.SHEET_METAL:
             sheet_metal_tone(x, y, side, seed, tone)
-        elif made == BALLAST:
+        elif made == SurfaceMaterial.ROOF_GRAVEL:
             roof_gravel_tone(x, y, side, seed, tone)
         else:
             felt_tone(x, y, side, seed, tone)
-    elif made in (TILE, SLATE):
-        if made == TILE:
+    elif made in (SurfaceMaterial.ROOF_TILE, SurfaceMaterial.SLATE):
+        if made == SurfaceMaterial.ROOF_TILE:
             roof_tile_tone(x, y, side, seed, tone)
         else:
             slate_tone(x, y, side, seed, tone)
         if charts.moss_share[c] > 0:
             mixed, share = MOSS_COLOUR, charts.moss_share[c]
             moss_share(x, y, side, share, seed, other)
-    elif made in (PLASTER, BRICK):
+    elif made in (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK):
         for k in range(n):
             north[k] = points[2, k] - charts.wall_foot_z[c]
-        if made == PLASTER:
+        if made == SurfaceMaterial.PLASTER:
             plaster_tone(x, y, north, side, seed, tone)
         else:
             share = 1.0
@@ -249,10 +271,10 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
         for k in range(n):
             east[k] = y[k] - start[1]
         add_weather(x, y, north, east, side, seed, tone)
-    elif made == BOARDS:
+    elif made == SurfaceMaterial.BOARDS:
         wood_tone(x, y, side, seed, tone)
         x, y = y, x  # the example has horizontal boards
-    elif made == FITTING:
+    elif made == SurfaceMaterial.METAL_FIXTURE:
         for k in range(n):
             east[k], north[k] = x[k] - start[0], y[k] - start[1]
         metal_fixture_colour(x, y, east, north, size[0], size[1], side, seed, tone)
@@ -272,7 +294,18 @@ def _colour_batch(c: int, points: np.ndarray, side: np.ndarray, field: FieldArra
 
 @njit(cache=True)
 def pick_palette_colours(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
-    """Pick a random colour of a palette (k, 3) for each number (n,): (n, 3)."""
+    """Pick a random colour of a palette for each number.
+
+    Parameters
+    ----------
+    palette : (k, 3) colours.
+    number : (n,) numbers to hash.
+    seed : random seed.
+
+    Returns
+    -------
+    (n, 3).
+    """
     out = np.empty((len(number), 3))
     for i in range(len(number)):
         row = int(hash_uniform(number[i], seed) * len(palette))

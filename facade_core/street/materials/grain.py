@@ -1,8 +1,8 @@
 """Grain by example: endless, non-periodic texture with the histogram of a photograph.
 
-Random patches of a Gaussianised tileable example are blended over a triangle grid with preserved variance, then mapped back
-to the example's values. Each level is the tile averaged over a larger box with its own inverse table, so that averages over
-footprints stay correct. All arrays are (n,); lengths are metres.
+Random patches of a Gaussianised tileable example are blended over a triangle grid with preserved variance, then mapped
+back to the example's values. Each level is the tile averaged over a larger box with its own inverse table, so that
+averages over footprints stay correct. All arrays are (n,); lengths are metres.
 
 References
 ----------
@@ -13,6 +13,7 @@ Deliot and Heitz 2019, Procedural stochastic textures by tiling and blending.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +25,8 @@ from facade_core.core.types import MATERIALS
 
 # Shipped examples, in the order of the file.
 EXAMPLE_NAMES = ("asphalt", "gravel", "grass", "earth", "concrete", "plaster-fine", "plaster-rough", "metal", "boards")
-# Shipped example and weight of each grain, unless a block has its own picture. Pictures of tiles and stones show joints that
-# conflict with the procedural ones, so these take a coarser concrete.
+# Shipped example and weight of each grain, unless a block has its own picture. Pictures of tiles and stones show joints
+# that conflict with the procedural ones, so these take a coarser concrete.
 DEFAULT_EXAMPLES = {
     "asphalt": ("asphalt", 1.0),
     "gravel": ("gravel", 1.0),
@@ -41,9 +42,25 @@ DEFAULT_EXAMPLES = {
     "boards": ("boards", 1.6),
 }
 assert tuple(DEFAULT_EXAMPLES) == MATERIALS
-ASPHALT, GRAVEL, GRASS, SLABS, SETTS, PLASTER_FINE, PLASTER_ROUGH, BRICKS, METAL, ROOF_TILES, SLATE, BOARDS = range(
-    len(DEFAULT_EXAMPLES)
-)
+
+
+class GrainKind(IntEnum):
+    """Grain of a material, in the order of `MATERIALS`."""
+
+    ASPHALT = 0
+    GRAVEL = 1
+    GRASS = 2
+    SLABS = 3
+    SETTS = 4
+    PLASTER_FINE = 5
+    PLASTER_ROUGH = 6
+    BRICKS = 7
+    METAL = 8
+    ROOF_TILES = 9
+    SLATE = 10
+    BOARDS = 11
+
+
 # Side of a tile.
 TILE_PIXELS = 256
 # Byte values per standard deviation, about 128.
@@ -156,7 +173,9 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
         for level in range(GRAIN_LEVELS):
             box = 2 ** (level / 4)
             # a pixel already averages over its own area
-            down, across = (np.sinc(f * box) / np.sinc(f) for f in (np.fft.fftfreq(TILE_PIXELS), np.fft.rfftfreq(TILE_PIXELS)))
+            down, across = (
+                np.sinc(f * box) / np.sinc(f) for f in (np.fft.fftfreq(TILE_PIXELS), np.fft.rfftfreq(TILE_PIXELS))
+            )
             window = np.outer(down, across)
             meant = np.fft.irfft2(transformed * window, gaussian.shape)
             sd = max(float(meant.std()), 1e-6)
@@ -183,8 +202,7 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
 
 
 def _averaged_table(table: np.ndarray, sd: float) -> np.ndarray:
-    """Return the table of a level whose values have a deviation of `sd`; the rest of the variance is inside the box.
-    """
+    """Return the table of a level whose values have a deviation of `sd`; the rest of the variance is inside the box."""
     within = np.sqrt(max(1 - sd * sd, 0.0))
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
     at = sd * (np.arange(256) - 128)[:, None] + within * VALUES_PER_SD * nodes

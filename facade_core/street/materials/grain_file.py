@@ -37,7 +37,12 @@ def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: A
     np.savez_compressed(held, **arrays)  # type: ignore[arg-type]
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(held.getvalue())
-    record = {"format": EXAMPLE_FORMAT, "sha256": hashlib.sha256(held.getvalue()).hexdigest(), "names": list(EXAMPLE_NAMES), **details}
+    record = {
+        "format": EXAMPLE_FORMAT,
+        "sha256": hashlib.sha256(held.getvalue()).hexdigest(),
+        "names": list(EXAMPLE_NAMES),
+        **details,
+    }
     path.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
@@ -67,7 +72,10 @@ def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
         raise ModelError(f"{path}: holds no examples ({error}); {_REMEDY}") from error
     if arrays["tile"].shape != (len(EXAMPLE_NAMES), TILE_PIXELS, TILE_PIXELS):
         raise ModelError(f"{path}: of another version; {_REMEDY}")
-    return {name: GrainExample(*(arrays[field][k] for field in GrainExample._fields)) for k, name in enumerate(EXAMPLE_NAMES)}
+    return {
+        name: GrainExample(*(arrays[field][k] for field in GrainExample._fields))
+        for k, name in enumerate(EXAMPLE_NAMES)
+    }
 
 
 @lru_cache(maxsize=1)
@@ -80,4 +88,9 @@ def load_grains(block_examples: Mapping[str, GrainExample]) -> GrainTables:
     """Return the kernel tables with a block's own examples, by name, in place of shipped ones."""
     examples = load_examples()
     taken = {name: Grain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
-    return build_grain_tables([Grain(block_examples[name], uses_colour=True) if name in block_examples else one for name, one in taken.items()])
+    return build_grain_tables(
+        [
+            Grain(block_examples[name], uses_colour=True) if name in block_examples else one
+            for name, one in taken.items()
+        ]
+    )

@@ -7,20 +7,13 @@ import numpy as np
 from facade_core.core.hash_uniform import COLUMN_FACTOR, SEED_FACTOR, hash_row, hash_to_uniform
 from facade_core.core.numba_cache import njit
 from facade_core.geometry.ground.layers import FIRST_PATH_LAYER, PAVEMENT_LAYER, ROAD_LAYER
-from facade_core.geometry.ground.shapes import LOOKUP_CELL_M, CELLS_PER_SIDE, EDGE_REACH_M, GroundTileArrays
+from facade_core.geometry.ground.shapes import CELLS_PER_SIDE, EDGE_REACH_M, LOOKUP_CELL_M, GroundTileArrays
 from facade_core.street.materials.grain import GrainTables
 from facade_core.street.materials.procedural import (
-    GRASS,
-    GRAVEL,
-    LEAVES,
     MEAN_TONES,
-    SETTS,
-    SLABS,
     SURFACE_COLOURS,
     SURFACE_GRAINS,
-    TAR,
-    TRACK,
-    WATER,
+    GroundSurface,
     ground_tone,
 )
 
@@ -114,7 +107,7 @@ def ground_colour(
     along, across, aside = np.empty(n), np.empty(n), np.empty(n)
     over, hidden, frame = np.zeros(n), np.zeros(n), np.zeros(5)
     low_x, low_y = drawn.tile_origin[square, 0], drawn.tile_origin[square, 1]
-    before, plain, made = -1, False, GRAVEL
+    before, plain, made = -1, False, GroundSurface.GRAVEL
     for k in range(n):
         column = min(max(int((x[k] - low_x) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
         row = min(max(int((y[k] - low_y) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
@@ -123,14 +116,16 @@ def ground_colour(
             before = cell
             made = _uniform_surface(cell, drawn)
             plain = made >= 0
-        if plain and (made in (GRAVEL, GRASS, WATER)):
+        if plain and (made in (GroundSurface.GRAVEL, GroundSurface.GRASS, GroundSurface.WATER)):
             weight[k, made] = 1.0
             continue
         nearest = _road_frame(cell, x[k], y[k], drawn, k, along, across, aside, frame)
         if plain:
             weight[k, made] = 1.0
         else:
-            _add_layers(cell, x[k], y[k], min(side[k], 2 * EDGE_REACH_M), nearest, drawn, seed, k, weight[k], over, hidden)
+            _add_layers(
+                cell, x[k], y[k], min(side[k], 2 * EDGE_REACH_M), nearest, drawn, seed, k, weight[k], over, hidden
+            )
     total = np.zeros((3, n))
     member, px, py, ps, pa, tone = (
         np.empty(n, np.int64),
@@ -141,17 +136,17 @@ def ground_colour(
         np.empty(n),
     )
     for made in range(len(SURFACE_COLOURS)):
-        count, framed = 0, made in (SLABS, SETTS)
+        count, framed = 0, made in (GroundSurface.SLABS, GroundSurface.SETTS)
         for k in range(n):
             if weight[k, made] > 1e-3:
                 member[count] = k
                 px[count], py[count] = (along[k], across[k]) if framed else (x[k], y[k])
-                ps[count], pa[count] = side[k], aside[k] if made == TAR else 9.0
+                ps[count], pa[count] = side[k], aside[k] if made == GroundSurface.ASPHALT else 9.0
                 count += 1
         if count == 0:
             continue
         which, own = SURFACE_GRAINS[made], SURFACE_COLOURS[made].copy()
-        if which >= 0 and made != TRACK and not np.isnan(grains.colour[which, 0]):
+        if which >= 0 and made != GroundSurface.TRACK and not np.isnan(grains.colour[which, 0]):
             for band in range(3):
                 own[band] = grains.colour[which, band] / MEAN_TONES[made]
         ground_tone(made, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
@@ -171,21 +166,21 @@ def _uniform_surface(cell: int, drawn: GroundTileArrays) -> int:
     if drawn.start_mark[cell + 1] > drawn.start_mark[cell]:
         return -1
     if first == last:
-        return GRAVEL
+        return GroundSurface.GRAVEL
     if last > first + 1 or drawn.first_edge[last] > drawn.first_edge[first]:
         return -1
     layer = drawn.layer[first]
     if layer < PAVEMENT_LAYER:
         return layer
     if layer == PAVEMENT_LAYER:
-        return SLABS
+        return GroundSurface.SLABS
     if layer < ROAD_LAYER:
         return layer - FIRST_PATH_LAYER
     start, end = drawn.start_road[cell], drawn.start_road[cell + 1]
     for f in range(start + 1, end):
         if drawn.roads[f, 6] != drawn.roads[start, 6]:
             return -1
-    return int(drawn.roads[start, 6]) if end > start else TAR
+    return int(drawn.roads[start, 6]) if end > start else GroundSurface.ASPHALT
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -246,7 +241,7 @@ def _add_layers(
     hidden: np.ndarray,
 ) -> None:
     """Add the surfaces at a point by their share, and marks over them."""
-    weight[GRAVEL] = 1.0
+    weight[GroundSurface.GRAVEL] = 1.0
     for e in range(drawn.start_layer[cell], drawn.start_layer[cell + 1]):
         layer = drawn.layer[e]
         start, end = drawn.first_edge[e], drawn.first_edge[e + 1]
@@ -265,9 +260,15 @@ def _add_layers(
             if fallen > 0:
                 for made in range(len(weight)):
                     weight[made] *= 1 - fallen
-                weight[LEAVES] += fallen
+                weight[GroundSurface.LEAVES] += fallen
         elif share > 0:
-            weight[layer if layer < PAVEMENT_LAYER else SLABS if layer == PAVEMENT_LAYER else layer - FIRST_PATH_LAYER] += share
+            weight[
+                layer
+                if layer < PAVEMENT_LAYER
+                else GroundSurface.SLABS
+                if layer == PAVEMENT_LAYER
+                else layer - FIRST_PATH_LAYER
+            ] += share
     for m in range(drawn.start_mark[cell], drawn.start_mark[cell + 1]):
         share = _mark_share(px, py, wide, drawn.marks, m)
         if share > 0:
@@ -305,7 +306,7 @@ def _add_carriageway(
             if own > 0:
                 weight[int(frames[f, 6])] += left * own
                 left *= 1 - own
-        weight[int(frames[nearest, 6]) if nearest >= 0 else TAR] += left
+        weight[int(frames[nearest, 6]) if nearest >= 0 else GroundSurface.ASPHALT] += left
     if abs(outside) >= EDGE_REACH_M:
         return
     gutter = _overlap_share(-GUTTER_M, 0.0, outside, wide) * GUTTER_LOSS
@@ -330,11 +331,18 @@ def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) ->
     first, last = int(np.floor((py - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((py + 0.5 * wide) / LEAF_CELL_M))
     for row in range(first, last + 1):
         for column in range(left, right + 1):
-            gathered = hash_to_uniform(np.uint64(column // LEAF_PATCH_CELLS) * COLUMN_FACTOR + hash_row(row // LEAF_PATCH_CELLS, own + np.uint64(1)))
+            gathered = hash_to_uniform(
+                np.uint64(column // LEAF_PATCH_CELLS) * COLUMN_FACTOR
+                + hash_row(row // LEAF_PATCH_CELLS, own + np.uint64(1))
+            )
             h = np.uint64(column) * COLUMN_FACTOR + hash_row(row, own)
             if hash_to_uniform(h) > MAX_LEAF_SHARE * near * gathered * gathered:
                 continue
-            u, v, turn = hash_to_uniform(h + np.uint64(1)), hash_to_uniform(h + np.uint64(2)), hash_to_uniform(h + np.uint64(3))
+            u, v, turn = (
+                hash_to_uniform(h + np.uint64(1)),
+                hash_to_uniform(h + np.uint64(2)),
+                hash_to_uniform(h + np.uint64(3)),
+            )
             across, down = LEAF_LENGTH_M * (0.45 + 0.55 * turn), LEAF_LENGTH_M * (1.0 - 0.55 * turn)
             x0 = (column + u * (1 - across / LEAF_CELL_M)) * LEAF_CELL_M - px
             y0 = (row + v * (1 - down / LEAF_CELL_M)) * LEAF_CELL_M - py

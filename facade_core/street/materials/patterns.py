@@ -1,8 +1,8 @@
 """Joints, noise and piece tones of materials, each averaged over its footprint against aliasing.
 
-Joints, seams and edges count by the share of the footprint that they cover, the integral of their box. Lattice noise and the
-tones of slabs, tiles and boards are integrated too and fade over footprints of several cells. Arrays are (n,), in branch-free
-loops that vectorise; lengths are metres; a footprint is the side of a square, greater than 0.
+Joints, seams and edges count by the share of the footprint that they cover, the integral of their box. Lattice noise
+and the tones of slabs, tiles and boards are integrated too and fade over footprints of several cells. Arrays are (n,),
+in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square, greater than 0.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64
     left, above = wide - right, high - below
     rise, fall = _smoothstep_integral(x - 0.5 * wide - x0 + 0.5 * left, left), _smoothstep_integral(0.5 * right, right)
     u0, u1, u2 = left - rise, rise + right - fall, fall
-    rise, fall = _smoothstep_integral(y - 0.5 * high - y0 + 0.5 * above, above), _smoothstep_integral(0.5 * below, below)
+    rise, fall = (
+        _smoothstep_integral(y - 0.5 * high - y0 + 0.5 * above, above),
+        _smoothstep_integral(0.5 * below, below),
+    )
     v0, v1, v2 = above - rise, rise + below - fall, fall
     a0, b0 = np.uint64(np.int64(x0)) * COLUMN_FACTOR, hash_row(y0, seed)
     a1, b1 = a0 + COLUMN_FACTOR, b0 + ROW_FACTOR
@@ -53,7 +56,9 @@ def stripe_share(at: float, wide: float, first: float, width: float) -> float:
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def running_bond_share(column: float, row: float, wide: float, high: float, joint: float, across: float, down: float) -> float:
+def running_bond_share(
+    column: float, row: float, wide: float, high: float, joint: float, across: float, down: float
+) -> float:
     """Return the share of a footprint off the joints of a running bond, whose odd courses shift by half a stone.
 
     Parameters
@@ -124,5 +129,7 @@ def add_tones(
             np.uint64(np.int64(x1)) * COLUMN_FACTOR + hash_row(y0 + 1, own),
         )
         upper = (1 - beside) * hash_to_uniform(a) + beside * hash_to_uniform(a + COLUMN_FACTOR)
-        tone = (1 - lower) * upper + lower * ((1 - under) * hash_to_uniform(b) + under * hash_to_uniform(b + COLUMN_FACTOR))
+        tone = (1 - lower) * upper + lower * (
+            (1 - under) * hash_to_uniform(b) + under * hash_to_uniform(b + COLUMN_FACTOR)
+        )
         out[k] += weight * fade * (tone - 0.5)

@@ -1,16 +1,18 @@
 """Procedural materials of ground, walls and openings: one kernel each, averaged over footprints.
 
-All arrays are (n,), in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square, greater
-than 0. `patterns` has the ingredients, `roofs` the roofs.
+All arrays are (n,), in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square,
+greater than 0. `patterns` has the ingredients, `roofs` the roofs.
 """
 
 from __future__ import annotations
+
+from enum import IntEnum
 
 import numpy as np
 
 from facade_core.core.numba_cache import njit
 from facade_core.core.types import SURFACES
-from facade_core.street.materials import grain
+from facade_core.street.materials.grain import GrainKind, GrainTables, add_grain
 from facade_core.street.materials.patterns import add_noise, add_tones, running_bond_share, stripe_share
 
 # Muted Nordic plasters.
@@ -35,12 +37,27 @@ WOOD_PALETTE = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40],
 SOFFIT_COLOUR = np.array([172.0, 170.28, 166.84])
 ASPHALT_COLOUR = np.array([1.0, 1.0, 1.02])
 PAVING_COLOUR = np.array([1.0, 0.985, 0.955])
-# What ground is made of: surfaces, and leaves over them. The mean tone of each, whose grain it has, -1 for none, and the colour
-# of a tone of 1 where no picture gives it.
-GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK, LEAVES = range(8)
+
+
+class GroundSurface(IntEnum):
+    """Surface of the ground: those of `SURFACES`, and leaves over them."""
+
+    GRAVEL = 0
+    ASPHALT = 1
+    SLABS = 2
+    SETTS = 3
+    GRASS = 4
+    WATER = 5
+    TRACK = 6
+    LEAVES = 7
+
+
 assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
+# Mean tone, grain (-1 for none) and colour of a tone of 1 without a picture, by `GroundSurface`.
 MEAN_TONES = np.array([138.0, 98.0, 148.0, 140.0, 112.0, 96.0, 98.0, 96.0])
-SURFACE_GRAINS = np.array([grain.GRAVEL, grain.ASPHALT, grain.SLABS, grain.SETTS, grain.GRASS, -1, grain.ASPHALT, -1])
+SURFACE_GRAINS = np.array(
+    [GrainKind.GRAVEL, GrainKind.ASPHALT, GrainKind.SLABS, GrainKind.SETTS, GrainKind.GRASS, -1, GrainKind.ASPHALT, -1]
+)
 SURFACE_COLOURS = np.array(
     [
         [1.05, 0.96, 0.82],
@@ -81,7 +98,16 @@ JOINT_M = 0.011
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def asphalt_tone(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Write tones of worn asphalt, lighter in the wheel tracks; aside: (n,) distance from the centreline."""
+    """Write tones of worn asphalt, lighter in the wheel tracks.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    aside : (n,) distance from the centreline, metres.
+    side : (n,) footprints, metres.
+    seed : random seed.
+    out : (n,) output tones, 0..255.
+    """
     for k in range(len(x)):
         track = (aside[k] - 1.7) / 0.5
         bump = max(1 - 0.125 * track * track, 0.0)  # to its eighth power: nearly exp(-track^2)
@@ -143,7 +169,16 @@ def add_weather(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def plaster_tone(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Write tones of a rendered wall, dirtier near the ground; above: (n,) height over the building's foot."""
+    """Write tones of a rendered wall, dirtier near the ground.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates, metres.
+    above : (n,) height over the building's foot, metres.
+    side : (n,) footprints, metres.
+    seed : random seed.
+    out : (n,) output tones, about 1.
+    """
     for k in range(len(x)):
         dirt = max(1 - max(above[k], 0.0) / 11.2, 0.0)  # to its 16th power: nearly exp(-above / 0.7)
         for _ in range(4):
@@ -285,7 +320,7 @@ def ground_tone(
     y: np.ndarray,
     aside: np.ndarray,
     side: np.ndarray,
-    grains: grain.GrainTables,
+    grains: GrainTables,
     seed: int,
     out: np.ndarray,
 ) -> None:
@@ -301,24 +336,24 @@ def ground_tone(
     seed : random seed.
     out : (n,) output tones.
     """
-    if made in (TAR, TRACK):
+    if made in (GroundSurface.ASPHALT, GroundSurface.TRACK):
         asphalt_tone(x, y, aside, side, seed, out)
-    elif made == SLABS:
+    elif made == GroundSurface.SLABS:
         paving_tone(x, y, side, seed, out)
-    elif made == SETTS:
+    elif made == GroundSurface.SETTS:
         setts_tone(x, y, side, seed, out)
     else:
         out[:] = MEAN_TONES[made]
-    if made == GRAVEL:
+    if made == GroundSurface.GRAVEL:
         for number, cell in enumerate((0.9, 5.0)):
             add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
-    elif made == GRASS:
+    elif made == GroundSurface.GRASS:
         for number, cell in enumerate((1.5, 7.0)):
             add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
-    elif made == WATER:
+    elif made == GroundSurface.WATER:
         add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
         add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
-    elif made == LEAVES:
+    elif made == GroundSurface.LEAVES:
         add_noise(x, y, side, (0.12, 0.12), 30.0, seed + 83, out)
     if SURFACE_GRAINS[made] >= 0:
-        grain.add_grain(x, y, side, grains, SURFACE_GRAINS[made], MEAN_TONES[made], seed + 71, out)
+        add_grain(x, y, side, grains, SURFACE_GRAINS[made], MEAN_TONES[made], seed + 71, out)

@@ -23,14 +23,27 @@ SHADE_WINDOW_M = 1.6
 
 
 def relief_depth(labels: np.ndarray, density: float) -> np.ndarray:
-    """Compute the depth (h, w) float32, metres outward, of a facade with labels (h, w)."""
+    """Compute the depth of a facade's texels.
+
+    Parameters
+    ----------
+    labels : (h, w) class id.
+    density : texels per metre.
+
+    Returns
+    -------
+    (h, w) float32 metres outward.
+    """
     depth = np.where(
         np.isin(labels, (FacadeClass.WINDOW, FacadeClass.DOOR, FacadeClass.SHOP, FacadeClass.BALCONY)),
         np.float32(-OPENING_DEPTH_M),
         np.float32(0),
     )
     wall = labels == FacadeClass.WALL
-    for name, high, out in ((FacadeClass.BALCONY, BALCONY_SLAB_HEIGHT_M, BALCONY_DEPTH_M), (FacadeClass.WINDOW, SILL_HEIGHT_M, SILL_DEPTH_M)):
+    for name, high, out in (
+        (FacadeClass.BALCONY, BALCONY_SLAB_HEIGHT_M, BALCONY_DEPTH_M),
+        (FacadeClass.WINDOW, SILL_HEIGHT_M, SILL_DEPTH_M),
+    ):
         here, rows = labels == name, max(1, round(high * density))
         if name == FacadeClass.BALCONY:  # its lowest rows
             depth[:-rows][here[:-rows] & ~here[rows:]] = out

@@ -1,6 +1,7 @@
 """Procedural roofs, one kernel each: sheet metal, tiles, slates, felt, gravel, patches, dried pools and moss.
 
-All arrays are (n,); lengths are metres; a footprint is the side of a square, greater than 0. x runs along the eaves and y down.
+All arrays are (n,); lengths are metres; a footprint is the side of a square, greater than 0. x runs along the eaves and
+y down.
 """
 
 from __future__ import annotations
@@ -96,7 +97,9 @@ def felt_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np
     add_pool_stains(x, y, side, seed + 105, out)
     across, down = 1 / FELT_M[1], 1 / FELT_M[0]
     for k in range(len(x)):
-        clear = running_bond_share(y[k] * across, x[k] * down, side[k] * across, side[k] * down, FELT_LAP_M, across, down)
+        clear = running_bond_share(
+            y[k] * across, x[k] * down, side[k] * across, side[k] * down, FELT_LAP_M, across, down
+        )
         out[k] *= 0.84 + 0.16 * clear
 
 
@@ -122,7 +125,10 @@ def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
         h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_row(row, own)
         some = np.float64(hash_to_uniform(h) < PATCH_SHARE)
         wide, long = 0.12 + 0.3 * hash_to_uniform(h + np.uint64(1)), 0.1 + 0.25 * hash_to_uniform(h + np.uint64(2))
-        left, low = 0.1 + (0.8 - wide) * hash_to_uniform(h + np.uint64(3)), 0.1 + (0.8 - long) * hash_to_uniform(h + np.uint64(4))
+        left, low = (
+            0.1 + (0.8 - wide) * hash_to_uniform(h + np.uint64(3)),
+            0.1 + (0.8 - long) * hash_to_uniform(h + np.uint64(4)),
+        )
         size = side[k] / PATCH_CELL_M
         u, v = u - column, v - row
         beside = max(min(u + 0.5 * size, left + wide) - max(u - 0.5 * size, left), 0.0)
@@ -143,13 +149,25 @@ def add_pool_stains(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, o
     for k in range(len(x)):
         wet = min(max((depth[k] - SHORE_DEPTH) / SHORE_WIDTH, 0.0), 1.0)
         fine = min(max(2.0 - 2.0 * side[k], 0.0), 1.0)
-        pooled, shore = MEAN_POOL_SHARE + fine * (wet - MEAN_POOL_SHARE), MEAN_SHORE_SHARE + fine * (4 * wet * (1 - wet) - MEAN_SHORE_SHARE)
+        pooled, shore = (
+            MEAN_POOL_SHARE + fine * (wet - MEAN_POOL_SHARE),
+            MEAN_SHORE_SHARE + fine * (4 * wet * (1 - wet) - MEAN_SHORE_SHARE),
+        )
         out[k] += 0.09 * shore - 0.1 * pooled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def moss_share(x: np.ndarray, y: np.ndarray, side: np.ndarray, max_share: float, seed: int, out: np.ndarray) -> None:
-    """Write the share of a roof under moss, in cushions along the courses."""
+    """Write the share of a roof under moss, in cushions along the courses.
+
+    Parameters
+    ----------
+    x, y : (n,) coordinates along the eaves and down, metres.
+    side : (n,) footprints, metres.
+    max_share : share at the worst place.
+    seed : random seed.
+    out : (n,) output share.
+    """
     out[:] = -0.25
     add_noise(x, y, side, (2.6, 1.7), 0.75, seed + 59, out)
     add_noise(x, y, side, (0.3, 0.22), 0.45, seed + 60, out)

@@ -11,9 +11,9 @@ from facade_core.street.materials.patterns import add_noise
 BANDS_M = (0.7, 2.6)
 KEPT_SIGMA = 0.16
 REMOVED_SIGMA = 0.32
-# Target deviation of plain wall in each band, relative to its brightness: between the first quartile and the median of rectified
-# photographs (`python -m benchmarks.painting`, stains of cmp). At the median walls look cloudy, because photographs also
-# contain stucco and shadows.
+# Target deviation of plain wall in each band, relative to its brightness: between the first quartile and the median of
+# rectified photographs (`python -m benchmarks.painting`, stains of cmp). At the median walls look cloudy, because
+# photographs also contain stucco and shadows.
 PHOTO_DEVIATIONS = (0.0186, 0.0189)
 NOISE_CELLS_M = (0.35, 1.3)
 # Deviation in each band per weight of each noise.
@@ -48,7 +48,10 @@ def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple
     light = cv2.resize(np.where(wall, grey, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     reach = 2 * round(EDGE_MARGIN_M * STAIN_DENSITY) + 1
     known = cv2.erode((share > MIN_WALL_SHARE).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-    light, share = np.where(known, light / np.maximum(share, MIN_WALL_SHARE), 0).astype(np.float32), known.astype(np.float32)
+    light, share = (
+        np.where(known, light / np.maximum(share, MIN_WALL_SHARE), 0).astype(np.float32),
+        known.astype(np.float32),
+    )
     if known.sum() < MIN_PLACES:
         return None
     mean, found = float(light[known].mean()), []
@@ -69,7 +72,9 @@ def stain_weights(deviations: tuple[float, ...] | None) -> np.ndarray:
     return np.sqrt(np.maximum(np.linalg.solve(np.square(NOISE_DEVIATIONS).T, lacks), 0.0))
 
 
-def stain_tones(colour: np.ndarray, labels: np.ndarray, density: float, start: tuple[float, float], seed: int) -> np.ndarray:
+def stain_tones(
+    colour: np.ndarray, labels: np.ndarray, density: float, start: tuple[float, float], seed: int
+) -> np.ndarray:
     """Compute stain tones (rows, columns) float32 about 1, STAIN_DENSITY per metre, half a step inside the border.
 
     Parameters
@@ -88,7 +93,11 @@ def stain_tones(colour: np.ndarray, labels: np.ndarray, density: float, start: t
     x, y = np.meshgrid(start[0] + step * (np.arange(columns) + 0.5), start[1] + step * (np.arange(rows) + 0.5))
     tone, side = np.ones(rows * columns), np.full(rows * columns, step)
     for number, (cell, weight) in enumerate(
-        zip(NOISE_CELLS_M, stain_weights(wall_deviations(grey, labels == FacadeClass.WALL, density)).tolist(), strict=True)
+        zip(
+            NOISE_CELLS_M,
+            stain_weights(wall_deviations(grey, labels == FacadeClass.WALL, density)).tolist(),
+            strict=True,
+        )
     ):
         if weight > 0:
             add_noise(x.ravel(), y.ravel(), side, (cell, cell), weight, seed + 121 + number, tone)

@@ -51,7 +51,13 @@ class TiledMaterial:
 
     @classmethod
     def from_picture(cls, image: np.ndarray, metres_per_pixel: float, texels_per_metre: float) -> TiledMaterial:
-        """A picture (h, w, 3) uint8 of a material, for texels of a density. Raises ImageError for one of a few pixels."""
+        """Make a material from a picture (h, w, 3) uint8 for a texel density.
+
+        Raises
+        ------
+        ImageError
+            The picture has too few pixels.
+        """
         if min(image.shape[:2]) < MIN_SIDE_PX:
             raise ImageError(
                 f"a material of {image.shape[1]} x {image.shape[0]} pixels shows nothing; give a larger picture"
@@ -67,11 +73,12 @@ class TiledMaterial:
         return cls(tile, size)
 
     def sample(self, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
-        """Colour (n, 3) at places of a plane, metres to the right and down, with footprints, metres, (n,) each."""
+        """Sample the colour (n, 3) at coordinates and footprints (n,) of a plane, metres."""
         return _sample_points(self.mip_levels, across, down, footprint)
 
     @cached_property
     def mip_levels(self) -> MipLevels:
+        """Return the mip levels of the tile."""
         levels = [self.tile]
         while max(levels[-1].shape[:2]) > 1:
             rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
@@ -125,14 +132,16 @@ def make_seamless(image: np.ndarray) -> np.ndarray:
 
 
 def _join_borders(image: np.ndarray, *, around: bool) -> np.ndarray:
-    """Blend the right border of (h, w, 3) over the left one along a minimal path; `around` closes the path for wrapping rows.
-    """
+    """Blend the right border of (h, w, 3) over the left one along a minimal path; `around` closes the path for wrapping
+    rows."""
     height, width = image.shape[:2]
     strip = max(1, int(width * JOIN_SHARE))
     left, right = image[:, :strip], image[:, width - strip :]
     error = ((left - right) ** 2).sum(axis=2).astype(np.float64)
     path = find_min_error_path(np.tile(error, (3, 1)))[height : 2 * height] if around else find_min_error_path(error)
-    share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * JOIN_SOFTNESS_PX) + 0.5, 0, 1)[..., None].astype(np.float32)
+    share = np.clip((np.arange(strip)[None, :] - path[:, None]) / (2 * JOIN_SOFTNESS_PX) + 0.5, 0, 1)[..., None].astype(
+        np.float32
+    )
     # at the ends of the overlap each border continues unchanged
     share[:, 0], share[:, -1] = np.minimum(share[:, 0], 0.5 if strip == 1 else 0), 1
     return np.concatenate([right * (1 - share) + left * share, image[:, strip : width - strip]], axis=1)

@@ -1,9 +1,9 @@
 """Eq. 1 of the street paper from a small state per texel, exact in any order of the views (ADR 0010).
 
 A view has an integer distance d in millimetres. Proper views have a d within the gate. Their weights are 1 - d / sum d,
-clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. At most three views can have a share d / sum d
-above 0.3; every other view has the upper clamp. So N, sum d, sum colour and the three largest (d, colour) suffice, all
-integers. Without a proper view the view of smallest (d, id) is the fallback.
+clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. At most three views can have a share d / sum
+d above 0.3; every other view has the upper clamp. So N, sum d, sum colour and the three largest (d, colour) suffice,
+all integers. Without a proper view the view of smallest (d, id) is the fallback.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ MAX_UINT16_MM = 65_535
 class BlendState(NamedTuple):
     """State of `total` texels, updated in place by `add_views`: 33 bytes each.
 
-    A texel without a proper view stores its fallback view in the same arrays: distance is the view's id + 1, or 0 without any view;
-    top_distance and top_colour hold it first.
+    A texel without a proper view stores its fallback view in the same arrays: distance is the view's id + 1, or 0
+    without any view; top_distance and top_colour hold it first.
 
     Attributes
     ----------
@@ -164,7 +164,9 @@ def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
         whole = 1.0 / state.distance[t]
         for k in range(min(n, 3)):
             # weight of the share d / sum d: 1 at the upper clamp, 0 at the lower one
-            beyond = min(max(np.int64(state.top_distance[t, k]) * whole, 1.0 - MAX_WEIGHT), 1.0 - MIN_WEIGHT) - (1.0 - MAX_WEIGHT)
+            beyond = min(max(np.int64(state.top_distance[t, k]) * whole, 1.0 - MAX_WEIGHT), 1.0 - MIN_WEIGHT) - (
+                1.0 - MAX_WEIGHT
+            )
             change = -1.0 / (MAX_WEIGHT - MIN_WEIGHT) * beyond
             total += change
             r += change * state.top_colour[t, k, 0]

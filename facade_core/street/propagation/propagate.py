@@ -53,10 +53,10 @@ def propagate(
 ) -> None:
     """Blend a translated panorama into the buffer's writable charts, in place.
 
-    A texel takes the view if it faces the camera within the visibility range, its pixel shows its surface, and that pixel or a
-    neighbour shows its chart. This is exact for planar surfaces up to one pixel and never takes colour from an occluder. Colour is
-    bilinear over the pixels of the texel's surface. The distance is d = |forward . (p - c)|. The result does not depend on the
-    number of threads.
+    A texel takes the view if it faces the camera within the visibility range, its pixel shows its surface, and that
+    pixel or a neighbour shows its chart. This is exact for planar surfaces up to one pixel and never takes colour from
+    an occluder. Colour is bilinear over the pixels of the texel's surface. The distance is d = |forward . (p - c)|. The
+    result does not depend on the number of threads.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ def propagate(
         return
     if 1000 * scene.visibility_range > np.iinfo(buffer.state.top_distance.dtype).max:
         raise GeometryError(
-            f"the window holds views to 65 m and the scene's reach {scene.visibility_range} m; "
-            "give Window.of the scene's visibility_range"
+            f"the buffer holds views to 65 m and the scene's reach {scene.visibility_range} m; "
+            "give TexelBuffer.allocate the scene's visibility_range"
         )
     facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, held, charts_seen)
     view = TranslatedPanorama(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
@@ -98,9 +98,9 @@ def propagate(
 def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: np.ndarray) -> None:
     """Record the viewpoint as the first view of every untextured texel that it sees.
 
-    Used by translators that return a material field: the colour of such a texel does not depend on the viewpoint, so only
-    visibility is stored here and `facade_core.street.surfaces.paint_visible_texels` sets the colour. Visibility follows the rules
-    of `propagate`, without the distance gate.
+    Used by translators that return a material field: the colour of such a texel does not depend on the viewpoint, so
+    only visibility is stored here and `facade_core.street.surfaces.paint_visible_texels` sets the colour. Visibility
+    follows the rules of `propagate`, without the distance gate.
 
     Parameters
     ----------
@@ -118,8 +118,8 @@ def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, 
 def _facing_charts(
     scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, visible: np.ndarray, charts_seen: np.ndarray
 ) -> tuple[FacingCharts, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the visible charts in camera space, the surface per pixel, the camera's rotation, and the tiles that pixels may hit.
-    """
+    """Return the visible charts in camera space, the surface per pixel, the camera's rotation, and the tiles that
+    pixels may hit."""
     charts, placement = scene.charts, scene.placement
     place = np.full(len(charts), -1, np.int64)
     place[visible] = np.arange(len(visible))
@@ -177,8 +177,8 @@ def _project_row(
 ) -> None:
     """Project n texels of a row into the panorama.
 
-    Writes the pixel position, the depth along the street in metres, and the squared distance from the camera's vertical axis.
-    origin, step (3,): first texel and the offset to the next.
+    Writes the pixel position, the depth along the street in metres, and the squared distance from the camera's vertical
+    axis. origin, step (3,): first texel and the offset to the next.
     """
     for i in range(len(depth)):
         right, down, ahead = origin[0] + i * step[0], origin[1] + i * step[1], origin[2] + i * step[2]
@@ -205,7 +205,12 @@ def _blend_tiles(
     origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
     width, height, own, offset = charts.width, charts.height, charts.surface, charts.offset
     colour = np.zeros(3, np.int64)
-    columns_at, rows_at, depths, levels = np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS)
+    columns_at, rows_at, depths, levels = (
+        np.empty(VISIBLE_TILE_TEXELS),
+        np.empty(VISIBLE_TILE_TEXELS),
+        np.empty(VISIBLE_TILE_TEXELS),
+        np.empty(VISIBLE_TILE_TEXELS),
+    )
     first = np.empty(3)
     tile, turn = -1, -1
     for c in range(len(origin)):
@@ -278,7 +283,12 @@ def _mark_tiles(
     """Count one view for every untextured, unviewed texel of the marked tiles that is visible."""
     rows, columns = surface.shape
     width, height = charts.width, charts.height
-    columns_at, rows_at, depths, levels = np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS), np.empty(VISIBLE_TILE_TEXELS)
+    columns_at, rows_at, depths, levels = (
+        np.empty(VISIBLE_TILE_TEXELS),
+        np.empty(VISIBLE_TILE_TEXELS),
+        np.empty(VISIBLE_TILE_TEXELS),
+        np.empty(VISIBLE_TILE_TEXELS),
+    )
     first = np.empty(3)
     tile = -1
     for c in range(len(charts.origin)):

@@ -44,7 +44,16 @@ class Panorama:
 
 
 def daylight_grey(normals: np.ndarray) -> np.ndarray:
-    """Compute the grey (...,) in 0..1 of a white surface under soft daylight from unit normals (..., 3)."""
+    """Compute the grey of a white surface under soft daylight.
+
+    Parameters
+    ----------
+    normals : (..., 3) unit normals.
+
+    Returns
+    -------
+    (...,) in 0..1.
+    """
     sky = 0.5 + 0.5 * normals[..., 2]
     sun = np.clip(normals @ (SUN_DIRECTION / np.linalg.norm(SUN_DIRECTION)), 0, 1)
     return np.clip(AMBIENT_LIGHT + 0.12 * sky + 0.16 * sun, 0, 1)
@@ -53,8 +62,8 @@ def daylight_grey(normals: np.ndarray) -> np.ndarray:
 def render(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
     """Render a viewpoint with the texels of a buffer.
 
-    Texels of provenance 0 and charts outside the buffer count as untextured. Within the distance gate so do texels with only a
-    fallback view (ADR 0010).
+    Texels of provenance 0 and charts outside the buffer count as untextured. Within the distance gate so do texels with
+    only a fallback view (ADR 0010).
 
     Parameters
     ----------

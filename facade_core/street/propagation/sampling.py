@@ -81,7 +81,15 @@ class DaylightGrid(NamedTuple):
 
 @njit(cache=True, inline="always")
 def interpolate_light(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
-    """Interpolate the light at shares x, y of a chart's sides. Called from numba kernels."""
+    """Interpolate the light of a chart's grid bilinearly. Called from numba kernels.
+
+    Parameters
+    ----------
+    x, y : shares of the chart's sides.
+    place : index of the grid's first value.
+    columns, rows : shape of the grid.
+    lights : (k,) values of all grids.
+    """
     u = min(max(x, 0.0), 1.0) * (columns - 1)
     v = min(max(y, 0.0), 1.0) * (rows - 1)
     u0, v0 = min(int(u), columns - 2), min(int(v), rows - 2)
@@ -114,9 +122,9 @@ def shade_pixels(
 ) -> None:
     """Colour the pixels that show a chart, in place.
 
-    A pixel is textured if at least half of the texels under it are known. Its colour is their mean, or bilinear where the pixel is
-    smaller than a texel. Within the gate a fallback colour does not count as known: colour seen from far would be copied from view
-    to view.
+    A pixel is textured if at least half of the texels under it are known. Its colour is their mean, or bilinear where
+    the pixel is smaller than a texel. Within the gate a fallback colour does not count as known: colour seen from far
+    would be copied from view to view.
 
     Parameters
     ----------
@@ -169,7 +177,10 @@ def shade_pixels(
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
             onward = t * (rays[r, c, 0] * gate.forward[0] + rays[r, c, 1] * gate.forward[1])
             near = abs(onward) <= gate.metres
-            bare = int(grey[k] * interpolate_light(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
+            bare = int(
+                grey[k] * interpolate_light(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light)
+                + 0.5
+            )
             rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = bare
             first = offset[k]
             if first < 0:

@@ -35,7 +35,9 @@ class TexelBuffer:
     state: BlendState
 
     @staticmethod
-    def plan_layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[TexelLayout, np.ndarray]:
+    def plan_layout(
+        placement: Placement, writable: Iterable[int], readable: Iterable[int]
+    ) -> tuple[TexelLayout, np.ndarray]:
         """Plan the layout of a buffer that writes some charts and only reads others; chart ids may repeat."""
         write = np.unique(np.fromiter(writable, np.int64))
         read = np.setdiff1d(np.fromiter(readable, np.int64), write)

@@ -17,9 +17,9 @@ TAP_COUNT = KERNEL_SIZE * KERNEL_SIZE
 def kernel_taps(height: int) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and column offsets (height, TAP_COUNT) float32 of the kernel's taps, in pixels.
 
-    The kernel is a patch of the sphere: pixels around a place at the equator, moved along the meridian to the row's latitude. Rows
-    count from the middle of the first one, in -0.5 .. height - 0.5. A column offset beyond a quarter of the width is a tap on the
-    far side of a pole.
+    The kernel is a patch of the sphere: pixels around a place at the equator, moved along the meridian to the row's
+    latitude. Rows count from the middle of the first one, in -0.5 .. height - 0.5. A column offset beyond a quarter of
+    the width is a tap on the far side of a pole.
     """
     step = np.pi / height
     latitude = (0.5 - (np.arange(height) + 0.5) / height)[:, None, None] * np.pi

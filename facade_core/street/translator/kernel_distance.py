@@ -25,7 +25,15 @@ def _network() -> Any:
 
 
 def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Compute features (n, 496) float64 of pictures (h, w, 3) uint8: each of FEATURE_BLOCKS at unit length, concatenated.
+    """Compute features of pictures: the mean outputs of FEATURE_BLOCKS at unit length, concatenated.
+
+    Parameters
+    ----------
+    pictures : (h, w, 3) uint8 each.
+
+    Returns
+    -------
+    (n, 496) float64.
     """
     import torch
     from torch.nn import functional

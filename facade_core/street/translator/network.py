@@ -1,8 +1,8 @@
 """Translation network and its training networks (street paper, 3 Neural network and 4 Training). Needs torch.
 
 Two things differ from the paper. Activations are not normalised across the image, so that an output depends only on its
-surroundings: two viewpoints get the same output for the same view, and tiles of a large panorama equal the whole. Padding wraps
-around the panorama at +-180 degrees.
+surroundings: two viewpoints get the same output for the same view, and tiles of a large panorama equal the whole.
+Padding wraps around the panorama at +-180 degrees.
 """
 
 from __future__ import annotations
@@ -75,17 +75,22 @@ class UpsamplingConvolution(nn.Module):
 class Generator(nn.Module):
     """Generator of three convolutions, nine residual blocks, two fractionally strided ones and a convolution to RGB.
 
-    Inputs (n, bands, h, w) and outputs (n, 3, h, w) are in -1..1. `equirectangular` places the taps of the first convolution on
-    the sphere. `place` then gives each image's first row and panorama height. `wraps`: the images are whole bands of a panorama.
+    Inputs (n, bands, h, w) and outputs (n, 3, h, w) are in -1..1. `equirectangular` places the taps of the first
+    convolution on the sphere. `place` then gives each image's first row and panorama height. `wraps`: the images are
+    whole bands of a panorama.
     """
 
     def __init__(self, width: int, *, bands: int = 3, equirectangular: bool = True) -> None:
         super().__init__()
         self.width, self.bands, self.equirectangular = width, bands, equirectangular
         self.first = nn.Conv2d(bands * TAP_COUNT, width, 1)
-        self.narrowing = nn.ModuleList([PaddedConvolution(width, 2 * width, 2), PaddedConvolution(2 * width, 4 * width, 2)])
+        self.narrowing = nn.ModuleList(
+            [PaddedConvolution(width, 2 * width, 2), PaddedConvolution(2 * width, 4 * width, 2)]
+        )
         self.blocks = nn.ModuleList([ResidualBlock(4 * width) for _ in range(RESIDUAL_BLOCKS)])
-        self.widening = nn.ModuleList([UpsamplingConvolution(4 * width, 2 * width), UpsamplingConvolution(2 * width, width)])
+        self.widening = nn.ModuleList(
+            [UpsamplingConvolution(4 * width, 2 * width), UpsamplingConvolution(2 * width, width)]
+        )
         self.last = nn.Conv2d(width, 3, 7)
 
     def forward(self, x: Tensor, place: Sequence[tuple[int, int]], wraps: bool = False) -> Tensor:
@@ -93,14 +98,15 @@ class Generator(nn.Module):
         return self.decode(self.run_blocks(self.gather_inputs(x, place), wraps, []), wraps)
 
     def gather_inputs(self, x: Tensor, place: Sequence[tuple[int, int]]) -> Tensor:
-        """What the taps of the first convolution see, (n, bands * TAPS, h, w)."""
+        """Gather the taps of the first convolution, (n, bands * TAP_COUNT, h, w)."""
         if not self.equirectangular:
             padded = pad_edges(x, KERNEL_SIZE // 2, wraps=False)
             return functional.unfold(padded, KERNEL_SIZE).view(len(x), -1, *x.shape[2:])
         return torch.cat([_gather_image(image[None], *at) for image, at in zip(x, place, strict=True)])
 
     def run_blocks(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = RESIDUAL_BLOCKS) -> Tensor:
-        """The output of residual block `last`; what patches are compared at is appended to `features`."""
+        """Run the network up to residual block `last`; append the outputs that patches are compared at to
+        `features`."""
         x = _leaky_relu(self.first(entry))
         for layer in self.narrowing:
             x = _leaky_relu(layer(x, wraps))
@@ -127,14 +133,18 @@ class Generator(nn.Module):
 def _gather_image(image: Tensor, top: int, panorama_height: int) -> Tensor:
     """Gather the taps of one image (1, bands, h, w), part of a panorama from row `top` on."""
     _, bands, height, width = image.shape
-    rows, columns = (torch.from_numpy(part[top : top + height]).to(image.device) for part in kernel_taps(panorama_height))
+    rows, columns = (
+        torch.from_numpy(part[top : top + height]).to(image.device) for part in kernel_taps(panorama_height)
+    )
     # grid in -1..1 over the image's outer edges: (h * TAP_COUNT, w)
     y = ((rows - top + 0.5) / height * 2 - 1)[..., None].expand(height, TAP_COUNT, width)
     across = torch.arange(width, device=image.device)
     x = (columns[..., None] + across + 0.5) / width * 2 - 1
     grid = torch.stack([x, y], -1).reshape(1, height * TAP_COUNT, width, 2).to(image.dtype)
     seen = functional.grid_sample(image, grid, mode="bilinear", padding_mode="border", align_corners=False)
-    return seen.reshape(bands, height, TAP_COUNT, width).permute(0, 2, 1, 3).reshape(1, bands * TAP_COUNT, height, width)
+    return (
+        seen.reshape(bands, height, TAP_COUNT, width).permute(0, 2, 1, 3).reshape(1, bands * TAP_COUNT, height, width)
+    )
 
 
 class Discriminator(nn.Module):
@@ -153,13 +163,16 @@ class Discriminator(nn.Module):
 
 
 class PatchEmbedding(nn.Module):
-    """Embedding of features as comparable unit vectors: two layers for each of the FEATURE_OUTPUTS outputs."""
+    """Embedding of features as unit vectors: two layers for each of the FEATURE_OUTPUTS outputs."""
 
     def __init__(self, width: int, bands: int = 3) -> None:
         super().__init__()
         sizes = (bands, 2 * width, 4 * width, 4 * width, 4 * width)
         self.layers = nn.ModuleList(
-            [nn.Sequential(nn.Linear(n, _EMBEDDING_SIZE), nn.ReLU(), nn.Linear(_EMBEDDING_SIZE, _EMBEDDING_SIZE)) for n in sizes]
+            [
+                nn.Sequential(nn.Linear(n, _EMBEDDING_SIZE), nn.ReLU(), nn.Linear(_EMBEDDING_SIZE, _EMBEDDING_SIZE))
+                for n in sizes
+            ]
         )
 
     def forward(self, features: Sequence[Tensor], where: Sequence[Tensor]) -> list[Tensor]:

@@ -19,15 +19,19 @@ _MIN_HALVED_SIZE = 1024
 
 def save_generator(weights: Mapping[str, Any], recipe: TrainingRecipe, path: Path, record: Mapping[str, Any]) -> None:
     """Write a trained generator as ONNX in half precision, with its .json record next to it."""
-    write_translator(store_half_precision(export_onnx(weights, recipe)), path, {"version": TRANSLATOR_VERSION, "width": recipe.width, **record})
+    write_translator(
+        store_half_precision(export_onnx(weights, recipe)),
+        path,
+        {"version": TRANSLATOR_VERSION, "width": recipe.width, **record},
+    )
     load_translator(path)
 
 
 def export_onnx(weights: Mapping[str, Any], recipe: TrainingRecipe) -> bytes:
     """Export the generator as an ONNX file.
 
-    Input seen (1, 3 TAP_COUNT, h, w) float32 in -1..1: gathered taps of rows of a whole panorama. Output rgb (1, 3, h, w) in
-    -1..1. h and w are multiples of 4.
+    Input seen (1, 3 TAP_COUNT, h, w) float32 in -1..1: gathered taps of rows of a whole panorama. Output rgb (1, 3, h,
+    w) in -1..1. h and w are multiples of 4.
     """
     import torch
     from torch import nn

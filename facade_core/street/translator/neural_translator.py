@@ -48,9 +48,12 @@ class NeuralTranslator:
         return rgb
 
     def translate_image(self, image: np.ndarray) -> np.ndarray:
-        """What the network makes of a whole panorama (h, 2 h, 3) uint8, in tiles that are equal to the whole.
+        """Translate a whole panorama (h, 2 h, 3) uint8 in tiles that equal the whole.
 
-        Raises ModelError for a width that is no multiple of 8.
+        Raises
+        ------
+        ModelError
+            The width is not a multiple of 8.
         """
         height, width = image.shape[:2]
         if width % 8:

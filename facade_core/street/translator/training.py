@@ -132,8 +132,16 @@ def train_generator(
         report("translator", number, recipe.steps)
         for optimiser in (first, second):
             for group in optimiser.param_groups:
-                group["lr"] = WARMUP_RATE if number < recipe.warm else LEARNING_RATE * learning_rate_share(number, recipe.steps)
-        learn = step_restoration if number < recipe.warm else step_paired if domains.paired and number % 2 else step_unpaired
+                group["lr"] = (
+                    WARMUP_RATE if number < recipe.warm else LEARNING_RATE * learning_rate_share(number, recipe.steps)
+                )
+        learn = (
+            step_restoration
+            if number < recipe.warm
+            else step_paired
+            if domains.paired and number % 2
+            else step_unpaired
+        )
         loss = learn(domains, recipe, kept, (seed, number), device)
         if not math.isfinite(loss):
             raise ModelError(f"training diverged at step {number}: train with another --seed")
@@ -164,10 +172,13 @@ def learning_rate_share(step: int, steps: int) -> float:
     return min(1.0, (steps - step) / max(1.0, (1 - CONSTANT_RATE_SHARE) * steps))
 
 
-def evaluate_generator(generator: Any, domains: TrainingDomains, recipe: TrainingRecipe, device: Any) -> tuple[float, np.ndarray]:
+def evaluate_generator(
+    generator: Any, domains: TrainingDomains, recipe: TrainingRecipe, device: Any
+) -> tuple[float, np.ndarray]:
     """Compute the kernel distance of translated held-out renderings to held-out real crops, and a sample sheet.
 
-    Each crop is translated without texture and then, where it had texture, once more on top of the result, as in a street.
+    Each crop is translated without texture and then, where it had texture, once more on top of the result, as in a
+    street.
     """
     import torch
 

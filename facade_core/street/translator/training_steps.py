@@ -1,7 +1,7 @@
 """Single steps of training the translation network (street paper, 4 Training). Needs the `train` extra (torch).
 
-The adversarial loss is least squares, as in the method that the paper builds on. The printed E[1 - log d] has no minimum that
-a discriminator could not push away.
+The adversarial loss is least squares, as in the method that the paper builds on. The printed E[1 - log d] has no
+minimum that a discriminator could not push away.
 """
 
 from __future__ import annotations
@@ -86,7 +86,9 @@ class TrainingDomains:
     paired: Sequence[TrainingPair] = ()
 
 
-def step_restoration(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
+def step_restoration(
+    domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
+) -> float:
     """Train the generator alone to restore real crops from their shading and simulated earlier texture.
 
     Not in the paper: it learns street colours in minutes that take the losses of `step_unpaired` a day on two cores.
@@ -102,16 +104,22 @@ def step_restoration(domains: TrainingDomains, recipe: TrainingRecipe, parts: Ma
     known = [crop_rendering(domains.rendered, recipe.crop, rng).textured for _ in range(recipe.batch)]
     photo, _ = crops_to_tensors(real, device)
     grey = [np.repeat(imitate_rendering(crop.image)[..., None], 3, 2) for crop in real]
-    plain, mask = crops_to_tensors([TrainingCrop(g, k, c.place) for g, k, c in zip(grey, known, real, strict=True)], device)
+    plain, mask = crops_to_tensors(
+        [TrainingCrop(g, k, c.place) for g, k, c in zip(grey, known, real, strict=True)], device
+    )
     if not recipe.conditioned:
         mask = torch.zeros_like(mask)
-    made = generator(generator_input(torch.where(mask, photo, plain), plain, mask, recipe), [crop.place for crop in real])
+    made = generator(
+        generator_input(torch.where(mask, photo, plain), plain, mask, recipe), [crop.place for crop in real]
+    )
     loss = (made - photo).abs().mean()
     _optimise(parts["first"], loss)
     return float(loss.detach())
 
 
-def step_unpaired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
+def step_unpaired(
+    domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
+) -> float:
     """Train the generator and the discriminator by one unpaired step; return the generator's loss."""
     import torch
     from torch.nn import functional
@@ -153,12 +161,16 @@ def step_unpaired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mappi
             total = total + CONSISTENCY_WEIGHT * ((made - partial) * compared).abs().mean()
         total = total + CONTRAST_RENDERED_WEIGHT * _patch_contrast(generator, patches, made, keys, own, recipe, rng)
         other = places[recipe.batch :]
-        total = total + CONTRAST_REAL_WEIGHT * _patch_contrast(generator, patches, again, photo_keys, other, recipe, rng)
+        total = total + CONTRAST_REAL_WEIGHT * _patch_contrast(
+            generator, patches, again, photo_keys, other, recipe, rng
+        )
     _optimise(parts["first"], total)
     return float(total.detach())
 
 
-def step_paired(domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
+def step_paired(
+    domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
+) -> float:
     """Train the generator alone on pairs: distance to the true image and the fixed discriminator's score.
 
     Not in the paper, which has no pairs. Earlier texture is simulated by the true image, blurred once as by the atlas.

@@ -17,8 +17,8 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 
 # Widths of the panoramas: windows in one are as large as those of a nearer facade in the other.
 PANORAMA_WIDTHS = (512, 1024)
-# Rows that show the street, as shares of the height; others show the zenith and the camera's mount. The lowest row shows
-# ground at 1 m from a camera at 2.5 m.
+# Rows that show the street, as shares of the height; others show the zenith and the camera's mount. The lowest row
+# shows ground at 1 m from a camera at 2.5 m.
 USED_ROWS = (0.1, 0.88)
 # Range of untextured renderings.
 _GREY_RANGE = (110, 240)
@@ -115,7 +115,9 @@ def _make_buffer(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray])
     for chart in set(seeds) & set(charts.tolist()):
         texels = rasters.texel_slice(scene.placement, chart)
         colour[texels], evidence[texels] = seeds[chart].reshape(-1, 1), 1
-    return TexelBuffer.allocate(scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range)
+    return TexelBuffer.allocate(
+        scene.placement, rasters, write, colour, evidence, visibility_range=scene.visibility_range
+    )
 
 
 def _triangle_normals(mesh: Mesh) -> np.ndarray:
@@ -124,10 +126,18 @@ def _triangle_normals(mesh: Mesh) -> np.ndarray:
     return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
 
 
-def crop_rendering(renderings: Sequence[TrainingRendering], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
-    """Cut a random crop (h, w) from a random rendering at one of PANORAMA_WIDTHS, possibly mirrored.
+def crop_rendering(
+    renderings: Sequence[TrainingRendering], size: tuple[int, int], rng: np.random.Generator
+) -> TrainingCrop:
+    """Take a random crop of a random rendering at one of PANORAMA_WIDTHS, possibly mirrored.
 
-    `translate_image` is random too: that of the engine, all or nothing.
+    `textured` is random too: that of the engine, or nothing.
+
+    Parameters
+    ----------
+    renderings : renderings to choose from.
+    size : height and width of the crop, pixels.
+    rng : random generator.
     """
     import cv2
 
@@ -142,7 +152,14 @@ def crop_rendering(renderings: Sequence[TrainingRendering], size: tuple[int, int
 
 
 def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.random.Generator) -> TrainingCrop:
-    """Cut a random crop (h, w) from a random panorama (h, w, 3) uint8: rotated, mirrored, in varied light."""
+    """Take a random crop of a random panorama: rotated, mirrored, in varied light.
+
+    Parameters
+    ----------
+    panoramas : (h, w, 3) uint8 each.
+    size : height and width of the crop, pixels.
+    rng : random generator.
+    """
     import cv2
 
     chosen = panoramas[int(rng.integers(len(panoramas)))]
@@ -156,7 +173,13 @@ def crop_panorama(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: n
 def crop_pair(
     pairs: Sequence[TrainingPair], size: tuple[int, int], rng: np.random.Generator
 ) -> tuple[TrainingCrop, np.ndarray, np.ndarray]:
-    """Cut a random crop from a random pair at one of PANORAMA_WIDTHS, possibly mirrored.
+    """Take a random crop of a random pair at one of PANORAMA_WIDTHS, possibly mirrored.
+
+    Parameters
+    ----------
+    pairs : pairs to choose from.
+    size : height and width of the crop, pixels.
+    rng : random generator.
 
     Returns
     -------
@@ -167,22 +190,32 @@ def crop_pair(
     chosen = pairs[int(rng.integers(len(pairs)))]
     width = PANORAMA_WIDTHS[int(rng.integers(len(PANORAMA_WIDTHS)))]
     shape = (width, width // 2)
-    grey, image = (cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.rendering.grey, chosen.image))
+    grey, image = (
+        cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.rendering.grey, chosen.image)
+    )
     known, true = (
         cv2.resize(part.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
         for part in (chosen.rendering.textured, chosen.valid)
     )
     if rng.random() < 0.25:
         known = np.zeros_like(known)
-    crop = _cut_crop(np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(true, 255, 0)]), known & true, size, rng)
+    crop = _cut_crop(
+        np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(true, 255, 0)]), known & true, size, rng
+    )
     grey, image, true = crop.image[..., :3], crop.image[..., 3:6], crop.image[..., 6] > 0
     return TrainingCrop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), true
 
 
 def imitate_rendering(photo: np.ndarray) -> np.ndarray:
-    """Convert a real crop (h, w, 3) uint8 to an imitation of an untextured rendering, (h, w) uint8.
+    """Convert a real crop to an imitation of an untextured rendering: shading without detail, black sky.
 
-    Keeps shading without detail; the sky is black.
+    Parameters
+    ----------
+    photo : (h, w, 3) uint8.
+
+    Returns
+    -------
+    (h, w) uint8.
     """
     import cv2
 
@@ -193,7 +226,9 @@ def imitate_rendering(photo: np.ndarray) -> np.ndarray:
     sky = bright & np.isin(parts, np.unique(parts[0][bright[0]]))
     rest = smooth[~sky] if (~sky).any() else smooth
     low, high = np.percentile(rest, [2, 98])
-    out = np.clip(_GREY_RANGE[0] + (smooth - low) * ((_GREY_RANGE[1] - _GREY_RANGE[0]) / max(high - low, 1)), *_GREY_RANGE).astype(np.uint8)
+    out = np.clip(
+        _GREY_RANGE[0] + (smooth - low) * ((_GREY_RANGE[1] - _GREY_RANGE[0]) / max(high - low, 1)), *_GREY_RANGE
+    ).astype(np.uint8)
     out[sky] = 0
     return out
 

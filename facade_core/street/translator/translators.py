@@ -44,7 +44,9 @@ class MaterialFieldTranslator:
         grains: GrainTables | None = None,
     ) -> None:
         self._normal = scene.charts.normals()
-        self.materials = MaterialField(scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains)
+        self.materials = MaterialField(
+            scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains
+        )
 
     def translate(self, panorama: Panorama) -> np.ndarray:
         """Return the fully textured panorama, (h, w, 3) uint8."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from catalogs.block.reader import Block
 from facade_core.atlas.arrays import STORE_FORMAT, clear_rasters, resize_arrays
-from facade_core.atlas.journal import Record, clear_record
+from facade_core.atlas.journal import Record, clear_record, journal_path
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, read_format
 from facade_core.atlas.stored_files import FOLDERS
 from facade_core.core.atlas_spec import AtlasSpec
@@ -107,7 +107,7 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
         before = list(map(_text, change.records[stage.stage]))
         for index, text in enumerate(map(_text, records)):
             if index >= len(before) or before[index] != text:
-                root[f"journal/{stage.stage}"][index] = text
+                root[journal_path(stage.stage)][index] = text
 
 
 def counts(block: Block, plan: Plan) -> dict[str, int]:
@@ -117,7 +117,7 @@ def counts(block: Block, plan: Plan) -> dict[str, int]:
 
 def has_all_stages(group: StoreGroup) -> bool:
     """Whether a store has a journal for every stage, and every folder of files; one from before these were there lacks it."""
-    return all(f"journal/{stage.stage}" in group for stage in all_stages()) and all(
+    return all(journal_path(stage.stage) in group for stage in all_stages()) and all(
         folder in group for folder in FOLDERS
     )
 

@@ -13,10 +13,10 @@ import shapely
 from catalogs.block.reader import Block
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.poses import parse_day
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import read_journal
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.imagery.poses.bundles import MIN_WALL_SHARE, group_bundles
 from facade_core.imagery.poses.joint_refinement import MAX_TURN_PIXELS, PriorPose
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
@@ -28,6 +28,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
 from tasks.stages.bundles.worker import Member, bundle_unit
+from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
 from tasks.stages.shared.memory import LIBRARY_BYTES
@@ -39,7 +40,7 @@ KEPT_PANORAMA = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
 
 def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """As the journal stands: of each bundle the panoramas that were refined alone, refused ones aside."""
-    records = read_journal(group, "poses")
+    records = read_journal(group, "poses", PoseRecord)
     units = []
     for index, (name, bundle) in enumerate(zip(names_of_bundles(plan, block), bundles(plan, block), strict=True)):
         members = tuple(
@@ -74,11 +75,11 @@ def names_of_bundles(plan: Plan, block: Block) -> list[str]:
 def _on_streets(plan: Plan) -> Sightings:
     """Of facades on streets, by which poses were measured."""
     seen = plan.sightings
-    kept = plan.facades.role[seen.facade] == STREET
+    kept = plan.facades.role[seen.facade] == WallRole.STREET
     return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
 
 
-def _alone(record: Record, plan: Plan, panorama: int) -> PriorPose:
+def _alone(record: PoseRecord, plan: Plan, panorama: int) -> PriorPose:
     """A panorama as it was refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
     return PriorPose(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
@@ -109,7 +110,9 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
     """Of panoramas that are refined together on some charts."""
     places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
     around = (
-        plan.scene_objects.digests_in_box(places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M)
+        plan.scene_objects.digests_in_box(
+            places.min(axis=0) - POSE_SURROUNDINGS_M, places.max(axis=0) + POSE_SURROUNDINGS_M
+        )
         if len(members)
         else []
     )

@@ -17,6 +17,7 @@ from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
+from tasks.stages.bundles.record import BundleRecord
 from tasks.stages.shared.images import read_panorama
 
 
@@ -42,7 +43,7 @@ def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             one.path.name: {"alone": _numbers(one.alone.pose), "found": _found(scene, one, at)}
             for one, at in zip(members, found, strict=True)
         }
-    record: Record = {
+    record: BundleRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",

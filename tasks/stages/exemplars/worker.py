@@ -20,9 +20,11 @@ from facade_core.imagery.detect.detection import detect_on_image, detectors_avai
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
-from tasks.engine.context import unit_seed, worker_name
+from tasks.engine.context import worker_name
 from tasks.engine.run import Run
+from tasks.engine.seeds import EXEMPLAR_SEED, unit_seed
 from tasks.engine.unit import Piece
+from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.shared.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
 
 IMAGE = ArraySpec(
@@ -43,7 +45,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     hidden = picture.hidden | no_data_mask(picture.rgb)
     private = detect_on_image(picture.rgb).private_mask(hidden.shape)
     seconds = {"read": time.time() - start}
-    seed = unit_seed(run, unit.name, "exemplar")
+    seed = unit_seed(run, unit.name, EXEMPLAR_SEED)
     prepared = prepare_exemplar(
         picture.rgb,
         hidden,
@@ -67,7 +69,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     LABELS.write(group, f"exemplars/{unit.index}", labels)
     PREVIEW.write(group, f"exemplars/{unit.index}", _preview(run, picture.rgb, private, prepared))
     seconds["write"] = time.time() - begun
-    record: Record = {
+    record: ExemplarRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
@@ -103,7 +105,7 @@ def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exempla
 def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:
     """A prepared exemplar: image (h, w, 3) uint8, labels (h, w) uint8, and metres per texel: the block's density, or coarser
     where it would be larger than LONGEST_EXEMPLAR."""
-    (record,) = read_records(group, "exemplars", np.array([index]))
+    (record,) = read_records(group, "exemplars", np.array([index]), ExemplarRecord)
     if record is None:
         raise StoreError(f"exemplar {index} has no record; the next run makes it again")
     return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:], record["metres_per_texel"]

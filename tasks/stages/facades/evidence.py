@@ -165,7 +165,7 @@ def _of_panoramas(
         if share is not None:
             picture = _small(then) if share >= PICTURED else None
             before = before._replace(
-                cells=told.by_cell(float(plan.scene.placement.texels_per_metre[chart])), picture=picture
+                cells=told.encode_cells(float(plan.scene.placement.texels_per_metre[chart])), picture=picture
             )
         # what is no longer so is not shown; the rest fills what the newest do not show
         views += [
@@ -248,7 +248,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
     )
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
     seen = detect_on_image(cut.image).rescale(across, down)
-    fit = Fit(cut.hidden.size / image[..., 0].size, cut.found, across / down)
+    fit = Fit(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
     return Photo(resize_image(cut.image, size), hidden, outside, seen, fit)
 
 

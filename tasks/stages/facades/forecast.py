@@ -10,12 +10,13 @@ from tasks.engine.stage import ForecastInputs, StageForecast
 from tasks.engine.unit_key import parts_of
 from tasks.stages.bundles.stage import members_of
 from tasks.stages.facades.captures import panoramas_of
+from tasks.stages.facades.record import FacadeRecord
 
 
 def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Find the facades that are pending once panoramas and exemplars are done again; their keys do not show that yet."""
     plan, block, exemplars = inputs.plan, inputs.block, inputs.pending["exemplars"]
-    records = read_journal(inputs.group, "facades")
+    records = read_journal(inputs.group, "facades", FacadeRecord)
     poses = {*inputs.pending["poses"], *members_of(plan, block, sorted(inputs.pending["bundles"]))}
     sources = {unit.name for unit in inputs.units["exemplars"] if unit.index in exemplars}
     shown = [(*of.newest, *of.before) for of in panoramas_of(plan, block)] if poses else []

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import numpy as np
 import shapely
 
-from catalogs.block.part import ENTRANCE_M, Part
+from catalogs.block.part import MAX_ENTRANCE_DISTANCE_M, CityPart
 from catalogs.block.reader import Block
 from facade_core.atlas.journal import Record, read_journal
-from facade_core.atlas.refined_poses import read_refined_poses
 from facade_core.atlas.store import open_table
 from facade_core.atlas.stored_files import EARLIER, HIERARCHIES, delete_stored_files
 from facade_core.core.name_hash import hash_name
@@ -24,11 +24,12 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record
 from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
+from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.captures import panoramas_of
 from tasks.stages.facades.forecast import forecast_facades
 from tasks.stages.facades.imagery import Imagery, collect_imagery
 from tasks.stages.facades.keys import add_building_part, facade_keys
-from tasks.stages.facades.record import facade_files
+from tasks.stages.facades.record import FacadeRecord, facade_files
 from tasks.stages.facades.worker import facade_unit
 from tasks.stages.shared.facade_corrections import corrected_of
 from tasks.stages.shared.memory import (
@@ -39,7 +40,7 @@ from tasks.stages.shared.memory import (
     detection_bytes,
     kept_pixels,
 )
-from tasks.stages.shared.refined_poses import is_refused, select_pose
+from tasks.stages.shared.refined_poses import is_refused, read_refined_poses, select_pose
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 SHOP_M = 15.0
@@ -50,7 +51,11 @@ _FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
 def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """As the journal stands: poses that are refined, exemplars that could be prepared."""
     imagery = facade_imagery(run, block, plan, group)
-    exemplars = {i: r["key"] for i, r in enumerate(read_journal(group, "exemplars")) if r and r["status"] == "done"}
+    exemplars = {
+        i: r["key"]
+        for i, r in enumerate(read_journal(group, "exemplars", ExemplarRecord))
+        if r and r["status"] == "done"
+    }
     charts, texels = plan.facades.chart.tolist(), plan.texel_counts()
     keys = [
         facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
@@ -113,11 +118,13 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     chosen = (
-        exemplars_of(plan, read_journal(group, "exemplars"), walls_of(plan, block, shops), seed=run.seed)
+        exemplars_of(
+            plan, read_journal(group, "exemplars", ExemplarRecord), walls_of(plan, block, shops), seed=run.seed
+        )
         if run.texture.walls == "exemplar"
         else {}
     )
-    chosen |= _chosen_by_people(plan, block, read_journal(group, "exemplars")) if chosen else {}
+    chosen |= _chosen_by_people(plan, block, read_journal(group, "exemplars", ExemplarRecord)) if chosen else {}
     own = plan.textured[plan.facades.chart].tolist()
     return collect_imagery(
         plan.facades.id,
@@ -134,7 +141,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     )
 
 
-def _chosen_by_people(plan: Plan, block: Block, records: Records) -> dict[int, tuple[int, str]]:
+def _chosen_by_people(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:
     """The exemplar that somebody chose for the building of a facade, where it could be prepared."""
     usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
     found = {}
@@ -153,7 +160,7 @@ def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tupl
     if len(places) and len(low):
         walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], _FOOT)[..., :2])
         points = shapely.points(np.array(places).reshape(-1, 2))
-        of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=ENTRANCE_M, all_matches=False)
+        of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=MAX_ENTRANCE_DISTANCE_M, all_matches=False)
         at = shapely.line_locate_point(walls[wall], points[of]) + facades.along[low[wall]]
         for facade, metres in zip(low[wall].tolist(), at.tolist(), strict=True):
             found.setdefault(int(facades.run[facade]), set()).add(round(metres, 2))
@@ -170,9 +177,9 @@ def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.nda
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
 
-def _shops_of_part(plan: Plan, part: Part) -> np.ndarray:
+def _shops_of_part(plan: Plan, part: CityPart) -> np.ndarray:
     """The same of a part of a city, which is told by building."""
-    told = dict(zip(part.buildings, part.shops, strict=False))
+    told = dict(zip(part.buildings, part.shop_flags, strict=False))
     return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
 
 
@@ -181,8 +188,8 @@ def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
     stands on, by their outlines."""
     if block.part is not None:
         own = set(block.part.buildings)
-        buildings = [*(building for building in block.buildings if building.id in own), *block.part.beyond]
-        return walls_from_outlines(buildings, block.part.fronts, block.part.shops, block.storey)
+        buildings = [*(building for building in block.buildings if building.id in own), *block.part.distant_buildings]
+        return walls_from_outlines(buildings, block.part.front_streets, block.part.shop_flags, block.storey)
     facades = plan.facades
     # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
     seen = facades.seen > 0
@@ -198,7 +205,9 @@ def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
     )
 
 
-def exemplars_of(plan: Plan, records: Records, walls: StyleTargets, *, seed: int) -> dict[int, tuple[int, str]]:
+def exemplars_of(
+    plan: Plan, records: Sequence[ExemplarRecord | None], walls: StyleTargets, *, seed: int
+) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
 
     Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade, and the
@@ -273,7 +282,7 @@ def facade_memory(texels: int, imagery: Imagery) -> int:
 
 def _find_lost(store: StoreContents) -> list[int]:
     """Find facades that are done in every texel, and of whose chart a chunk is not listed."""
-    records = store.records["facades"]
+    records = cast(Sequence[FacadeRecord | None], store.records["facades"])
     complete = [i for i, r in enumerate(records) if is_done_record(r) and r and r.get("provenance", [1])[0] == 0]
     if not complete:
         return []

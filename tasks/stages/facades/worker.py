@@ -31,16 +31,17 @@ from facade_core.facade.pipeline import (
 from facade_core.facade.texture.ground_floor import replace_shops
 from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
 from facade_core.facade.variation.hierarchy import Hierarchy
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.parsing.confidence import masked_share
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
-from tasks.engine.context import plan_of_run, unit_seed, worker_name
+from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.engine.run import Run
+from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import Piece, Unit
 from tasks.stages.exemplars.worker import read_exemplar
 from tasks.stages.facades.evidence import Before, Evidence, Fit, evidence_of
@@ -216,9 +217,9 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
                         entrances=[
                             (place - along) / width for place in imagery.entrances if along < place < along + width
                         ],
-                        front=int(facades.role[facade]) == STREET,
+                        front=int(facades.role[facade]) == WallRole.STREET,
                         models=run.models,
-                        seed=unit_seed(run, facades.id[facade], "facade"),
+                        seed=unit_seed(run, facades.id[facade], FACADE_SEED),
                     )
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
@@ -262,9 +263,9 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
         span=(along, along + width),
         metres_per_pixel=metres_per_texel,
         floor_style=given[0],
-        building_seed=unit_seed(run, str(facades.house[facade]), "house"),
+        building_seed=unit_seed(run, str(facades.house[facade]), BUILDING_SEED),
         wall_colour=colour_of_pictured(group, plan, beside),
-        seed=unit_seed(run, first, "facade"),
+        seed=unit_seed(run, first, FACADE_SEED),
     )
     return _Made(depth, _corrected(result, imagery), name, nothing)
 

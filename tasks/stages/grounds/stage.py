@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 from catalogs.block.reader import Block
-from facade_core.atlas.journal import Record
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
@@ -19,6 +18,7 @@ from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
 from tasks.stages.grounds.worker import ground_unit
+from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.camera_forecast import forecast_after_poses
 from tasks.stages.shared.key_parts import panorama_parts
 from tasks.stages.shared.memory import (
@@ -62,7 +62,7 @@ def _name(number: int) -> str:
     return f"ground-{number:016x}"
 
 
-def _over_ground(record: Record | None) -> bool:
+def _over_ground(record: PoseRecord | None) -> bool:
     height = None if record is None or record["status"] != "done" else record.get("over_ground_m")
     return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
 

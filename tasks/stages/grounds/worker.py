@@ -13,6 +13,7 @@ from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import refusal
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
+from tasks.stages.grounds.record import GroundRecord
 from tasks.stages.shared.panorama_cameras import cameras_of, write_shown
 
 
@@ -27,7 +28,7 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     read = time.time()
     found = fuse_ground_view(plan.scene, chart, cameras) if cameras else None
     digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
-    record: Record = {
+    record: GroundRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
@@ -37,5 +38,5 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         "started": start,
         "seconds": {"read": round(read - start, 4), "ground": round(time.time() - read, 4)},
     }
-    record |= cast(Record, refusal(refused, "without it"))
+    record |= cast(GroundRecord, refusal(refused, "without it"))
     return fork, {unit.index: record}

@@ -20,7 +20,7 @@ from facade_core.atlas.store import BRANCH, commit, create_root, open_repository
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import wave_predecessors
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.plan.facades import MIN_FACADE_HEIGHT_M, MIN_FACADE_TEXELS, MIN_FACADE_WIDTH_M
 from facade_core.plan.identity import ParallelMap, map_in_process
 from facade_core.plan.plan import Plan
@@ -105,7 +105,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
 
 def no_facade(plan: Plan) -> list[str]:
     """Why a block has no facade on a street at all, in one line, with the remedy; nothing where it has one."""
-    if (plan.facades.role == STREET).any():
+    if (plan.facades.role == WallRole.STREET).any():
         return []
     charts = plan.scene.charts
     wall = charts.kind == ChartKind.WALL

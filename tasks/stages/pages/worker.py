@@ -15,6 +15,7 @@ from facade_core.export.models.pages import fill_between_charts
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
+from tasks.stages.pages.record import PageRecord
 
 # Exports cut their pictures from published pages: as little as can be is lost to being encoded twice.
 QUALITY = 95
@@ -33,7 +34,7 @@ def page_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     Image.fromarray(colour).save(buffer, "JPEG", quality=QUALITY, subsampling=0)
     data = buffer.getvalue()
     write_stored_file(group, page_path(unit.index), data, f"page {unit.index} of the atlas, JPEG")
-    record: Record = {
+    record: PageRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",

@@ -28,6 +28,7 @@ from tasks.engine.stage import Change, Records, Stage
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import parts_key
+from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pictures.record import picture_files
 from tasks.stages.pictures.worker import pictures_unit
 from tasks.stages.shared.key_parts import all_chart_ids
@@ -47,7 +48,7 @@ TOGETHER = 8
 def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """As the journal stands: the views, then each facade's pictures."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
-    records = read_journal(group, "facades")
+    records = read_journal(group, "facades", FacadeRecord)
     views = choose_cameras(plan, records, run.texture.sun)
     memory = view_memory(plan.scene.spec.page**2)
     units = [
@@ -72,7 +73,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     return units
 
 
-def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:
+def staged_facades(plan: Plan, records: Sequence[FacadeRecord | None]) -> set[int]:
     """The facades that are shown stage by stage, by their records: those from photos, and the first of each street."""
     count: Counter[int] = Counter()
     staged = set()

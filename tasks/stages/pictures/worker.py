@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from io import BytesIO
 from itertools import chain
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,11 @@ from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.outcome import failure, machine_fault, store_fault
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece, Unit
+from tasks.stages.facades.record import FacadeRecord
+from tasks.stages.pages.record import PageRecord
+from tasks.stages.tiles.record import TileRecord
+
+R = TypeVar("R", bound=Record)
 
 # Pages that are decoded for a view at most: one that shows more is so far away that coarse rasters do.
 DECODED = 32
@@ -82,7 +87,7 @@ def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     """The stages of a facade that the report shows, or its texture alone, as WebP files one after the other; nothing where it
     has none."""
     _, facade, staged = unit.arguments
-    (made,) = read_records(group, "facades", np.array([facade]))
+    (made,) = read_records(group, "facades", np.array([facade]), FacadeRecord)
     stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
     joined, listed = BytesIO(), []
     for stage in iterate_stage_pictures(stored):
@@ -112,7 +117,7 @@ def _on_pages(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dic
 
     place = plan.scene.placement
     pages = np.unique(place.page[charts])
-    for page, record in zip(pages.tolist(), read_records(group, "pages", pages), strict=True):
+    for page, record in zip(pages.tolist(), read_records(group, "pages", pages, PageRecord), strict=True):
         data = read_stored_file(group, page_path(page), _done(record, f"page {page:04}")["digest"])
         with Image.open(BytesIO(data)) as image:
             colour = np.asarray(image.convert("RGB"))
@@ -126,13 +131,13 @@ def _coarse(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[
     """The coarse rasters of the tiles that have some of these charts (k,), by chart, a tile at a time."""
     place = plan.scene.placement
     texels = np.column_stack([place.width, place.height]).astype(np.int64)
-    for tile, record in zip(plan_block_tiles(plan), read_journal(group, "tiles"), strict=True):
+    for tile, record in zip(plan_block_tiles(plan), read_journal(group, "tiles", TileRecord), strict=True):
         if np.isin(tile.charts, charts).any():
             digest = _done(record, f"tile {tile.path}")["coarse"]
             yield coarse_rasters(texels, tile.charts, read_verified_array(group, tile_paths(tile.path)[1], digest))
 
 
-def _done(record: Record | None, what: str) -> Record:
+def _done(record: R | None, what: str) -> R:
     if record is None or record["status"] != "done":
         raise ImageError(f"{what} failed")
     return record

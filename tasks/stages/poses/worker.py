@@ -16,6 +16,7 @@ from facade_core.imagery.rectify.full_circle import check_full_panorama
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
+from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.images import read_panorama
 
 # Where outlines of buildings fit so well, of 1, a pose is not doubted; on painted streets those that are right fit from .57 on.
@@ -41,7 +42,7 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         if why := explain_misplacement(plan.scene, picture, pose, sample_outline(plan.scene, pose), fitting):
             raise ImageError(why)
     ground = sample_ground(plan.scene, picture, pose)
-    record: Record = {
+    record: PoseRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",

@@ -10,13 +10,12 @@ import numpy as np
 import shapely
 
 from catalogs.block.reader import Block
-from facade_core.atlas.journal import Record
-from facade_core.atlas.refined_poses import read_refined_poses
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNER_SHARES, Charts
 from facade_core.imagery.cameras.exposure import exposure_factors
 from facade_core.plan.plan import Plan
-from tasks.stages.shared.refined_poses import select_pose
+from tasks.stages.poses.record import PoseRecord
+from tasks.stages.shared.refined_poses import read_refined_poses, select_pose
 from tasks.stages.shared.surface_panorama import PosedPanorama
 
 # Panoramas at most that a surface is taken from, the nearest to its middle: with pieces of ground of 32 m and a panorama each
@@ -73,7 +72,9 @@ class Cameras:
         return np.array([(one.pose.x, one.pose.y, one.pose.z) for one in self.taken]).reshape(-1, 3)
 
 
-def cameras_of_block(block: Block, plan: Plan, group: StoreGroup, usable: Callable[[Record | None], bool]) -> Cameras:
+def cameras_of_block(
+    block: Block, plan: Plan, group: StoreGroup, usable: Callable[[PoseRecord | None], bool]
+) -> Cameras:
     """As the journal stands: poses that are refined, and what their pictures show of the ground; those that are usable by their
     record."""
     records = read_refined_poses(group)
@@ -103,5 +104,5 @@ def _pieces(charts: Charts, chart: int) -> np.ndarray:
     return charts.points_at_shares(np.array([chart]), share.reshape(-1, 2))[0, :, :2].reshape(count, 4, 2)
 
 
-def _squares(record: Record | None) -> tuple[tuple[int, ...], ...]:
+def _squares(record: PoseRecord | None) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(square) for square in record.get("squares", ())) if record else ()

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from facade_core.atlas.journal import Record
+from typing import cast
+
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.core.types import Pose
+from facade_core.core.zarr_types import StoreGroup
+from tasks.stages.bundles.record import BundleRecord
+from tasks.stages.poses.record import PoseRecord, RefinedPoseRecord
 
 
-def select_pose(pose: Pose, record: Record | None) -> Pose:
+def select_pose(pose: Pose, record: PoseRecord | None) -> Pose:
     """The pose of a panorama as its record has it; the given one where it was not refined."""
     if record is None or record["status"] != "done":
         return pose
@@ -17,3 +22,20 @@ def select_pose(pose: Pose, record: Record | None) -> Pose:
 def is_refused(record: Record | None) -> bool:
     """Whether a panorama could not be placed: nothing is taken from it."""
     return record is not None and record["status"] == "failed"
+
+
+def read_refined_poses(group: StoreGroup) -> list[RefinedPoseRecord | None]:
+    """Read the records of panoramas, with the fields that their bundles replace.
+
+    A bundle counts for a panorama that still has the pose from which the bundle was refined.
+    """
+    records: list[RefinedPoseRecord | None] = list(read_journal(group, "poses", RefinedPoseRecord))
+    at = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
+    for bundle in read_journal(group, "bundles", BundleRecord):
+        if bundle is None or bundle["status"] != "done":
+            continue
+        for name, change in bundle["together"].items():
+            record = records[at[name]] if name in at else None
+            if record is not None and record["pose"] == change["alone"]:
+                records[at[name]] = cast(RefinedPoseRecord, {**record, **change["found"]})
+    return records

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage import StoreContents, is_done_record
 from tasks.engine.store.digests import sample_evenly
 from tasks.stages.streets.keys import street_keys
+from tasks.stages.streets.record import StreetRecord, ViewpointRecord
 
 
 def find_lost_viewpoints(store: StoreContents) -> list[int]:
@@ -25,7 +27,7 @@ def find_lost_viewpoints(store: StoreContents) -> list[int]:
     listed = {chunk[0] for chunk in list_chunks(store.session, "panoramas/rgb")}
     black = ""
     found = []
-    for viewpoint, record in enumerate(store.records["viewpoints"]):
+    for viewpoint, record in enumerate(cast(Sequence[ViewpointRecord | None], store.records["viewpoints"])):
         if record is None or not is_done_record(record) or viewpoint in listed:
             continue
         black = black or picture_digest(np.zeros(store.group["panoramas/rgb"].shape[1:], np.uint8))
@@ -43,7 +45,7 @@ def find_lost_streets(store: StoreContents) -> list[int]:
         for i, record in enumerate(store.records["viewpoints"])
     ]
     found = []
-    for street, record in enumerate(store.records["streets"]):
+    for street, record in enumerate(cast(Sequence[StreetRecord | None], store.records["streets"])):
         if record is None or not is_done_record(record) or not record.get("chain"):
             continue
         keys = [one["key"] if (one := held[v]) else None for v in viewpoints_of.rows_with(street).tolist()]
@@ -62,7 +64,7 @@ def find_differing_panoramas(group: StoreGroup, plan: Plan, sample: int | None) 
     """Find viewpoints whose panorama differs from its digest, and their streets."""
     pictures = [
         (viewpoint, record["panorama"])
-        for viewpoint, record in enumerate(read_journal(group, "viewpoints"))
+        for viewpoint, record in enumerate(read_journal(group, "viewpoints", ViewpointRecord))
         if record and record["status"] == "done" and "panorama" in record
     ]
     viewpoints = [

@@ -49,7 +49,9 @@ def _same_viewpoints(change: Change) -> dict[int, int]:
     return {
         viewpoint.id: earlier.id
         for street, before in _same_streets(change).items()
-        for viewpoint, earlier in zip(change.after.street_viewpoints(street), change.before.street_viewpoints(before), strict=False)
+        for viewpoint, earlier in zip(
+            change.after.street_viewpoints(street), change.before.street_viewpoints(before), strict=False
+        )
     }
 
 

@@ -29,6 +29,7 @@ from facade_core.street.translator.translators import MaterialFieldTranslator, T
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import own_grains, roof_material
+from tasks.stages.streets.record import StreetRecord
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarra
     pairs = plan.streets_of_charts(charts)
     pairs = pairs[plan.wave[pairs[:, 0]] > plan.wave[street]]
     later = np.unique(pairs[:, 0])
-    records = dict(zip(later.tolist(), read_records(group, "streets", later), strict=True))
+    records = dict(zip(later.tolist(), read_records(group, "streets", later, StreetRecord), strict=True))
     held = [
         chart
         for other, chart in pairs.tolist()
@@ -231,7 +232,9 @@ def replay(
     seed, evidence = (
         read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
     )
-    window = TexelBuffer.allocate(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
+    window = TexelBuffer.allocate(
+        scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range
+    )
 
     earlier = [] if own else _earlier(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:

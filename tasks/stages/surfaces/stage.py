@@ -22,6 +22,7 @@ from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.shared.memory import FINISHED_TEXEL, LIBRARY_BYTES
+from tasks.stages.streets.record import StreetRecord
 from tasks.stages.surfaces.keys import surface_key
 from tasks.stages.surfaces.worker import surface_unit
 
@@ -48,7 +49,7 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     """As the journal stands: what facades, textures and streets made."""
     seeds = latest_digests([record for stage in BASE_LAYER_STAGES for record in read_journal(group, stage)], [])
     walls = latest_digests(read_journal(group, "walls"), [])
-    streets = latest_digests([], read_journal(group, "streets"))
+    streets = latest_digests([], read_journal(group, "streets", StreetRecord))
     texels, ids = plan.texel_counts(), [f"{number:016x}" for number in plan.ids.tolist()]
     is_ground = plan.scene.charts.kind == ChartKind.GROUND
     units = []

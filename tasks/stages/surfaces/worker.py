@@ -24,6 +24,7 @@ from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece
 from tasks.stages.shared.materials import materials, sampler
+from tasks.stages.surfaces.record import SurfaceRecord
 
 
 @lru_cache(maxsize=2)
@@ -69,7 +70,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, rasters, flat)
     digests = chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
     seconds = {"prepare": prepared - start, "paint": painted - prepared, "write": time.time() - painted}
-    record: Record = {
+    record: SurfaceRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",

@@ -20,6 +20,7 @@ from tasks.engine.run import Run
 from tasks.engine.unit import Piece
 from tasks.stages.shared.images import read_textures
 from tasks.stages.shared.materials import sampler
+from tasks.stages.textures.record import TextureRecord
 
 
 def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -46,7 +47,7 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
             write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
         digests |= chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
-    record: Record = {
+    record: TextureRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
@@ -56,5 +57,5 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         "started": start,
         "seconds": {"texture": round(time.time() - start, 4)},
     }
-    record |= cast(Record, refusal(refused, "without it"))
+    record |= cast(TextureRecord, refusal(refused, "without it"))
     return fork, {unit.index: record}

@@ -25,6 +25,7 @@ from facade_core.export.tiles.tile_model import EarlierTile, build_tile_model
 from tasks.engine.context import plan_of_run, worker_name
 from tasks.engine.run import Run
 from tasks.engine.unit import Piece, Unit
+from tasks.stages.tiles.record import TileRecord
 
 
 def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -60,7 +61,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         attributes={"long_name": f"charts of tile {unit.name} made smaller, one after the other"},
         overwrite=True,
     )
-    record: Record = {
+    record: TileRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
@@ -80,7 +81,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
 
 def _earlier(group: StoreGroup, unit: Unit, shape: str) -> EarlierTile | None:
     """The tile as the store holds it, where it has the same shape and is whole."""
-    (record,) = read_records(group, "tiles", np.array([unit.index]))
+    (record,) = read_records(group, "tiles", np.array([unit.index]), TileRecord)
     if record is None or record["status"] != "done" or record.get("shape") != shape:
         return None
     model, path = tile_paths(unit.name)

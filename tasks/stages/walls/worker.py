@@ -21,6 +21,7 @@ from tasks.engine.run import Run
 from tasks.engine.unit import Piece
 from tasks.stages.shared.panorama_cameras import KEPT, camera_of, shown_in_turn, write_shown
 from tasks.stages.shared.surface_panorama import PosedPanorama
+from tasks.stages.walls.record import WallRecord
 
 
 def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -43,7 +44,7 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     shown, used = shown_in_turn(dict(zip(charts, taken, strict=True)), opened, partial(fuse_wall_view, plan.scene))
     digests, told = write_shown(open_root(fork), plan, shown, used)
     read = sum(reading)
-    record: Record = {
+    record: WallRecord = {
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
@@ -53,7 +54,7 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "started": start,
         "seconds": {"read": round(read, 4), "walls": round(time.time() - start - read, 4)},
     }
-    record |= cast(Record, refusal(refused, "without it"))
+    record |= cast(WallRecord, refusal(refused, "without it"))
     return fork, {unit.index: record}
 
 

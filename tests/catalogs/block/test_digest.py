@@ -20,7 +20,7 @@ from PIL import Image
 
 from catalogs.block.corrections import Correction, Corrections
 from catalogs.block.digest import block_digest
-from catalogs.block.part import Part
+from catalogs.block.part import CityPart
 from catalogs.block.reader import Block, read_block
 from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.core.types import ModelFiles
@@ -214,7 +214,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "faults": (*block.faults, "one"),
         "corrections": Corrections({"a-0": {"facade": Correction("a-0", "facade", False)}}),
         "models": ModelFiles(layout=picture),
-        "part": Part(("a",), (), (), ("street",), (-1,)),
+        "part": CityPart(("a",), (), (), ("street",), (-1,)),
     }
     assert changes.keys() | {"digest", "failed_limit"} == {field.name for field in fields(Block)}
     digests = {block_digest(replace(block, **{name: value})) for name, value in changes.items()}

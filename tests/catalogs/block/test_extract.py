@@ -11,7 +11,7 @@ import shapely
 
 from catalogs.block.digest import block_digest
 from catalogs.block.extract import read_extract, write_extract
-from catalogs.block.part import Chosen, Whole
+from catalogs.block.part import PartSelection, CityIndex
 from catalogs.block.reader import extract_of, read_block
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
@@ -22,7 +22,7 @@ from tests.pipeline.stages import write_block
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> CityIndex:
     """A small city, with one of everything that a city may have."""
     folder = tmp_path_factory.mktemp("city")
     block = read_block(write_block(folder))
@@ -38,7 +38,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
         areas=(Area("a", shapely.multipolygons([place.buffer(9)]), "grass"),),
         outline=shapely.box(0, 0, 1, 1),
     )
-    return Whole(
+    return CityIndex(
         replace(
             block,
             buildings=(replace(first, shell=shell), replace(second, roof=Roof("gabled", 3.1), levels=3), *others),
@@ -53,13 +53,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     )
 
 
-def chosen(whole: Whole) -> Chosen:
+def chosen(whole: CityIndex) -> PartSelection:
     first, second, *_ = (one.id for one in whole.segments)
-    return Chosen(buildings=("a", "b"), streets=(first,), context=("e",), passing=(second,), beyond=("c",))
+    return PartSelection(buildings=("a", "b"), streets=(first,), halo_buildings=("e",), halo_streets=(second,), distant_buildings=("c",))
 
 
-def test_what_is_kept_is_what_was_read(whole: Whole, tmp_path: Path) -> None:
-    part = whole.part(chosen(whole))
+def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None:
+    part = whole.extract_part(chosen(whole))
     write_extract(tmp_path / "p.npz", extract_of(part, whole.block))
     values = read_extract(tmp_path / "p.npz")
     assert set(values) == {"crs", "extent", *dict(PART_FIELDS)}
@@ -75,16 +75,16 @@ def test_what_is_kept_is_what_was_read(whole: Whole, tmp_path: Path) -> None:
     assert (tmp_path / "p.npz").stat().st_mtime_ns == written, "the same is not written again"
 
 
-def test_a_part_has_what_is_its_own_and_what_is_around(whole: Whole) -> None:
-    part = whole.part(chosen(whole))
+def test_a_part_has_what_is_its_own_and_what_is_around(whole: CityIndex) -> None:
+    part = whole.extract_part(chosen(whole))
     assert part.part is not None
     assert [one.id for one in part.buildings] == ["a", "b", "e"]
     assert [one.id for one in part.streets] == [one.id for one in whole.segments[:2]]
     assert (part.part.buildings, part.part.streets) == (("a", "b"), (whole.segments[0].id,))
-    assert [one.id for one in part.part.beyond] == ["c"]
-    assert part.part.shops == (1, 0, 0)
+    assert [one.id for one in part.part.distant_buildings] == ["c"]
+    assert part.part.shop_flags == (1, 0, 0)
     assert part.entrances == whole.block.entrances[:2], "of its own buildings alone"
-    assert len(part.part.fronts) == 3
+    assert len(part.part.front_streets) == 3
     assert list(part.photos) == ["a-0"]
     assert len(part.panoramas) == 1
     assert len(part.textures) == 1
@@ -93,9 +93,9 @@ def test_a_part_has_what_is_its_own_and_what_is_around(whole: Whole) -> None:
 
 
 @pytest.mark.parametrize("cut", [0, 30, -40])
-def test_a_damaged_file_is_refused_in_a_line(whole: Whole, tmp_path: Path, cut: int) -> None:
+def test_a_damaged_file_is_refused_in_a_line(whole: CityIndex, tmp_path: Path, cut: int) -> None:
     path = tmp_path / "p.npz"
-    write_extract(path, extract_of(whole.part(chosen(whole)), whole.block))
+    write_extract(path, extract_of(whole.extract_part(chosen(whole)), whole.block))
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(InputError, match="streetloom city` writes it") as raised:
         read_extract(path)

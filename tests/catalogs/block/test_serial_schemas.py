@@ -18,7 +18,7 @@ from catalogs.block.corrections import LINE_KEYS, Correction, Corrections, add_c
 from catalogs.block.digest import block_digest, geometry_digest
 from catalogs.block.extract import read_extract, write_extract
 from catalogs.block.keys import MaterialSettings, SunSettings, TextureSettings
-from catalogs.block.part import Part
+from catalogs.block.part import CityPart
 from catalogs.block.reader import Block, extract_of
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
 from catalogs.features import Fault
@@ -70,7 +70,7 @@ def small_block(folder: Path) -> Block:
         faults=(Fault("x", "building", "has no outline; draw it again", shapely.Point(1, 2)),),
         digest="",
         corrections=Corrections({"a-0": {"facade": Correction("a-0", "facade", False, (24.9, 60.2), 8.0, "anna")}}),
-        part=Part(("a",), ("s1",), (model,), ("High Street", "High Street"), (1, -1)),
+        part=CityPart(("a",), ("s1",), (model,), ("High Street", "High Street"), (1, -1)),
         models=ModelFiles(parser=folder / "parser.onnx"),
     )
 

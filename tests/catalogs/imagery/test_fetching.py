@@ -19,9 +19,9 @@ from PIL import Image
 from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_path
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
 from catalogs.imagery.fetching import MAX_CONSECUTIVE_FAILURES, MAX_DOWNLOADS, fetch_panoramas
-from catalogs.imagery.http_client import Away
-from catalogs.imagery.remote_panorama import Offer, Wanted
-from catalogs.imagery.services import stac
+from catalogs.imagery.http_client import ServiceUnavailable
+from catalogs.imagery.remote_panorama import RemotePanorama, ImageryQuery
+from catalogs.imagery.services import stac_service
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import ImageError, InputError
 
@@ -31,9 +31,9 @@ GOOD = Shot("good", 7.5, 48.5, 30.0)
 
 def fetched(served: Imagery, folder: Path, look=lambda _: None) -> dict[str, str]:
     """Fetch all that is offered; why pictures cannot be used, by id."""
-    service, account = stac(served.stac()), read_fetch_log(folder)
-    offers = [one for one in service.search(Wanted(BOX)) if isinstance(one, Offer)]
-    faults = fetch_panoramas(service.name, offers, account, service.get, look, lambda _: None)
+    service, account = stac_service(served.stac()), read_fetch_log(folder)
+    offers = [one for one in service.search(ImageryQuery(BOX)) if isinstance(one, RemotePanorama)]
+    faults = fetch_panoramas(service.name, offers, account, service.download, look, lambda _: None)
     account.write_poses()
     assert not (folder / ".arriving").exists()
     assert all("\n" not in fault.reason and ";" in fault.reason for fault in faults)
@@ -107,10 +107,10 @@ def test_what_is_no_panorama_is_told_and_not_fetched_again(served: Imagery, tmp_
 
 
 def test_a_checksum_that_differs_is_told(served: Imagery, tmp_path: Path) -> None:
-    offer = Offer("good", f"{served.address}/x", stac_pose(), licence="CC0-1.0", sha256="0" * 64)
+    offer = RemotePanorama("good", f"{served.address}/x", stac_pose(), licence="CC0-1.0", sha256="0" * 64)
     served.faults["/x"] = lambda *_: (200, {}, jpeg(32, 64))
-    account, service = read_fetch_log(tmp_path / "p"), stac(served.stac())
-    (fault,) = fetch_panoramas("s", [offer], account, service.get, lambda _: None, lambda _: None)
+    account, service = read_fetch_log(tmp_path / "p"), stac_service(served.stac())
+    (fault,) = fetch_panoramas("s", [offer], account, service.download, lambda _: None, lambda _: None)
     assert "checksum differs" in fault.reason
     assert account.pictures == {}
 
@@ -137,11 +137,11 @@ def test_ids_name_files_of_the_folder_only(served: Imagery, tmp_path: Path) -> N
         "C:\\x",
     ]
     served.shots = [replace(GOOD, id=name, content=jpeg(32, 64, seed)) for seed, name in enumerate(ids)]
-    offers = [Offer(name, f"{served.address}/{seed}", stac_pose(), licence="CC0-1.0") for seed, name in enumerate(ids)]
+    offers = [RemotePanorama(name, f"{served.address}/{seed}", stac_pose(), licence="CC0-1.0") for seed, name in enumerate(ids)]
     for seed in range(len(ids)):
         served.faults[f"/{seed}"] = lambda *_, seed=seed: (200, {}, jpeg(32, 64, seed))
-    account, service = read_fetch_log(tmp_path / "deep" / "p"), stac(served.stac())
-    assert fetch_panoramas("s", offers, account, service.get, lambda _: None, lambda _: None) == []
+    account, service = read_fetch_log(tmp_path / "deep" / "p"), stac_service(served.stac())
+    assert fetch_panoramas("s", offers, account, service.download, lambda _: None, lambda _: None) == []
     names = pictures(tmp_path / "deep" / "p")
     assert len({name.casefold() for name in names}) == len(ids), "also where letters' case does not count"
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["p"]
@@ -155,7 +155,7 @@ def test_a_service_that_goes_away_ends_the_fetching(
     served.shots = [replace(GOOD, id=f"p{i}") for i in range(100)]
     for i in range(5, 100):
         served.faults[picture_path(f"p{i}")] = lambda *_: (503, {}, b"")
-    with pytest.raises(Away, match="answers 503"):
+    with pytest.raises(ServiceUnavailable, match="answers 503"):
         fetched(served, tmp_path / "p")
     # Each of the five that come may do so when all but one of those that end it are lost; then the others' threads end too.
     assert sum(served.asked[picture_path(f"p{i}")] for i in range(5, 100)) <= 5 * (MAX_CONSECUTIVE_FAILURES - 1) + MAX_CONSECUTIVE_FAILURES + MAX_DOWNLOADS - 1

@@ -120,4 +120,5 @@ def test_units_of_degrees(name: str, place: tuple[float, float]) -> None:
 def test_points_come_out_east_first_in_metres_of_height() -> None:
     points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     assert Axes().to_east_north_up(points).tolist() == points.tolist()
-    assert Axes(north_first=True, metres_per_height_unit=0.5).to_east_north_up(points).tolist() == [[2.0, 1.0, 1.5], [5.0, 4.0, 3.0]]
+    feet = Axes(north_first=True, metres_per_height_unit=0.5)
+    assert feet.to_east_north_up(points).tolist() == [[2.0, 1.0, 1.5], [5.0, 4.0, 3.0]]

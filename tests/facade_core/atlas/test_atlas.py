@@ -103,7 +103,9 @@ def test_two_workers_write_through_forks_and_one_commits(repository, placement) 
         commit(session, f"unit {index}")
     group = zarr.open_group(repository.readonly_session("main").store, mode="r")
     for chart in (0, 3):
-        assert (read_rasters(group["atlas/provenance"], placement, TexelLayout.of_charts(placement, [chart])) == 7).all()
+        assert (
+            read_rasters(group["atlas/provenance"], placement, TexelLayout.of_charts(placement, [chart])) == 7
+        ).all()
     assert [r and r["unit"] for r in read_journal(group, "facades")] == ["0", "1", None]
 
 
@@ -193,7 +195,9 @@ def test_ranks() -> None:
         [Provenance.PHOTO, Provenance.INPAINTED, Provenance.SYNTHESISED, Provenance.UNSEEN, Provenance.UNSEEN], np.uint8
     )
     views = np.array([1, 1, 1, 2, 0], np.uint16)
-    colour, provenance = resolve_provenance(np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views)
+    colour, provenance = resolve_provenance(
+        np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views
+    )
     assert provenance.tolist() == [
         Provenance.PHOTO,
         Provenance.INPAINTED,
@@ -254,7 +258,9 @@ def _whole_manifests(path: Path) -> icechunk.Repository:
 def test_a_commit_writes_only_the_manifests_of_the_pages_that_it_touches(tmp_path: Path) -> None:
     repository = open_repository(tmp_path / "store", create=True)
     _pages(repository, PAGES)
-    assert _manifests(repository) == [[i, min(i + PAGES_PER_MANIFEST, PAGES)] for i in range(0, PAGES, PAGES_PER_MANIFEST)]
+    assert _manifests(repository) == [
+        [i, min(i + PAGES_PER_MANIFEST, PAGES)] for i in range(0, PAGES, PAGES_PER_MANIFEST)
+    ]
     before = set((tmp_path / "store" / "manifests").iterdir())
     _pages(repository, PAGES, written=slice(1))
     assert len(set((tmp_path / "store" / "manifests").iterdir()) - before) == 1

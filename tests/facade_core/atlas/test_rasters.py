@@ -38,7 +38,9 @@ def test_rasters_come_back_and_leave_the_others(
     before = rng.integers(0, 256, (whole.total, *bands), dtype=np.uint8)
     write_rasters(array, spec, placement, whole, before)
 
-    chosen = TexelLayout.of_charts(placement, data.draw(st.permutations(range(len(charts))))[: int(rng.integers(1, 13))])
+    chosen = TexelLayout.of_charts(
+        placement, data.draw(st.permutations(range(len(charts))))[: int(rng.integers(1, 13))]
+    )
     flat = rng.integers(0, 256, (chosen.total, *bands), dtype=np.uint8)
     write_rasters(array, spec, placement, chosen, flat)
     np.testing.assert_array_equal(read_rasters(array, placement, chosen), flat)

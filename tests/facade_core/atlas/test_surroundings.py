@@ -23,7 +23,9 @@ def charts() -> Charts:
     lean = shapely.affinity.rotate(shapely.box(30, 0, 36, 8), 20, origin=(0, 0))
     street = Street("s", None, shapely.LineString([(0, -9), (30, -9)]))
     houses = [Building("a", house, 7.0, "height"), Building("b", lean, 5.0, "height")]
-    return build_block_surfaces(houses, [street], terrain=build_terrain([], None), ground_margin=9, largest=8.1, grid=8)[0]
+    return build_block_surfaces(
+        houses, [street], terrain=build_terrain([], None), ground_margin=9, largest=8.1, grid=8
+    )[0]
 
 
 def painted(charts: Charts, chart: int) -> tuple[np.ndarray, np.ndarray]:
@@ -86,8 +88,12 @@ def test_a_seam_at_the_border_of_two_charts_goes(charts: Charts) -> None:
 
     width, height = charts.texels(DENSITY)[chart]
     margin = 40
-    colour, provenance = read_with_surroundings(charts, np.full(len(charts), DENSITY), chart, (height, width), margin, read)
-    levelled = level_seam(colour, provenance == 4, provenance == 1, reach=20)[margin:-margin, margin:-margin].astype(int)
+    colour, provenance = read_with_surroundings(
+        charts, np.full(len(charts), DENSITY), chart, (height, width), margin, read
+    )
+    levelled = level_seam(colour, provenance == 4, provenance == 1, reach=20)[margin:-margin, margin:-margin].astype(
+        int
+    )
     edge, far = (levelled[:, -1], levelled[:, 0]) if along > 0 else (levelled[:, 0], levelled[:, -1])
     assert abs(edge.mean() - 130) < 4
     assert far.mean() < 130 - 15

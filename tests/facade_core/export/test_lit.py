@@ -162,7 +162,7 @@ def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
 
 
 def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> RelightingInputs:
-    made = np.array([field.PLASTER, field.SHEET, field.SOIL], np.uint8)[np.minimum(scene.charts.kind, ChartKind.GROUND)]
+    made = np.array([field.SurfaceMaterial.PLASTER, field.SurfaceMaterial.SHEET_METAL, field.SurfaceMaterial.GROUND], np.uint8)[np.minimum(scene.charts.kind, ChartKind.GROUND)]
     place = scene.placement
 
     def texels(chart: int) -> ChartTexels:

@@ -27,7 +27,7 @@ def test_every_label_material_and_surface_is_of_something() -> None:
     assert found[0, FacadeClass.WINDOW] == FRAME
     assert found[0, FacadeClass.BALCONY] == RAILING
     assert len(GROUND_MATERIALS) == len(SURFACES)
-    assert set(CHART_MATERIALS) == set(range(field.FITTING + 1)), "all that charts are made of"
+    assert set(CHART_MATERIALS) == set(range(field.SurfaceMaterial.METAL_FIXTURE + 1)), "all that charts are made of"
     assert len(surface_materials.SUBSTANCES) == len({one.name for one in surface_materials.SUBSTANCES})
 
 

@@ -5,14 +5,14 @@ import numpy as np
 
 from facade_core.core.types import Sun
 from facade_core.export.pictures import views
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 
 
 def test_views_are_along_the_streets_with_the_most_facades() -> None:
     facades = SimpleNamespace(
         chart=np.arange(5),
         street=np.array([4, 4, 1, 2, 0]),
-        role=np.full(5, STREET),
+        role=np.full(5, WallRole.STREET),
         width=np.array([10.0, 10, 30, 4, 50]),
         height=np.array([12.0, 12, 3, 4, 20]),
     )
@@ -29,7 +29,7 @@ def test_what_the_sun_is_on_is_worth_more_than_what_is_in_its_own_shade() -> Non
         def normal(self) -> np.ndarray:
             return np.array([[0.0, -1, 0], [0, 1, 0], [0, 0, 1]])  # of a facade to the south, one to the north, a roof
 
-    facades = SimpleNamespace(chart=np.array([0, 1]), role=np.full(2, STREET))
+    facades = SimpleNamespace(chart=np.array([0, 1]), role=np.full(2, WallRole.STREET))
     plan: Any = SimpleNamespace(facades=facades, scene=SimpleNamespace(charts=Charts()))
     assert views._chart_worth(plan, [None, None], None).tolist() == [1, 1, 0]
     assert views._chart_worth(plan, [None, None], Sun(180.0, 40.0)).tolist() == [1, views.SHADED_WORTH, 0]

@@ -77,7 +77,7 @@ def test_confidence_is_put_right():
 def test_few_elements_that_were_all_right_are_not_certain():
     record = certainty.fit_calibration([doors((0.8, True), (0.9, True))])
     sure = Calibration({"door": tuple(record["elements"]["door"])}, FacadeFigures(1, 1, 1))
-    assert 0.5 < sure.probability(Element("door", 0, 0, 1, 1, 0.85)) < 0.95
+    assert 0.5 < sure.element_probability(Element("door", 0, 0, 1, 1, 0.85)) < 0.95
     assert record["elements"]["shop"] == [1, 0], "of what was not seen the confidence stays"
 
 
@@ -109,7 +109,7 @@ def test_intervals_hold_what_they_promise():
 
 
 def told(parsing, hidden, widths=(0.5, 5.0, 1.0)):
-    return Calibration({}, FacadeFigures(*widths)).told(parsing, elements(parsing), hidden)
+    return Calibration({}, FacadeFigures(*widths)).estimate(parsing, elements(parsing), hidden)
 
 
 def test_what_intervals_hold_is_measured_and_those_of_counts_are_whole():

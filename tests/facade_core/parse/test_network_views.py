@@ -87,11 +87,11 @@ def test_cut_outs_are_the_things_in_front():
     photo.occluder[150:160, 150:180] = UNKNOWN
     photo.occluder[100:120, 40:70] = 1
     (cutout,), (other,) = extract_cutouts([photo])
-    assert other.piece.shape == (20, 30, 4), "a car is not upright"
-    assert cutout.share == 40 / 200
-    assert cutout.piece.shape == (40, 20, 4)
-    assert (cutout.piece[..., 3] == 255).all()
-    assert (cutout.piece[..., :3] == photo.image[20:60, 30:50]).all()
+    assert other.image.shape == (20, 30, 4), "a car is not upright"
+    assert cutout.height_share == 40 / 200
+    assert cutout.image.shape == (40, 20, 4)
+    assert (cutout.image[..., 3] == 255).all()
+    assert (cutout.image[..., :3] == photo.image[20:60, 30:50]).all()
 
 
 def test_things_mostly_stand_at_the_photos_foot_as_high_as_in_their_own():

@@ -231,6 +231,6 @@ def test_weights_come_back_from_the_file_of_a_network(weights, tmp_path):
 
 
 def test_with_fixed_norms_what_is_normalised_by_stays(start):
-    fixed = train(start, TrainingSchedule(steps=2, per_step={"facades": 2}, fixed_norms=True))
+    fixed = train(start, TrainingSchedule(steps=2, per_step={"facades": 2}, freeze_norms=True))
     assert torch.equal(fixed["norms.0.running_mean"], start["norms.0.running_mean"])
     assert not torch.equal(fixed["head.weight"], start["head.weight"])

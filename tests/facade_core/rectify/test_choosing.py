@@ -11,7 +11,7 @@ import pytest
 
 from facade_core.core.types import Pose
 from facade_core.geometry.scene import Scene
-from facade_core.geometry.walls import SIDE, STREET
+from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.fisheye import is_fisheye
 from facade_core.imagery.rectify.panorama import point_visibility
 from facade_core.plan.panorama_choice import MIN_COVERED_SHARE, MIN_RELATIVE_QUALITY, choose_panoramas
@@ -28,7 +28,7 @@ def at(x: float, y: float = 188.0) -> Pose:
 
 def facades_of(scene: Scene, roles: list[str] | None = None) -> Any:
     n = len(scene.charts.size)
-    return cast(Any, SimpleNamespace(chart=np.arange(n), role=np.array(roles or [STREET] * n)))
+    return cast(Any, SimpleNamespace(chart=np.arange(n), role=np.array(roles or [WallRole.STREET] * n)))
 
 
 def is_covered(scene: Scene, poses: list[Pose], chosen: tuple[int, ...]) -> bool:
@@ -62,7 +62,7 @@ def test_what_only_one_shows_is_taken_and_what_none_shows_asks_for_nothing() -> 
     assert 3 in found.chosen
     assert 4 not in found.chosen
     assert (found.facades, found.facades_shown, found.covering_panoramas) == (8, 7, 4)
-    only = choose_panoramas(scene, facades_of(scene, [STREET] * 6 + [SIDE] * 2), poses, [SIZE] * 5)
+    only = choose_panoramas(scene, facades_of(scene, [WallRole.STREET] * 6 + [WallRole.SIDE] * 2), poses, [SIZE] * 5)
     assert 3 not in only.chosen, "a wall at no street asks for no picture"
 
 
@@ -70,7 +70,7 @@ def test_what_stands_before_a_wall_hides_it_from_a_panorama() -> None:
     screen = ((99.0, 194.0), (112.0, 194.0), 0.0, 20.0)
     poses = [at(105.0, 188.0), at(105.0, 197.0)]
     scene = scene_of(ROW[0], screen)
-    assert set(choose_panoramas(scene, facades_of(scene, [STREET, SIDE]), poses, [SIZE] * 2).chosen) == {1}
+    assert set(choose_panoramas(scene, facades_of(scene, [WallRole.STREET, WallRole.SIDE]), poses, [SIZE] * 2).chosen) == {1}
 
 
 def test_of_two_that_show_the_same_the_first_is_taken() -> None:

@@ -41,7 +41,7 @@ def test_in_large_pictures_sides_are_found_within_a_part():
     outside[:301] = outside[1802:] = True
     outside[:, :205] = True
     box = find_facade_box(outside, np.zeros_like(outside))
-    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / crop.PARTS
+    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / crop.GRID_CELLS
 
 
 def test_noise_at_the_border_and_panes_within_do_not_decide():
@@ -70,7 +70,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = crop_to_facade(image, hidden)
-    assert found.found
+    assert found.has_facade
     assert found.box == (0, 10, 50, 60)
     assert (found.image == image[10:]).all()
     assert (found.hidden == hidden[10:]).all()
@@ -89,7 +89,7 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     image = np.zeros((60, 50, 3), np.uint8)
     found = crop_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)
-    assert not found.found
+    assert not found.has_facade
     assert not found.outside.any()
     assert crop_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"
 

@@ -36,7 +36,9 @@ def anything() -> np.ndarray:
 def test_joints_go_on_where_they_would_be() -> None:
     image, known = slabs(), anything()
     known[90:150, 126:206] = False
-    out, filled = fill_by_example(np.where(known[..., None], image, 0), known, anything(), np.zeros(SIZE, np.uint8), DENSITY)
+    out, filled = fill_by_example(
+        np.where(known[..., None], image, 0), known, anything(), np.zeros(SIZE, np.uint8), DENSITY
+    )
     np.testing.assert_array_equal(filled, ~known)
     np.testing.assert_array_equal(out[known], image[known])
     plain = np.broadcast_to(image[known].mean(axis=0), image[~known].shape)

@@ -45,7 +45,9 @@ def scene() -> Scene:
         Building("south", shapely.box(0, -22, 40, -12), 15.0, "height"),
         Building("alone", shapely.box(140, 0, 180, 10), 15.0, "height"),
     ]
-    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=60, largest=200)
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=60, largest=200
+    )
     placement = pack_charts(charts.size, 16.0, charts.building, page=2048, chunk=128, gutter=2)
     return Scene(
         mesh, charts, placement, AtlasSpec(placement.pages, 16.0, page=2048), names=("north", "south", "alone")
@@ -139,7 +141,9 @@ def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
         for seed in range(4):
             y, x = (np.mgrid[:320, :320] + 0.5) / STAIN_DENSITY
             tone = 1 + 0.2 * noise(x / NOISE_CELLS_M[number], y / NOISE_CELLS_M[number], seed)
-            found.append(wall_deviations((120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAIN_DENSITY))
+            found.append(
+                wall_deviations((120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), STAIN_DENSITY)
+            )
         assert np.mean(found, axis=0) / 0.2 == pytest.approx(gives, rel=0.2)
 
 
@@ -186,7 +190,9 @@ def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: S
         known = KnownTexture(read, (), ())
         return finish_chart(scene, materials, chart, known, is_neural=False, sun=NOON, labels=labels)[0]
 
-    np.testing.assert_array_equal(finished(Provenance.SYNTHESISED + 1), apply_sunlight(colour, sunlight_share(scene, chart, NOON)))
+    np.testing.assert_array_equal(
+        finished(Provenance.SYNTHESISED + 1), apply_sunlight(colour, sunlight_share(scene, chart, NOON))
+    )
     made = finished(Provenance.SYNTHESISED).astype(float)
     window, wall = made[45:75, 105:135, 0], made[45:75, 145:175, 0]
     assert wall.std() > 3 * window.std()

@@ -17,7 +17,10 @@ from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials.field import MATERIAL_GRAINS, MaterialField
-from facade_core.street.materials.field_kernels import BALLAST, BRICK, FELT, SHEET, SLATE, TILE, colour_points
+from facade_core.street.materials.field_kernels import (
+    SurfaceMaterial,
+    colour_points,
+)
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 DENSITY = 10.0
@@ -29,7 +32,9 @@ def scene() -> Scene:
         Building("flat", shapely.box(0, 0, 20, 10), 12.0, "height"),
         Building("gabled", shapely.box(0, 14, 20, 20), 6.0, "height", roof=Roof("gabled", 4.0)),
     ]
-    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=32)
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=32
+    )
     placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
@@ -78,7 +83,9 @@ def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
     for kind, place in ((ChartKind.ROOF, 0), (ChartKind.WALL, 2)):
         for building in (0, 1):
             chart = int(np.flatnonzero((scene.charts.kind == kind) & (scene.charts.building == building))[0])
-            bare, tinted = (MaterialField(one, [STREET], seed=1).chart_raster(chart).astype(float) for one in (scene, painted))
+            bare, tinted = (
+                MaterialField(one, [STREET], seed=1).chart_raster(chart).astype(float) for one in (scene, painted)
+            )
             if building == 0:
                 np.testing.assert_array_equal(bare, tinted)
             else:
@@ -89,12 +96,21 @@ def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
     gabled = int(np.flatnonzero((scene.charts.kind == ChartKind.ROOF) & (scene.charts.building == 1))[0])
 
     def made(finish: Finish) -> int:
-        return int(MaterialField(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).arrays.charts.material[gabled])
+        return int(
+            MaterialField(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).arrays.charts.material[gabled]
+        )
 
-    stated = {"slate": SLATE, "metal": SHEET, "zinc": SHEET, "roof_tiles": TILE, "tar_paper": FELT, "thatch": TILE}
+    stated = {
+        "slate": SurfaceMaterial.SLATE,
+        "metal": SurfaceMaterial.SHEET_METAL,
+        "zinc": SurfaceMaterial.SHEET_METAL,
+        "roof_tiles": SurfaceMaterial.ROOF_TILE,
+        "tar_paper": SurfaceMaterial.FELT,
+        "thatch": SurfaceMaterial.ROOF_TILE,
+    }
     assert {name: made(Finish(roof_material=name)) for name in stated} == stated
-    assert made(Finish(roof_colour=(122, 156, 138))) == SHEET
-    assert made(Finish(roof_colour=(158, 66, 50))) == TILE
+    assert made(Finish(roof_colour=(122, 156, 138))) == SurfaceMaterial.SHEET_METAL
+    assert made(Finish(roof_colour=(158, 66, 50))) == SurfaceMaterial.ROOF_TILE
     metal = replace(scene, finishes=(Finish(), Finish(roof_material="metal")))
     raster = MaterialField(metal, [STREET], seed=1).chart_raster(gabled).astype(float).mean(axis=2)
     across, down = (np.abs(np.diff(raster.mean(axis=axis))).mean() for axis in (0, 1))
@@ -114,11 +130,14 @@ def test_a_level_roof_is_of_felt_or_under_gravel_as_a_rule(scene: Scene) -> None
         for building in (0, 1)
     )
     made = [MaterialField(scene, [STREET], seed=seed).arrays.charts.material for seed in range(60)]
-    counts = [sum(one[level] == of for one in made) for of in (FELT, BALLAST, SHEET)]
+    counts = [
+        sum(one[level] == of for one in made)
+        for of in (SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL, SurfaceMaterial.SHEET_METAL)
+    ]
     assert counts[0] > counts[1] > counts[2] > 0 == 60 - sum(counts)
-    assert {int(one[leaning]) for one in made} == {TILE}
+    assert {int(one[leaning]) for one in made} == {SurfaceMaterial.ROOF_TILE}
     stated = replace(scene, finishes=(Finish(roof_material="gravel"), Finish()))
-    assert MaterialField(stated, [STREET], seed=1).arrays.charts.material[level] == BALLAST
+    assert MaterialField(stated, [STREET], seed=1).arrays.charts.material[level] == SurfaceMaterial.ROOF_GRAVEL
 
 
 @pytest.mark.parametrize("brick", [False, True])
@@ -134,7 +153,7 @@ def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> N
     made, tint, example = (part.copy() for part in (surfaces.material, surfaces.tint, surfaces.grain))
     tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
     if brick:
-        made[own], example[own] = BRICK, MATERIAL_GRAINS[BRICK]
+        made[own], example[own] = SurfaceMaterial.BRICK, MATERIAL_GRAINS[SurfaceMaterial.BRICK]
     whole = MaterialField(scene, [STREET], seed=1)
     whole.arrays = whole.arrays._replace(charts=surfaces._replace(made=made, tint=tint, grain=example))
     for chart in (facade, of_kind(scene, ChartKind.WALL), of_kind(scene, ChartKind.ROOF)):
@@ -222,7 +241,9 @@ def test_rain_leaves_streaks_under_the_upper_edge_of_a_wall(scene: Scene) -> Non
 def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
     court = shapely.box(0, 0, 30, 30).difference(shapely.box(9, 9, 21, 21))
     house = Building("court", court, 15.0, "height")
-    charts, mesh, _ = build_block_surfaces([house], [STREET], terrain=build_terrain([], None), ground_margin=20, largest=32)
+    charts, mesh, _ = build_block_surfaces(
+        [house], [STREET], terrain=build_terrain([], None), ground_margin=20, largest=32
+    )
     placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     materials = MaterialField(
         Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024)), [STREET], seed=1
@@ -273,7 +294,9 @@ def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_fo
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
 
     def materials(charts: Charts) -> MaterialField:
-        return MaterialField(Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024)), [STREET], seed=1)
+        return MaterialField(
+            Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024)), [STREET], seed=1
+        )
 
     wall = np.flatnonzero((charts.kind == ChartKind.WALL) & (charts.normals()[:, 1] < -0.9))[0]
     x = np.linspace(0.5, 19.5, 200)

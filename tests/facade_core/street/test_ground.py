@@ -9,7 +9,13 @@ import shapely
 
 from facade_core.core.types import Area, Ground, Way
 from facade_core.geometry.charts import ChartKind, Charts
-from facade_core.geometry.ground.marks import EDGE_LINE_OFFSET_M, LINE_HALF_WIDTH_M, GroundMark, STOP_LINE_HALF_WIDTH_M, ground_marks
+from facade_core.geometry.ground.marks import (
+    EDGE_LINE_OFFSET_M,
+    LINE_HALF_WIDTH_M,
+    STOP_LINE_HALF_WIDTH_M,
+    GroundMark,
+    ground_marks,
+)
 from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTiles
 from facade_core.street.materials.grain_file import load_shipped_grains
 from facade_core.street.materials.ground_kernels import COLOURS, GRASS, ground_colour
@@ -34,7 +40,18 @@ def squares(ground: Ground, *places: tuple[int, int]) -> GroundTiles:
 
 def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
     out = np.empty((len(x), 3), np.uint8)
-    ground_colour(0, x, y, np.full(len(x), side), squares(ground, square).build_arrays([0]), load_shipped_grains(), 1, np.ones(len(x)), 1.0, out)
+    ground_colour(
+        0,
+        x,
+        y,
+        np.full(len(x), side),
+        squares(ground, square).build_arrays([0]),
+        load_shipped_grains(),
+        1,
+        np.ones(len(x)),
+        1.0,
+        out,
+    )
     return out.astype(float)
 
 
@@ -134,7 +151,11 @@ def test_cars_stop_on_their_own_half_before_a_crossing_and_before_a_road_of_high
     assert [(round(one.centroid.y, 1), one.centroid.x > 30) for one in line] == [(-8.0, True)]
     beside = replace(side, lanes=0, rank=3)
     chosen = [
-        len(painted((LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))), STOP_LINE_HALF_WIDTH_M))
+        len(
+            painted(
+                (LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))), STOP_LINE_HALF_WIDTH_M
+            )
+        )
         for i in range(40)
     ]
     assert 4 < sum(chosen) < 36

@@ -32,7 +32,9 @@ def scene() -> Scene:
         Building("a", shapely.box(0, 0, 20, 10), 10.0, "height"),
         Building("b", shapely.box(-45, 0, -25, 10), 10.0, "height"),
     ]
-    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=45, largest=35)
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=45, largest=35
+    )
     placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024), names=("a", "b"))
 
@@ -97,7 +99,9 @@ def test_ground_and_wall_are_darker_where_they_meet(scene: Scene) -> None:
         assert left is not None
         assert left[-1].max() < 0.9
         assert (left[: int(8 * DENSITY)] == 1).all()
-    assert all(contact_light(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist())
+    assert all(
+        contact_light(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ChartKind.ROOF).tolist()
+    )
 
 
 def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
@@ -132,7 +136,9 @@ def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) 
     bare, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False)
     left = contact_light(scene, chart)
     assert left is not None
-    expected = np.where(left[..., None] < 1, (materials.chart_raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0)
+    expected = np.where(
+        left[..., None] < 1, (materials.chart_raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0
+    )
     np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
     assert (bare[left == 1] == materials.chart_raster(chart)[left == 1]).all()
     sunny, _ = finish_chart(scene, materials, chart, known(Provenance.UNSEEN), is_neural=False, sun=SOUTH)

@@ -12,13 +12,23 @@ from facade_core.core.hash_uniform import hash_uniform
 from facade_core.street.materials import procedural, roofs
 
 SEED = 5
-# What a material depends on besides its place: metres from a centreline, above the foot of a wall, of a pane's height.
+KERNELS: dict[str, Callable[..., None]] = {
+    "asphalt": procedural.asphalt_tone,
+    "paving": procedural.paving_tone,
+    "roofing": roofs.sheet_metal_tone,
+    "tiling": roofs.roof_tile_tone,
+    "plaster": procedural.plaster_tone,
+    "glass": procedural.glass_reflection,
+    "wood": procedural.wood_tone,
+    "soffit": procedural.soffit_tone,
+}
+# Further input of some materials, metres: distance from a centreline, height over the foot of a wall, height of a pane.
 OTHER = {"asphalt": 2.1, "plaster": 0.6, "glass": 2.0}
 
 
 def tones(name: str, x: np.ndarray, y: np.ndarray, side: np.ndarray) -> np.ndarray:
     out, other = np.empty(len(x)), np.full(len(x), OTHER.get(name, 0.0))
-    kernel: Callable[..., None] = getattr(procedural if hasattr(procedural, name) else roofs, name)
+    kernel = KERNELS[name]
     if name == "glass":
         kernel(x, y, OTHER[name], side, SEED, out)
     elif name in OTHER:

@@ -13,7 +13,7 @@ from facade_core.geometry.block_surfaces import build_block_surfaces
 from facade_core.geometry.chart_packing import pack_charts
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.terrain import build_terrain
-from facade_core.geometry.overhead_view import render_from_above, texel_points, roofs_seen_from_above
+from facade_core.geometry.overhead_view import render_from_above, roofs_seen_from_above, texel_points
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.materials.field import MaterialField
@@ -31,7 +31,9 @@ def scene() -> Scene:
         Building("low", shapely.box(0, 0, 20, 10), 6.0, "height"),
         Building("tower", shapely.box(8, 2, 12, 8), 15.0, "height"),
     ]
-    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=12, largest=60.0)
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=12, largest=60.0
+    )
     placement = pack_charts(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 

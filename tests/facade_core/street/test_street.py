@@ -35,7 +35,9 @@ BUILDINGS = [
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    charts, mesh, _ = build_block_surfaces(BUILDINGS, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = build_block_surfaces(
+        BUILDINGS, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100
+    )
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 

@@ -35,7 +35,9 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     houses = [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")]
-    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100
+    )
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
@@ -161,7 +163,9 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
     photo = np.full_like(bare(scene, one), Provenance.PHOTO)
     step = {}
     for levelling in (False, True):
-        colour, _ = finish_chart(scene, materials, other, known(scene, one, photo, 120), is_neural=False, levelling=levelling)
+        colour, _ = finish_chart(
+            scene, materials, other, known(scene, one, photo, 120), is_neural=False, levelling=levelling
+        )
         step[levelling] = abs(colour[:, :6].astype(float).mean() - 120)
     assert step[True] < 0.35 * step[False]
 
@@ -209,7 +213,9 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
         Building("low", shapely.box(12, 0, 24, 10), 6.0, "height"),
         Building("apart", shapely.box(25.5, 0, 30, 10), 9.0, "height"),
     ]
-    charts, mesh, _ = build_block_surfaces(houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = build_block_surfaces(
+        houses, [STREET], terrain=build_terrain([], None), ground_margin=20, largest=100
+    )
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("tall", "low", "apart"))
     materials = MaterialField(scene, [STREET], seed=1)
@@ -220,7 +226,9 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
     assert shut[covered] == 1
     assert shut[party] == pytest.approx(0.5, abs=0.06)
     assert not np.delete(shut, [party, covered]).any()
-    colour, provenance = finish_chart(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), is_neural=False)
+    colour, provenance = finish_chart(
+        scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), is_neural=False
+    )
     assert (provenance == Provenance.MATERIAL).all()
     assert np.ptp(colour[70:].reshape(-1, 3), axis=0).max() == 0
     np.testing.assert_array_equal(colour[:55], materials.chart_raster(int(party))[:55])

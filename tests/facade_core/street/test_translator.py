@@ -73,7 +73,10 @@ def test_a_far_change_changes_nothing() -> None:
     changed[-20:] = 255 - changed[-20:]
     before, after = network.translate_image(image), network.translate_image(changed)
     assert (before != after).any()
-    assert (before[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN] == after[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN]).all()
+    assert (
+        before[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN]
+        == after[: 256 - 20 - neural_translator.RECEPTIVE_MARGIN]
+    ).all()
 
 
 def test_a_width_the_network_does_not_take_is_refused() -> None:

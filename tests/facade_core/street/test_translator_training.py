@@ -54,7 +54,9 @@ def test_an_interrupted_run_ends_in_the_same_weights(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="another training run"):
         train_generator(domains(), COURSE, seed=2, state=tmp_path / "s")
     with pytest.raises(ModelError, match="another training run"):
-        train_generator(domains(), replace(COURSE, steps=8), seed=1, state=tmp_path / "s")  # the rate has fallen already
+        train_generator(
+            domains(), replace(COURSE, steps=8), seed=1, state=tmp_path / "s"
+        )  # the rate has fallen already
     assert whole.step == min(whole.distances, key=whole.distances.__getitem__)
 
 
@@ -109,7 +111,9 @@ def pairs(colour: tuple[int, int, int], columns: int = 512) -> list[TrainingPair
     true = np.arange(1024) < columns
     image = np.where(true[:, None], np.uint8(colour), np.uint8(0)) * np.ones((512, 1, 1), np.uint8)
     grey = np.random.default_rng(0).integers(100, 255, (512, 1024), dtype=np.uint8)
-    return [TrainingPair(TrainingRendering(grey, np.ones((512, 1024), bool)), image, np.broadcast_to(true, (512, 1024)))]
+    return [
+        TrainingPair(TrainingRendering(grey, np.ones((512, 1024), bool)), image, np.broadcast_to(true, (512, 1024)))
+    ]
 
 
 def test_crops_of_pairs_show_one_place() -> None:
@@ -135,5 +139,7 @@ def test_pairs_teach_what_is_true() -> None:
 
 
 def test_half_of_the_steps_are_of_pairs_where_there_are_some() -> None:
-    plain, paired = (train_generator(d, COURSE, seed=1) for d in (domains(), replace(domains(), paired=pairs((200, 40, 30)))))
+    plain, paired = (
+        train_generator(d, COURSE, seed=1) for d in (domains(), replace(domains(), paired=pairs((200, 40, 30))))
+    )
     assert any(not torch.equal(paired.weights[name], value) for name, value in plain.weights.items())

@@ -7,7 +7,7 @@ import pytest
 
 from facade_core.core.errors import InputError
 from facade_core.facade.pipeline import Facade, build_facade_from_exemplar
-from facade_core.facade.texture.building_walls import Wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.level_drawing import draw_level
@@ -40,7 +40,7 @@ def test_neighbours_that_share_an_exemplar_differ_and_each_repeats_by_its_seed()
         size = PAINTED.labels.shape
         style = extract_style(PAINTED.image, PAINTED.labels)
         return build_facade_from_exemplar(
-            style, Wall.alone(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed
+            style, FacadeWall.alone(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed
         )
 
     one, two = wall(1), wall(2)

@@ -11,10 +11,10 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
-from tasks.engine.context import unit_seed
 from tasks.engine.outcome import Outcome, failure, is_done
 from tasks.engine.progress import StageProgress, advance, begin_stage, listen
 from tasks.engine.run import Run
+from tasks.engine.seeds import unit_seed
 from tasks.stages.exemplars.stage import exemplar_key
 from tasks.stages.shared.images import read_image, read_labels
 

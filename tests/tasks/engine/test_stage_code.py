@@ -25,7 +25,7 @@ def codes(tmp_path: Path) -> Codes:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
 
     def now() -> dict[str, str]:
-        for cached in (stage_code, module._module, module._naming, module._text, module._content):
+        for cached in (stage_code, module._module, module._content):
             cached.cache_clear()
         found = {stage: stage_code(stage, root=tmp_path) for stage in CODE_STAGES}
         return found | {"swatches": stage_code("streets", neural=False, root=tmp_path)}

@@ -16,7 +16,7 @@ from shapely import LineString
 from catalogs.block.reader import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, sources_of
 from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Street
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from tasks.published.catalogue_facts import (
     OF_FACADES,
     OF_STREETS,
@@ -147,7 +147,7 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
 )
 def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, quality: str) -> None:
     sizes = {"height": np.array([12.0]), "width": np.array([9.0]), "floors": np.array([4])}
-    facades = cast(Any, SimpleNamespace(**sizes, role=np.array([STREET])))
+    facades = cast(Any, SimpleNamespace(**sizes, role=np.array([WallRole.STREET])))
     made = facts(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
     assert made["quality"] == quality
     assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)

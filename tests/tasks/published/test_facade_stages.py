@@ -14,7 +14,7 @@ from PIL import Image
 from catalogs.features import file_stem
 from facade_core.core.labels import CLASSES
 from facade_core.export.pictures.stage_pictures import iterate_stage_pictures, select_report_levels
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import WallRole
 from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages
 
@@ -35,7 +35,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
         assert [span.text_content() for span in legend.iter("span")] == list(CLASSES)
     files, photos = set(), 0
     for index, facade in enumerate(view.tables.facades.id):
-        if view.tables.facades.role[index] != STREET:
+        if view.tables.facades.role[index] != WallRole.STREET:
             assert facade not in shown
             continue
         declared = [stage.report for stage in iterate_stage_pictures(view.facade(index)) if stage.report]

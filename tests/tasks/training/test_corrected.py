@@ -66,7 +66,7 @@ def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path, monkeypatch: py
     from tasks.training import parser
     from tasks.training.parser import train_corrected
 
-    course = TrainingSchedule(steps=1, per_step={"corrected": 2}, fixed_norms=True)
+    course = TrainingSchedule(steps=1, per_step={"corrected": 2}, freeze_norms=True)
     with pytest.raises(InputError, match="pictures show 1 of 1"):
         train_corrected([facade()], tmp_path, seed=0, course=course)
     better = {SHIPPED_NETWORK: 0.5, tmp_path / "network.onnx": 0.5}

@@ -105,7 +105,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     Image.fromarray(image).save(path)
     box = np.s_[:150, 20:70]
     hidden = np.zeros((150, 50), bool)
-    cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
+    cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False)
     monkeypatch.setattr("tasks.stages.facades.evidence.cut_to_facade", lambda image, hidden, model: cut)
     monkeypatch.setattr("tasks.stages.facades.evidence.look", lambda image: Detections())
     kept, found, stretched = photo_of(path, True, (300, 200)).fit

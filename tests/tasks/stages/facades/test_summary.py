@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from facade_core.facade.pipeline import Facade, build_facade_from_exemplar, build_facade_from_photo
-from facade_core.facade.texture.building_walls import Wall
+from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import extract_style
 from facade_core.synth.facade import facade as paint
 from tasks.stages.facades.worker import _summary
@@ -21,7 +21,7 @@ HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
 def of_exemplar() -> Facade:
     size = (270, 334)
     return build_facade_from_exemplar(
-        extract_style(PAINTED.image, PAINTED.labels), Wall.alone(16.2, 20.0, floors=5), size, metres_per_pixel=0.06, seed=3
+        extract_style(PAINTED.image, PAINTED.labels), FacadeWall.alone(16.2, 20.0, floors=5), size, metres_per_pixel=0.06, seed=3
     )
 
 
