@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read, split
+from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read_dataset, split
 from facade_core.parsing.confidence import FacadeFigures, load_calibration, observe_parse
 from facade_core.parsing.segmenter import parse
 
@@ -94,9 +94,9 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     folder = options.data / "facades"
     sets = {
-        "cmp": split(list(read(CMP, folder / "cmp")))[1],
-        "ecp": split(list(read(ECP, folder / "ecp")))[1],
-        "artdeco": read(ARTDECO, folder / "artdeco"),
+        "cmp": split(list(read_dataset(CMP, folder / "cmp")))[1],
+        "ecp": split(list(read_dataset(ECP, folder / "ecp")))[1],
+        "artdeco": read_dataset(ARTDECO, folder / "artdeco"),
     }
     result = {name: measure(facades, options.model) for name, facades in sets.items()}
     print(json.dumps({"benchmark": "elements", **result}))

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import in_front, outline
-from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read, split, swiss
+from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read_dataset, split, read_swiss
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.core.model_file import read_model_record
 from facade_core.core.types import Element
@@ -164,12 +164,12 @@ def measure_in_front(data: Path, name: str, model: Path | None) -> dict[str, Any
     def hidden(image: np.ndarray) -> np.ndarray:
         return parse(image, model=model).occluded
 
-    _, held_out = split(list(read(ECP, data / "facades" / "ecp")))
+    _, held_out = split(list(read_dataset(ECP, data / "facades" / "ecp")))
     if name == "in_front":
         return in_front.measure_things(held_out, in_front.marked(), hidden)
     return {
         "ecp": in_front.false_masks(held_out, hidden),
-        "cmp": in_front.false_masks(split(list(read(CMP, data / "facades" / "cmp")))[1], hidden),
+        "cmp": in_front.false_masks(split(list(read_dataset(CMP, data / "facades" / "cmp")))[1], hidden),
         "painted": in_front.false_masks_painted(hidden),
     }
 
@@ -180,12 +180,12 @@ def measure_outline(data: Path, model: Path | None) -> dict[str, Any]:
     def outside(image: np.ndarray) -> np.ndarray:
         return outside_mask(image, np.zeros(image.shape[:2], bool), model=model)
 
-    _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
+    _, held_out = split(list(read_dataset(CMP, data / "facades" / "cmp")))
     photos = data / "streetphotos"
     return {
         "cmp": outline.measure_outside(held_out, outside) | outline.measure_boxes(held_out, outside),
-        "swiss": outline.measure_outside(swiss(photos / "swiss" / "test"), outside),
-        "labelmefacade": outline.measure_outside(read(LABELMEFACADE, photos / "labelmefacade"), outside),
+        "swiss": outline.measure_outside(read_swiss(photos / "swiss" / "test"), outside),
+        "labelmefacade": outline.measure_outside(read_dataset(LABELMEFACADE, photos / "labelmefacade"), outside),
     }
 
 
@@ -252,20 +252,20 @@ def main(arguments: list[str] | None = None) -> None:
     for name in chosen:
         if name in SETS:
             recipe, folder = SETS[name]
-            facades = list(unseen(read(recipe, options.data / folder), name, options.model))
+            facades = list(unseen(read_dataset(recipe, options.data / folder), name, options.model))
             result[name] = measure(facades, model=options.model)
             if options.ablation:
                 result[f"{name} as parsed"] = measure(facades, model=options.model, regular=False)
                 result[f"{name} in one view"] = measure(facades, model=options.model, one_view=True)
         elif name == "behind":
-            facades = list(unseen(read(ARTDECO, options.data / "facades" / "artdeco"), "artdeco", options.model))
+            facades = list(unseen(read_dataset(ARTDECO, options.data / "facades" / "artdeco"), "artdeco", options.model))
             result["behind"] = measure_behind(facades, _pieces(options.data / "occluders"), model=options.model)
         elif name in ("in_front", "clean"):
             result[name] = measure_in_front(options.data, name, options.model)
         elif name == "outline":
             result[name] = measure_outline(options.data, options.model)
         else:
-            photos = read(LABELMEFACADE, options.data / "streetphotos" / "labelmefacade")
+            photos = read_dataset(LABELMEFACADE, options.data / "streetphotos" / "labelmefacade")
             result["occluders"] = measure_occluders(photos, model=options.model)
     result["seconds_1000x700"] = seconds_of_a_large_facade(options.model)
     print(json.dumps(result))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.changes.pairs import Pair
-from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read
+from catalogs.learning.datasets import RUEMONGE, LabelledFacade, read_dataset
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.imagery.rectify.fusion import ChartView
 from facade_core.parsing.occluders import occluder_mask
@@ -22,7 +22,7 @@ DENSITY = 50.0
 
 def real_pairs(folder: Path) -> Iterator[tuple[str, Pair]]:
     """Neighbouring photos by pairs: as they are, and with a part of another wall laid over the later."""
-    photos = sorted(read(RUEMONGE, folder), key=lambda one: one.name)
+    photos = sorted(read_dataset(RUEMONGE, folder), key=lambda one: one.name)
     rng = np.random.default_rng(2)
     for first, second in zip(photos[::2], photos[1::2], strict=False):
         older = _view(first, None, first)

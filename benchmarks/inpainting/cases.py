@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.learning.datasets import CMP, ECP, DatasetRecipe, LabelledFacade, read
+from catalogs.learning.datasets import CMP, ECP, DatasetRecipe, LabelledFacade, read_dataset
 
 _SIDE = 720  # px, longest side of a facade that is measured
 _LABELLED = 0.85  # share of a facade's pixels that must have a class
@@ -50,7 +50,7 @@ def cases(data: Path, count: int = 40) -> Iterator[Case]:
 def _clean(recipe: DatasetRecipe, folder: Path) -> Iterator[LabelledFacade]:
     import cv2
 
-    for facade in read(recipe, folder):
+    for facade in read_dataset(recipe, folder):
         share = np.bincount(facade.possible.ravel(), minlength=256)[:127].sum() / facade.labels.size
         if share < _LABELLED:
             continue

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import ECP, LabelledFacade, read
+from catalogs.learning.datasets import ECP, LabelledFacade, read_dataset
 from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.genetic import ELITE_SIZE, MAX_BLOCK, POPULATION_SIZE
@@ -160,7 +160,7 @@ def picture(data: Path, path: Path, *, height: int = 170) -> None:
     from benchmarks.synthesis.resizing import carve, quilt
 
     rows = []
-    for facade in read(ECP, data / "facades" / "ecp"):
+    for facade in read_dataset(ECP, data / "facades" / "ecp"):
         if facade.name not in SHOWN:
             continue
         image, labels = resized(facade, (500, round(500 * facade.labels.shape[1] / facade.labels.shape[0])))
@@ -196,7 +196,7 @@ def main(arguments: list[str] | None = None) -> None:
     if options.picture:
         picture(options.data, options.picture)
         return
-    chosen = [facade for facade in read(ECP, options.data / "facades" / "ecp") if facade.name in FACADES]
+    chosen = [facade for facade in read_dataset(ECP, options.data / "facades" / "ecp") if facade.name in FACADES]
     figures = measure(chosen, seeds=options.seeds, generations=options.generations)
     print(json.dumps({"benchmark": "synthesis", **figures}))
 

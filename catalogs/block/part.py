@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.block.segments import segments
+from catalogs.block.segments import segment_streets
 from catalogs.features import file_stem
 from facade_core.core.types import Building, Ground, Shell, Street
 
@@ -64,7 +64,7 @@ class CityIndex:
 
     def __init__(self, block: Block) -> None:
         self.block = block
-        self.segments = segments(block.streets)
+        self.segments = segment_streets(block.streets)
         self.front_streets = nearest_street_names(block.buildings, self.segments)
         self.shop_flags = _shop_flags(block.buildings, block.shops)
         self._building = {building.id: index for index, building in enumerate(block.buildings)}

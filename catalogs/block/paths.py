@@ -12,7 +12,7 @@ from pathlib import Path
 from catalogs.block.keys import BlockKeys
 
 # Keys that name a folder of pictures; the others name a file.
-FOLDERS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
+FOLDER_KEYS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
 
 
 def resolve_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
@@ -63,7 +63,7 @@ def _resolve_path(key: str, text: str, block: Path) -> Path:
         raise ValueError(f"{key}: {shorten_path(path)} cannot be opened ({error.strerror}); name another path") from error
     except ValueError as error:  # a name that no file can have
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
-    if key not in FOLDERS and not stat.S_ISREG(kind):
+    if key not in FOLDER_KEYS and not stat.S_ISREG(kind):
         what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
         raise ValueError(f"{key}: {path} {what}")
     return path

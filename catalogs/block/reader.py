@@ -95,12 +95,12 @@ def read_block(path: Path | str) -> Block:
         keys = check_keys(read_yaml(file.path))
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
-    block = block_of(keys, file)
+    block = build_block(keys, file)
     corrections = file.call_reader("corrections", read_corrections, file.path)
-    return with_digest(apply_corrections(block, corrections), file)
+    return set_digest(apply_corrections(block, corrections), file)
 
 
-def block_of(keys: BlockKeys, file: BlockFile) -> Block:
+def build_block(keys: BlockKeys, file: BlockFile) -> Block:
     """The block of keys that were read of a file, as its sources state it, without a digest. Raises as `read_block`."""
     try:
         files = resolve_paths(keys, file.path)
@@ -112,11 +112,11 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         )
 
     if keys.part is not None:
-        return _part_of(keys, files, file)
-    exemplars, photos, broken_pictures = _pictures(keys, files, file)
+        return _read_part(keys, files, file)
+    exemplars, photos, broken_pictures = _read_pictures(keys, files, file)
     geometry = read_geometry(keys, files, file)
     frame, built, extent = geometry.crs, geometry.buildings, geometry.extent
-    terrain = _terrain(files, frame, extent, file)
+    terrain = _read_terrain(files, frame, extent, file)
     panoramas: tuple[PosedPanorama, ...] = ()
     broken_panoramas: tuple[Fault, ...] = ()
     far: tuple[str, ...] = ()
@@ -142,22 +142,22 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         privacy=keys.imagery.privacy,
         panoramas=panoramas,
         textures=built.textures,
-        aerial=_aerial(keys, files, frame, built.items, file),
-        roof_material=_roof_material(keys, files, file),
-        materials=_materials(files, file),
+        aerial=_read_aerial(keys, files, frame, built.items, file),
+        roof_material=_find_roof_material(keys, files, file),
+        materials=_read_materials(files, file),
         texture=keys.texture,
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,
         failed_limit=keys.failed_limit,
         seed=keys.seed,
-        notes=geometry.notes + built.notes + far + _flat(built.items, terrain),
+        notes=geometry.notes + built.notes + far + _flat_terrain_notes(built.items, terrain),
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
-        models=_models(files),
+        models=_model_files(files),
     )
 
 
-def extract_of(part: Block, whole: Block) -> dict[str, Any]:
+def part_values(part: Block, whole: Block) -> dict[str, Any]:
     """What the file of a part of a city holds, which `part` of a block file names: as `catalogs.block.extract` keeps it."""
     return {
         "crs": part.crs.to_string(),
@@ -166,13 +166,13 @@ def extract_of(part: Block, whole: Block) -> dict[str, Any]:
     }
 
 
-def _part_of(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
+def _read_part(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
     """The part of a city that a block file names, with the settings of that."""
     from catalogs.block.extract import read_extract
 
     values = file.call_reader("part.path", read_extract, *files["part.path"])
     frame = file.call_reader("part.path", parse_crs, values.pop("crs"))
-    terrain = _terrain(files, frame, values.pop("extent"), file)
+    terrain = _read_terrain(files, frame, values.pop("extent"), file)
     return Block(
         name=keys.name,
         crs=frame,
@@ -180,8 +180,8 @@ def _part_of(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
         terrain=terrain,
         photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
         privacy=keys.imagery.privacy,
-        roof_material=_roof_material(keys, files, file),
-        materials=_materials(files, file),
+        roof_material=_find_roof_material(keys, files, file),
+        materials=_read_materials(files, file),
         texture=keys.texture,
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,
@@ -189,19 +189,19 @@ def _part_of(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
         seed=keys.seed,
         notes=(),
         digest="",
-        models=_models(files),
+        models=_model_files(files),
         **{attribute: values[name] for name, attribute in PART_FIELDS},
     )
 
 
-def _flat(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:
+def _flat_terrain_notes(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:
     """A note where nothing tells how high the ground is: a hill looks like any other place then."""
     if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
         return ()
     return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
 
 
-def _terrain(files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:
+def _read_terrain(files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:
     if "terrain.path" not in files:
         return None
     from catalogs.readers.pictures.elevation import read_elevation
@@ -209,22 +209,22 @@ def _terrain(files: NamedFiles, frame: CRS, extent: tuple[float, float, float, f
     return file.call_reader("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
 
 
-def _materials(files: NamedFiles, file: BlockFile) -> tuple[MaterialPicture, ...]:
+def _read_materials(files: NamedFiles, file: BlockFile) -> tuple[MaterialPicture, ...]:
     found = files.get("texture.materials")
     return file.call_reader("texture.materials", read_material_pictures, *found) if found else ()
 
 
-def _models(files: NamedFiles) -> ModelFiles:
+def _model_files(files: NamedFiles) -> ModelFiles:
     parser, layout = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
     return ModelFiles(parser and parser.absolute(), layout and layout.absolute())
 
 
-def with_digest(block: Block, file: BlockFile) -> Block:
+def set_digest(block: Block, file: BlockFile) -> Block:
     """A block with the digest of all that it is."""
     return replace(block, digest=file.call_reader("imagery", block_digest, block))
 
 
-def _pictures(
+def _read_pictures(
     keys: BlockKeys, files: NamedFiles, file: BlockFile
 ) -> tuple[tuple[Path, ...], dict[str, Path], tuple[Fault, ...]]:
     exemplars: tuple[Path, ...] = ()
@@ -243,7 +243,7 @@ def _pictures(
     return exemplars, photos, faults
 
 
-def _aerial(keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFile) -> Aerial | None:
+def _read_aerial(keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFile) -> Aerial | None:
     if keys.imagery.aerial is None:
         return None
     from catalogs.readers.pictures.aerial import read_aerial
@@ -255,7 +255,7 @@ def _aerial(keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[
     return file.call_reader("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
 
 
-def _roof_material(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Material | None:
+def _find_roof_material(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Material | None:
     if keys.texture.roof_material is None:
         return None
     path = files["texture.roof_material.path"][0]

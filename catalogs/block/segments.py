@@ -13,26 +13,26 @@ from shapely.ops import substring
 from facade_core.core.types import Street
 
 # No street is cut nearer to its end, or to where it was cut before, metres.
-SHORTEST_SEGMENT_M = 60.0
+MIN_SEGMENT_LENGTH_M = 60.0
 
 
-def segments(streets: Sequence[Street]) -> tuple[Street, ...]:
+def segment_streets(streets: Sequence[Street]) -> tuple[Street, ...]:
     """Streets cut where others meet them, from each one's start on; a segment's id is its street's with .0, .1, ... where there
     are several. Which junctions those are depends on the streets that meet there alone."""
-    met = Counter(place for street in streets for place in _places(street))
-    return tuple(segment for street in streets for segment in _cut(street, met))
+    met = Counter(place for street in streets for place in _vertices(street))
+    return tuple(segment for street in streets for segment in _split_street(street, met))
 
 
-def _places(street: Street) -> set[tuple[float, float]]:
+def _vertices(street: Street) -> set[tuple[float, float]]:
     return set(map(tuple, shapely.get_coordinates(street.line).tolist()))
 
 
-def _cut(street: Street, met: Counter[tuple[float, float]]) -> list[Street]:
+def _split_street(street: Street, met: Counter[tuple[float, float]]) -> list[Street]:
     points = shapely.get_coordinates(street.line)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     cuts = [0.0]
     for place, at in zip(map(tuple, points.tolist()), along.tolist(), strict=True):
-        if met[place] > 1 and at - cuts[-1] >= SHORTEST_SEGMENT_M and along[-1] - at >= SHORTEST_SEGMENT_M:
+        if met[place] > 1 and at - cuts[-1] >= MIN_SEGMENT_LENGTH_M and along[-1] - at >= MIN_SEGMENT_LENGTH_M:
             cuts.append(at)
     if len(cuts) == 1:
         return [street]

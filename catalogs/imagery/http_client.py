@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from requests import PreparedRequest, Response, Session
 
 # Seconds until a connection stands, and between two pieces of an answer; of a whole answer.
-CONNECT_S, READ_S, WHOLE_S = 10.0, 60.0, 600.0
+CONNECT_TIMEOUT_S, READ_TIMEOUT_S, TOTAL_TIMEOUT_S = 10.0, 60.0, 600.0
 # Bytes of a picture (160 megapixels as JPEG have about as many), and of a page of a search.
-LARGEST, LARGEST_PAGE = 150_000_000, 40_000_000
+MAX_PICTURE_BYTES, MAX_PAGE_BYTES = 150_000_000, 40_000_000
 # How often a request is made, and the seconds to wait before the second; each further wait is twice as long.
-ATTEMPTS, FIRST_WAIT_S = 5, 1.0
+MAX_ATTEMPTS, INITIAL_WAIT_S = 5, 1.0
 # A service that wants a longer pause, seconds, is left: another run goes on from there.
-LONGEST_WAIT_S = 300.0
-REDIRECTS = 5
-_AGAIN = frozenset((408, 425, 429, 500, 502, 503, 504))
-_PIECE = 1 << 16
+MAX_WAIT_S = 300.0
+MAX_REDIRECTS = 5
+_RETRY_STATUS_CODES = frozenset((408, 425, 429, 500, 502, 503, 504))
+_PIECE_BYTES = 1 << 16
 
 
 class RequestRejected(InputError):
@@ -67,7 +67,7 @@ class HttpClient:
         """An answer as text: of GET, or of POST where there is a body, as JSON. Raises Refused, Away."""
 
         def read(response: Response) -> str:
-            return b"".join(_read_pieces(response, LARGEST_PAGE, url)).decode("utf-8", "replace")
+            return b"".join(_read_pieces(response, MAX_PAGE_BYTES, url)).decode("utf-8", "replace")
 
         return self._request(url, read, params=params, json=body)
 
@@ -78,7 +78,7 @@ class HttpClient:
         def write(response: Response) -> str:
             digest = hashlib.sha256()
             with part.open("wb") as file:
-                for piece in _read_pieces(response, LARGEST, url):
+                for piece in _read_pieces(response, MAX_PICTURE_BYTES, url):
                     digest.update(piece)
                     file.write(piece)
             return digest.hexdigest()
@@ -97,32 +97,32 @@ class HttpClient:
         if urlsplit(url).scheme not in ("http", "https"):
             raise RequestRejected(f"{where} is no address of http or https; tell its service")
         problem = ""
-        for attempt in range(ATTEMPTS):
+        for attempt in range(MAX_ATTEMPTS):
             self._wait_until_allowed()
             try:
                 with self._open_response(url, options) as response:
                     if response.ok:
                         return use(response)
                     problem = f"answers {response.status_code}"
-                    if response.status_code not in _AGAIN:
+                    if response.status_code not in _RETRY_STATUS_CODES:
                         raise RequestRejected(f"{where} {problem}; {_remedy(response.status_code, url, self.token)}")
                     wait = _parse_retry_after(response.headers.get("Retry-After"))
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
                 problem, wait = f"cannot be read ({_error_name(error)})", None
             except requests.TooManyRedirects:
-                raise RequestRejected(f"{where} leads to another address {REDIRECTS} times over; tell its service") from None
+                raise RequestRejected(f"{where} leads to another address {MAX_REDIRECTS} times over; tell its service") from None
             except requests.RequestException as error:
                 raise RequestRejected(f"{where} cannot be asked ({_error_name(error)}); check the address") from None
-            if wait is not None and wait > LONGEST_WAIT_S:
+            if wait is not None and wait > MAX_WAIT_S:
                 raise ServiceUnavailable(f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that")
-            self._delay_requests(FIRST_WAIT_S * 2**attempt if wait is None else wait)
-        raise ServiceUnavailable(f"{where} {problem}, {ATTEMPTS} times; run again later, what is here stays")
+            self._delay_requests(INITIAL_WAIT_S * 2**attempt if wait is None else wait)
+        raise ServiceUnavailable(f"{where} {problem}, {MAX_ATTEMPTS} times; run again later, what is here stays")
 
     @contextmanager
     def _open_response(self, url: str, options: Mapping[str, Any]) -> Iterator[Response]:
         method = "GET" if options.get("json") is None else "POST"
         response = self._get_session().request(
-            method, url, auth=self.token, timeout=(CONNECT_S, READ_S), stream=True, **options
+            method, url, auth=self.token, timeout=(CONNECT_TIMEOUT_S, READ_TIMEOUT_S), stream=True, **options
         )
         try:
             yield response
@@ -137,7 +137,7 @@ class HttpClient:
         with self._lock:
             if self._session is None:
                 self._session = requests.Session()
-                self._session.max_redirects = REDIRECTS
+                self._session.max_redirects = MAX_REDIRECTS
                 self._session.headers["User-Agent"] = USER_AGENT
                 self._session.headers["Accept-Encoding"] = "identity"  # so that lengths are those of what is kept
             return self._session
@@ -163,14 +163,14 @@ def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes
     """The bytes of an answer, no more than `max_chart_side` and for no longer than WHOLE_S."""
     import requests
 
-    ends, total = time.monotonic() + WHOLE_S, 0
+    ends, total = time.monotonic() + TOTAL_TIMEOUT_S, 0
     stated = response.headers.get("Content-Length", "")
     length = int(stated) if stated.isdecimal() else None
     if length is not None and length > max_bytes:
         raise RequestRejected(
             f"{display_url(url)} has {length / 1e6:.0f} MB, over {max_bytes / 1e6:.0f}; take a smaller one by hand"
         )
-    for piece in response.iter_content(_PIECE):
+    for piece in response.iter_content(_PIECE_BYTES):
         total += len(piece)
         if total > max_bytes:
             raise RequestRejected(f"{display_url(url)} has over {max_bytes / 1e6:.0f} MB; take a smaller one by hand")

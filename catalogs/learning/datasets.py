@@ -33,7 +33,7 @@ class LabelledFacade:
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class LabelMeaning:
     """What a set's id says of its pixels: the classes they may be (none: not told), whether they show something in front of
     the facade (None: not told), and whether what is beside it; what has classes does not, but for the sky."""
 
@@ -42,7 +42,7 @@ class Meaning:
     outside: bool = False
 
     @property
-    def values(self) -> tuple[int, int, int, int]:
+    def map_values(self) -> tuple[int, int, int, int]:
         """The values of LabelledFacade's labels, possible, occluder and outside."""
         label = self.classes[0] if len(self.classes) == 1 else UNKNOWN
         possible = sum(1 << number for number in self.classes or range(len(CLASSES)))
@@ -61,18 +61,18 @@ class DatasetRecipe:
     name: str
     images: str
     labels: str
-    classes: Mapping[int, Meaning]
+    classes: Mapping[int, LabelMeaning]
     may_train: bool
 
 
-def _shows(*classes: int) -> Meaning:
-    return Meaning(classes, occluder=False)
+def _visible_classes(*classes: int) -> LabelMeaning:
+    return LabelMeaning(classes, occluder=False)
 
 
-_NOTHING, _IN_FRONT = Meaning(), Meaning(occluder=True)
-_PARIS: dict[int, Meaning] = {
+_NOTHING, _IN_FRONT = LabelMeaning(), LabelMeaning(occluder=True)
+_PARIS: dict[int, LabelMeaning] = {
     **{
-        number: _shows(number)
+        number: _visible_classes(number)
         for number in (
             FacadeClass.WALL,
             FacadeClass.WINDOW,
@@ -83,14 +83,14 @@ _PARIS: dict[int, Meaning] = {
             FacadeClass.SKY,
         )
     },
-    7: _shows(FacadeClass.ROOF),  # chimneys
+    7: _visible_classes(FacadeClass.ROOF),  # chimneys
     255: _NOTHING,
 }
 
 ECP = DatasetRecipe("ecp", "images", "labels", _PARIS, may_train=True)
 # Its labels run straight through trees and cars: what stands in front of the facade is not told.
 ARTDECO = DatasetRecipe(
-    "artdeco", "images", "labels", {number: Meaning(told.classes) for number, told in _PARIS.items()}, may_train=False
+    "artdeco", "images", "labels", {number: LabelMeaning(told.classes) for number, told in _PARIS.items()}, may_train=False
 )
 # Facades of many styles, without classes for sky and roof; ornament is wall, shutters and cornices may be either.
 CMP = DatasetRecipe(
@@ -98,18 +98,18 @@ CMP = DatasetRecipe(
     "images",
     "labels",
     {
-        1: Meaning(outside=True),  # sky, neighbours, street
-        2: Meaning((FacadeClass.WALL,)),
-        3: Meaning((FacadeClass.WINDOW,)),
-        4: Meaning((FacadeClass.DOOR,)),
-        5: Meaning((FacadeClass.WALL, FacadeClass.ROOF)),  # cornice
-        6: Meaning((FacadeClass.WALL, FacadeClass.BALCONY)),  # sill
-        7: Meaning((FacadeClass.BALCONY,)),
-        8: Meaning((FacadeClass.WINDOW, FacadeClass.WALL)),  # blind
-        9: Meaning((FacadeClass.WALL,)),
-        10: Meaning((FacadeClass.WALL,)),
-        11: Meaning((FacadeClass.WALL, FacadeClass.SHOP)),  # pillar
-        12: Meaning((FacadeClass.SHOP,)),
+        1: LabelMeaning(outside=True),  # sky, neighbours, street
+        2: LabelMeaning((FacadeClass.WALL,)),
+        3: LabelMeaning((FacadeClass.WINDOW,)),
+        4: LabelMeaning((FacadeClass.DOOR,)),
+        5: LabelMeaning((FacadeClass.WALL, FacadeClass.ROOF)),  # cornice
+        6: LabelMeaning((FacadeClass.WALL, FacadeClass.BALCONY)),  # sill
+        7: LabelMeaning((FacadeClass.BALCONY,)),
+        8: LabelMeaning((FacadeClass.WINDOW, FacadeClass.WALL)),  # blind
+        9: LabelMeaning((FacadeClass.WALL,)),
+        10: LabelMeaning((FacadeClass.WALL,)),
+        11: LabelMeaning((FacadeClass.WALL, FacadeClass.SHOP)),  # pillar
+        12: LabelMeaning((FacadeClass.SHOP,)),
     },
     may_train=True,
 )
@@ -120,7 +120,7 @@ RUEMONGE = DatasetRecipe(
     {
         0: _NOTHING,
         **{
-            n + 1: _shows(label)
+            n + 1: _visible_classes(label)
             for n, label in enumerate(
                 (
                     FacadeClass.WINDOW,
@@ -142,7 +142,7 @@ LABELMEFACADE = DatasetRecipe(
     "labels",
     {
         0: _NOTHING,
-        1: _shows(
+        1: _visible_classes(
             FacadeClass.WALL,
             FacadeClass.WINDOW,
             FacadeClass.BALCONY,
@@ -151,12 +151,12 @@ LABELMEFACADE = DatasetRecipe(
             FacadeClass.SHOP,
         ),
         2: _IN_FRONT,  # cars
-        3: _shows(FacadeClass.DOOR),
-        4: Meaning(occluder=False, outside=True),  # pavement
-        5: Meaning(occluder=False, outside=True),  # road
-        6: _shows(FacadeClass.SKY),
+        3: _visible_classes(FacadeClass.DOOR),
+        4: LabelMeaning(occluder=False, outside=True),  # pavement
+        5: LabelMeaning(occluder=False, outside=True),  # road
+        6: _visible_classes(FacadeClass.SKY),
         7: _IN_FRONT,  # vegetation
-        8: _shows(FacadeClass.WINDOW),
+        8: _visible_classes(FacadeClass.WINDOW),
     },
     may_train=False,
 )
@@ -165,33 +165,33 @@ RECIPES = {recipe.name: recipe for recipe in (ECP, ARTDECO, CMP, RUEMONGE, LABEL
 
 # The Swiss street photos come as polygons with a category. Of what no polygon covers most is sky.
 _SWISS = {
-    "facade": _shows(FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.DOOR),
-    "window": _shows(FacadeClass.WINDOW),
-    "balcony-fence": _shows(FacadeClass.BALCONY),
-    "shop": _shows(FacadeClass.SHOP),
-    "street": Meaning(occluder=False, outside=True),
+    "facade": _visible_classes(FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.DOOR),
+    "window": _visible_classes(FacadeClass.WINDOW),
+    "balcony-fence": _visible_classes(FacadeClass.BALCONY),
+    "shop": _visible_classes(FacadeClass.SHOP),
+    "street": LabelMeaning(occluder=False, outside=True),
     "non-building-infrastructure": _NOTHING,
     "vegetation": _IN_FRONT,
     "car": _IN_FRONT,
     "fence": _IN_FRONT,
     "traffic-infrastructure": _IN_FRONT,
 }
-_SWISS_REST = Meaning(occluder=False, outside=True)
+_SWISS_REST = LabelMeaning(occluder=False, outside=True)
 
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
-def ecp(folder: str | Path) -> Iterator[LabelledFacade]:
+def read_ecp(folder: str | Path) -> Iterator[LabelledFacade]:
     """The 83 Haussmann facades of the ECP set; chimneys count as roof."""
-    return read(ECP, folder)
+    return read_dataset(ECP, folder)
 
 
-def artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
+def read_artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
     """The 63 Art-Deco facades (Gadde et al. 2016), for evaluation only: no licence is stated."""
-    return read(ARTDECO, folder)
+    return read_dataset(ARTDECO, folder)
 
 
-def swiss(folder: str | Path) -> Iterator[LabelledFacade]:
+def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
     """Street photos with annotations.coco.json beside them, in the order of that file.
 
     Smaller polygons lie over larger ones; where a part of a facade lies over a tree or a car, which of both is in
@@ -213,7 +213,7 @@ def swiss(folder: str | Path) -> Iterator[LabelledFacade]:
         yield LabelledFacade(Path(photo["file_name"]).stem, image, *maps)
 
 
-def read(recipe: DatasetRecipe, folder: str | Path) -> Iterator[LabelledFacade]:
+def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[LabelledFacade]:
     """Read a set in the order of its file names.
 
     Raises InputError for a folder without the set's files and ImageError for a file that does not fit, both when the
@@ -259,16 +259,16 @@ def _map_labels(recipe: DatasetRecipe, path: Path, label_map: np.ndarray, size: 
     if strange:
         raise ImageError(f"{path}: label ids {strange} are not in the table of {recipe.name}; add or correct them")
     table = np.zeros((256, 4), np.uint8)
-    table[list(recipe.classes)] = [meaning.values for meaning in recipe.classes.values()]
+    table[list(recipe.classes)] = [meaning.map_values for meaning in recipe.classes.values()]
     return [table[:, part][label_map] for part in range(4)]
 
 
 def _draw(
-    path: Path, polygons: Sequence[Mapping[str, Any]], meaning: Mapping[int, Meaning], size: tuple[int, ...]
+    path: Path, polygons: Sequence[Mapping[str, Any]], meaning: Mapping[int, LabelMeaning], size: tuple[int, ...]
 ) -> list[np.ndarray]:
     import cv2
 
-    labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_REST.values)
+    labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_REST.map_values)
     for polygon in polygons:
         try:
             corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)
@@ -279,7 +279,7 @@ def _draw(
             ) from error
         inside = cv2.fillPoly(np.zeros(size, np.uint8), [corners], 1) == 1
         behind = inside & (occluder == 1) if told.occluder is False else np.zeros(size, bool)
-        for layer, value in zip((labels, possible, occluder, outside), told.values, strict=True):
+        for layer, value in zip((labels, possible, occluder, outside), told.map_values, strict=True):
             layer[inside] = value
         occluder[behind] = UNKNOWN
     return [labels, possible, occluder, outside]

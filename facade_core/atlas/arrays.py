@@ -151,7 +151,7 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
 def clear_rasters(
     group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int], stage: str | None = None
 ) -> None:
-    """Reset the atlas and the facade maps at some charts to their state before a stage wrote them.
+    """Reset the atlas and the facade maps at some charts to their state before a stage.
 
     Parameters
     ----------
@@ -167,9 +167,9 @@ def clear_rasters(
         if array.path in group  # a store of an earlier version lacks some until its plan is written
     ]
     for chart in charts:
-        one = TexelLayout.of_charts(placement, [chart])
+        layout = TexelLayout.of_charts(placement, [chart])
         for array in arrays:
-            write_rasters(array, spec, placement, one, np.zeros((one.total, *array.shape[3:]), array.dtype))
+            write_rasters(array, spec, placement, layout, np.zeros((layout.total, *array.shape[3:]), array.dtype))
 
 
 def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, Axis]:

@@ -1,4 +1,7 @@
-"""Integrity checks of a store and rollback to a readable snapshot. Readable data is never removed."""
+"""Integrity checks of a store and rollback to a readable snapshot.
+
+Readable data is never removed.
+"""
 
 from __future__ import annotations
 
@@ -93,11 +96,11 @@ def roll_back_to_readable(path: StoreLocation, verify: Callable[[icechunk.Sessio
 def list_chunks(session: icechunk.Session, array: str) -> set[ChunkCoordinates]:
     """List the coordinates of an array's chunks from its manifest, without reading a chunk."""
 
-    async def listed() -> set[ChunkCoordinates]:
-        return {tuple(one) async for one in session.chunk_coordinates(f"/{array}")}
+    async def list_all() -> set[ChunkCoordinates]:
+        return {tuple(coordinates) async for coordinates in session.chunk_coordinates(f"/{array}")}
 
     with ThreadPoolExecutor(1) as thread:  # the caller's thread may run an event loop
-        return thread.submit(asyncio.run, listed()).result()
+        return thread.submit(asyncio.run, list_all()).result()
 
 
 def has_all_files(repository: Repository, path: StoreLocation) -> bool:
@@ -110,10 +113,10 @@ def has_all_files(repository: Repository, path: StoreLocation) -> bool:
         snapshots = [repository.lookup_branch(BRANCH), *map(repository.lookup_tag, repository.list_tags())]
         if not all(_has_all_manifests(repository, manifests, snapshot) for snapshot in snapshots):
             return False
-        held = repository.chunk_storage_stats().native_bytes
+        stored_bytes = repository.chunk_storage_stats().native_bytes
     except DAMAGE_ERRORS:
         return False
-    return sum(_file_sizes(path / "chunks").values()) >= held
+    return sum(_file_sizes(path / "chunks").values()) >= stored_bytes
 
 
 def find_broken_tags(repository: Repository, path: StoreLocation) -> list[str]:
@@ -137,19 +140,19 @@ def find_unreadable_chunks(session: icechunk.Session) -> dict[str, list[ChunkCoo
     Coordinates of unreadable chunks by array path; None for an array whose manifest cannot be read.
     """
     group = zarr.open_group(session.store, mode="r")
-    found: dict[str, list[ChunkCoordinates] | None] = {}
+    unreadable: dict[str, list[ChunkCoordinates] | None] = {}
     arrays = [(path, node) for path, node in group.members(max_depth=None) if isinstance(node, zarr.Array)]
     with ThreadPoolExecutor(READ_THREADS) as threads:
         for path, array in sorted(arrays):
             try:
                 listed = sorted(list_chunks(session, path))
             except DAMAGE_ERRORS:
-                found[path] = None
+                unreadable[path] = None
                 continue
-            sound = threads.map(lambda one, array=array: _is_readable(array, one), listed)
-            if lost := [one for one, there in zip(listed, sound, strict=True) if not there]:
-                found[path] = lost
-    return found
+            results = threads.map(lambda chunk, array=array: _is_readable(array, chunk), listed)
+            if lost := [chunk for chunk, readable in zip(listed, results, strict=True) if not readable]:
+                unreadable[path] = lost
+    return unreadable
 
 
 def _is_readable(array: zarr.Array, chunk: ChunkCoordinates) -> bool:
@@ -161,9 +164,12 @@ def _is_readable(array: zarr.Array, chunk: ChunkCoordinates) -> bool:
 
 
 def _has_all_manifests(repository: Repository, manifest_sizes: Mapping[str, int], snapshot: str) -> bool:
-    """Compare a snapshot's manifests with the files; raises one of `DAMAGE_ERRORS` if it cannot be read."""
+    """Compare a snapshot's manifests with the files.
+
+    Raises one of `DAMAGE_ERRORS` if the snapshot cannot be read.
+    """
     manifests = json.loads(repository.inspect_snapshot(snapshot))["manifests"]
-    return all(manifest_sizes.get(one["id"]) == one["size_bytes"] for one in manifests)
+    return all(manifest_sizes.get(manifest["id"]) == manifest["size_bytes"] for manifest in manifests)
 
 
 def _file_sizes(folder: StoreLocation) -> dict[str, int]:
@@ -198,15 +204,15 @@ def _list_snapshots(path: StoreLocation) -> Iterator[tuple[datetime, str]]:
             return
         _write_branch(path, names[0])
         repository = open_repository(path)
-    found = []
+    snapshots = []
     for name in names:
         try:
             info = repository.lookup_snapshot(name)
         except DAMAGE_ERRORS:
             continue
         if info.parent_id is not None:
-            found.append((info.written_at, name))
-    yield from sorted(found, reverse=True)
+            snapshots.append((info.written_at, name))
+    yield from sorted(snapshots, reverse=True)
 
 
 def _write_branch(path: StoreLocation, snapshot: str) -> None:
@@ -214,13 +220,13 @@ def _write_branch(path: StoreLocation, snapshot: str) -> None:
 
     Icechunk refuses to open a repository with a damaged reference, so its own call cannot be used.
     """
-    folder, said = path / "refs" / f"branch.{BRANCH}", json.dumps({"snapshot": snapshot})
+    folder, content = path / "refs" / f"branch.{BRANCH}", json.dumps({"snapshot": snapshot})
     if not isinstance(folder, Path):
-        (folder / "ref.json").write_text(said)
+        (folder / "ref.json").write_text(content)
         return
     folder.mkdir(parents=True, exist_ok=True)
     temporary = folder / ".ref.tmp"
-    temporary.write_text(said)
+    temporary.write_text(content)
     os.replace(temporary, folder / "ref.json")
 
 

@@ -111,7 +111,10 @@ def write_record(group: StoreGroup, stage: str, index: int, record: Record) -> N
 
 
 def clear_record(group: StoreGroup, stage: str, index: int) -> None:
-    """Clear the record of a unit, so that the unit is pending. Does nothing if the store is older than the stage."""
+    """Clear the record of a unit, so that the unit is pending.
+
+    Does nothing if the store is older than the stage.
+    """
     if journal_path(stage) in group:
         group[journal_path(stage)][index] = ""
 

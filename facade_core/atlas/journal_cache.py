@@ -55,20 +55,20 @@ def read_cached_array(group: StoreGroup, path: str) -> np.ndarray:
 
     `facade_core.atlas.store` puts the store's folder on the root group's store.
     """
-    array, held = group[path], _caches.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
-    if held is None or (session := group.store.session).has_uncommitted_changes:
+    array, cached = group[path], _caches.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
+    if cached is None or (session := group.store.session).has_uncommitted_changes:
         return array[:]
     with _cache_lock:
-        if held.snapshot != session.snapshot_id:  # the store was rolled back, or the session is of an older snapshot
-            held.snapshot, held.arrays = session.snapshot_id, {}
-        values = held.arrays.pop(path, None)  # removed while it is read, so that a failed read leaves nothing behind
-        stale = np.array(sorted(held.stale.pop(path, ())), np.int64)
+        if cached.snapshot != session.snapshot_id:  # the store was rolled back, or the session is of an older snapshot
+            cached.snapshot, cached.arrays = session.snapshot_id, {}
+        values = cached.arrays.pop(path, None)  # removed while it is read, so that a failed read leaves nothing behind
+        stale = np.array(sorted(cached.stale.pop(path, ())), np.int64)
         if values is None or values.shape != array.shape:
             values = array[:]
         elif len(stale):
             values = values.copy()
             values[stale] = array.oindex[stale]
-        held.arrays[path] = values
+        cached.arrays[path] = values
     return values
 
 
@@ -82,14 +82,14 @@ def update_cached_journals(store: StoreLocation, parent: str | None, snapshot: s
     snapshot : id of the new snapshot.
     changes : change set of the commit.
     """
-    if (held := _caches.get(store)) is None:
+    if (cached := _caches.get(store)) is None:
         return
     with _cache_lock:
-        if held.snapshot != parent:  # unknown commits in between
-            held.arrays = {}
+        if cached.snapshot != parent:  # unknown commits in between
+            cached.arrays = {}
         for name in changes.new_arrays | changes.updated_arrays | changes.deleted_arrays:
-            held.arrays.pop(name.removeprefix("/"), None)
+            cached.arrays.pop(name.removeprefix("/"), None)
         for name, chunks in changes.updated_chunks.items():
-            if (path := name.removeprefix("/")) in held.arrays:
-                held.stale[path].update(chunk[0] for chunk in chunks)
-        held.snapshot = snapshot
+            if (path := name.removeprefix("/")) in cached.arrays:
+                cached.stale[path].update(chunk[0] for chunk in chunks)
+        cached.snapshot = snapshot

@@ -34,11 +34,11 @@ class TexelLayout:
     @classmethod
     def of_charts(cls, placement: Placement, charts: Iterable[int]) -> TexelLayout:
         """Lay out charts in the given order."""
-        held = np.array(list(charts), np.int64)
-        size = placement.width[held].astype(np.int64) * placement.height[held]
+        chart_ids = np.array(list(charts), np.int64)
+        size = placement.width[chart_ids].astype(np.int64) * placement.height[chart_ids]
         offset = np.full(len(placement.page), -1, np.int64)
-        offset[held] = np.cumsum(size) - size
-        return cls(held, offset, int(size.sum()))
+        offset[chart_ids] = np.cumsum(size) - size
+        return cls(chart_ids, offset, int(size.sum()))
 
     def texel_slice(self, placement: Placement, chart: int) -> slice:
         """Return the slice of a chart's texels in the flat array."""

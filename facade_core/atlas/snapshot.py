@@ -1,6 +1,6 @@
-"""Snapshot of a store as an xarray tree with names, units and the CRS, cut to charts and facades.
+"""Snapshot of a store as an xarray tree, cut to charts and facades.
 
-All data is lazy.
+The tree has names, units and the CRS. All data is lazy.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ STORED_CHUNKS: Mapping[str, int] = {}
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Snapshot of a store, opened by `open_atlas`. Picklable for workers that reach the same store.
+    """Snapshot of a store, opened by `open_atlas`.
+
+    Picklable for workers that reach the same store.
 
     Attributes
     ----------
@@ -56,7 +58,7 @@ class Atlas:
     chunks: Mapping[str, int] | None = field(repr=False)
 
     def __getitem__(self, path: str) -> Any:
-        """Return a group of the tree (DataTree), or an array (DataArray) such as `atlas["atlas/colour"]`."""
+        """Return a group (DataTree) or an array (DataArray), such as `atlas["atlas/colour"]`."""
         return self.tree[path]
 
     @property
@@ -86,8 +88,8 @@ class Atlas:
         repository = open_repository(self.path)
         tags = repository.list_tags()
         try:
-            found = repository.lookup_tag(snapshot) if snapshot in tags else snapshot
-            session = repository.readonly_session(snapshot_id=found)
+            snapshot_id = repository.lookup_tag(snapshot) if snapshot in tags else snapshot
+            session = repository.readonly_session(snapshot_id=snapshot_id)
             return open_atlas(session, chunks=self.chunks)
         except (
             icechunk.IcechunkError,

@@ -1,4 +1,4 @@
-"""Store of a block: an Icechunk repository with tables, atlas pages, panoramas and the journal."""
+"""Store of a block: Icechunk repository with tables, pages, panoramas and journal."""
 
 from __future__ import annotations
 
@@ -48,13 +48,25 @@ class Repository(icechunk.Repository):
     path: StoreLocation
 
     def writable_session(self, branch: str) -> icechunk.Session:
-        """Open a session for writing at the tip of a branch. Raises StoreError for an unreadable tip."""
+        """Open a session for writing at the tip of a branch.
+
+        Raises
+        ------
+        StoreError
+            The tip cannot be read.
+        """
         return self._readable(super().writable_session(branch))
 
     def readonly_session(
         self, branch: str | None = None, *, tag: str | None = None, snapshot_id: str | None = None, **of: Any
     ) -> icechunk.Session:
-        """Open a session for reading. Raises StoreError for an unreadable snapshot."""
+        """Open a session for reading.
+
+        Raises
+        ------
+        StoreError
+            The snapshot cannot be read.
+        """
         return self._readable(super().readonly_session(branch, tag=tag, snapshot_id=snapshot_id, **of))
 
     def _readable(self, session: icechunk.Session) -> icechunk.Session:
@@ -75,14 +87,16 @@ def repository_config(units: int, pages: int) -> icechunk.RepositoryConfig:
     The configuration is passed at every opening and not stored: a stored one would be one more file that the store
     depends on. Manifests with another split stay readable; the first commit that touches them rewrites them.
     """
-    array, along = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
+    condition, dimension = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
     splitting: dict[icechunk.ManifestSplitCondition, Any] = {
-        array.path_matches("^/(journal|panoramas)/"): {along.Axis(0): units},
-        array.AnyArray(): {along.DimensionName("page"): pages},
+        condition.path_matches("^/(journal|panoramas)/"): {dimension.Axis(0): units},
+        condition.AnyArray(): {dimension.DimensionName("page"): pages},
     }
     # Icechunk preloads small manifests, which takes longer than a commit; a session needs few of them
-    ahead = icechunk.ManifestPreloadConfig(max_total_refs=0, preload_if=icechunk.ManifestPreloadCondition.false())
-    manifests = icechunk.ManifestConfig(preload=ahead, splitting=icechunk.ManifestSplittingConfig.from_dict(splitting))
+    preload = icechunk.ManifestPreloadConfig(max_total_refs=0, preload_if=icechunk.ManifestPreloadCondition.false())
+    manifests = icechunk.ManifestConfig(
+        preload=preload, splitting=icechunk.ManifestSplittingConfig.from_dict(splitting)
+    )
     return icechunk.RepositoryConfig(manifest=manifests)
 
 
@@ -129,12 +143,12 @@ def open_root(session: icechunk.Session) -> StoreGroup:
         The store has another format; an empty store has any.
     """
     group = open_root_of_any_format(session)
-    found = read_format(group)
-    if found != STORE_FORMAT and dict(group.attrs):
+    found_format = read_format(group)
+    if found_format != STORE_FORMAT and dict(group.attrs):
         repository = getattr(session, "repository", None)
         where, out = (repository.path, repository.path.parent) if repository else ("the store", "OUT")
         raise FormatError(
-            f"{where}: is of format {found or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; `streetloom run "
+            f"{where}: is of format {found_format or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; `streetloom run "
             f"BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
         )
     return group
@@ -160,8 +174,8 @@ def create_root(session: icechunk.Session) -> StoreGroup:
 def read_format(group: StoreGroup) -> int | None:
     """Return the format of a store; old stores keep it in their attribute `made_for`."""
     made_for = group.attrs.get("made_for")
-    found = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
-    return found if isinstance(found, int) else None
+    store_format = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
+    return store_format if isinstance(store_format, int) else None
 
 
 def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:
@@ -237,6 +251,6 @@ def expire_snapshots(repository: icechunk.Repository, min_age: timedelta = timed
     """
     with _commit_lock:
         *_, before = islice(repository.ancestry(branch=BRANCH), 2)
-        left = datetime.now(UTC) - min_age
-        repository.expire_snapshots(min(before.written_at, left))
-        repository.garbage_collect(left)
+        cutoff = datetime.now(UTC) - min_age
+        repository.expire_snapshots(min(before.written_at, cutoff))
+        repository.garbage_collect(cutoff)

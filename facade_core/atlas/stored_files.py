@@ -1,4 +1,4 @@
-"""Encoded files in a store, such as the picture of a page: published bytes in one uncompressed chunk."""
+"""Encoded files in a store: published bytes, each in one uncompressed chunk."""
 
 from __future__ import annotations
 
@@ -77,7 +77,13 @@ def read_stored_file(group: StoreGroup, path: str, digest: str) -> bytes:
 
 
 def read_verified_array(group: StoreGroup, path: str, digest: str) -> np.ndarray:
-    """Return a file or coarse rasters as a stored array. Raises StoreError as `read_stored_file` does."""
+    """Return a file or coarse rasters as a stored array.
+
+    Raises
+    ------
+    StoreError
+        The file is missing, or its digest differs.
+    """
     if path not in group:
         raise StoreError(f"{path} is not in the store; the next run makes it again")
     data = np.asarray(group[path][:])

@@ -1,4 +1,4 @@
-"""Raster of a chart with its surroundings on the same surface, so that neighbouring pieces match at their borders."""
+"""Raster of a chart with its surroundings, so that neighbouring pieces match."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ def read_with_surroundings(
         axes = np.stack([charts.axis_u[other], charts.axis_v[other]])
         finer = density[other] / density[chart]
         turn = finer * (axes @ np.stack([charts.axis_u[chart], charts.axis_v[chart]], axis=1))
-        apart = axes @ (charts.origin[chart] - charts.origin[other])
-        move = apart * density[other] + turn @ np.full(2, 0.5 - margin) - 0.5
+        offset = axes @ (charts.origin[chart] - charts.origin[other])
+        move = offset * density[other] + turn @ np.full(2, 0.5 - margin) - 0.5
         extent = raster_sizes(charts.size[other : other + 1], density[other])[0]
         ends = CORNER_SHARES * (extent - 1)
         back = (ends - move) @ np.linalg.inv(turn).T
@@ -81,18 +81,18 @@ def read_with_surroundings(
         if x0 >= x1 or y0 >= y1:
             continue
         grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1)
-        at = np.floor(grid @ turn.T + move + 0.5).astype(np.int64)
+        texels = np.floor(grid @ turn.T + move + 0.5).astype(np.int64)
         # grids of pieces differ: a texel may fall between two pieces, into the gutter
         gap = int(np.ceil(finer))
-        inside = ((at >= -gap) & (at <= extent + gap - 1)).all(axis=2)
+        inside = ((texels >= -gap) & (texels <= extent + gap - 1)).all(axis=2)
         if not inside.any():
             continue
-        at = np.clip(at, 0, extent - 1)
-        low, high = at[inside].min(axis=0), at[inside].max(axis=0) + 1
-        theirs, known = read(other, slice(low[1], high[1]), slice(low[0], high[0]))
-        column, row = (at[inside] - low).T
-        colour[y0:y1, x0:x1][inside] = theirs[row, column]
-        provenance[y0:y1, x0:x1][inside] = known[row, column]
-    own = (slice(margin, margin + height), slice(margin, margin + width))
-    colour[own], provenance[own] = read(chart, slice(0, height), slice(0, width))
+        texels = np.clip(texels, 0, extent - 1)
+        low, high = texels[inside].min(axis=0), texels[inside].max(axis=0) + 1
+        piece_colour, piece_provenance = read(other, slice(low[1], high[1]), slice(low[0], high[0]))
+        column, row = (texels[inside] - low).T
+        colour[y0:y1, x0:x1][inside] = piece_colour[row, column]
+        provenance[y0:y1, x0:x1][inside] = piece_provenance[row, column]
+    interior = (slice(margin, margin + height), slice(margin, margin + width))
+    colour[interior], provenance[interior] = read(chart, slice(0, height), slice(0, width))
     return colour, provenance

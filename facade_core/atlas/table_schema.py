@@ -1,4 +1,7 @@
-"""Declaration of the tables of a block's plan: writing, reading and opening them follows from it."""
+"""Declaration of the tables of a block's plan.
+
+Writing, reading and opening the tables follows from it.
+"""
 
 from __future__ import annotations
 
@@ -68,9 +71,9 @@ class Table:
         declared = {column.name for column in self.columns}
         needed = {column.name for column in self.columns if not column.is_optional}
         if not needed <= set(values) <= declared or set(attributes) != set(self.attributes):
-            odd = (needed - set(values)) | (set(values) - declared) | (set(attributes) ^ set(self.attributes))
+            mismatch = (needed - set(values)) | (set(values) - declared) | (set(attributes) ^ set(self.attributes))
             raise StoreError(
-                f"table {self.name}: {', '.join(sorted(odd))} missing or not declared in TABLES; declare it"
+                f"table {self.name}: {', '.join(sorted(mismatch))} missing or not declared in TABLES; declare it"
             )
         variables = {
             column.name: (column.dims, _to_array(values[column.name], column.dtype), dict(column.attributes))
@@ -80,7 +83,9 @@ class Table:
         return xr.Dataset(variables, attrs={**attributes, "crs": crs})
 
     def read_columns(self, dataset: xr.Dataset) -> dict[str, Any]:
-        """Return the columns' values (rows, ...) and the table's attributes by name; strings as str.
+        """Return the columns' values (rows, ...) and the table's attributes by name.
+
+        Strings are returned as str.
 
         Raises
         ------
@@ -90,8 +95,8 @@ class Table:
         values: dict[str, Any] = {name: dataset.attrs[name] for name in self.attributes}
         for column in self.columns:
             if not column.is_optional or column.name in dataset:
-                found = dataset[column.name].values
-                values[column.name] = tuple(map(str, found)) if column.dtype == TEXT else found
+                column_values = dataset[column.name].values
+                values[column.name] = tuple(map(str, column_values)) if column.dtype == TEXT else column_values
         return values
 
 
@@ -111,9 +116,9 @@ def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = 
 
     dims: names separated by blanks. more: `is_position`, `is_optional` and further CF attributes.
     """
-    of = {key: more.pop(key) for key in ("is_position", "is_optional") if key in more}
-    named = {key: value for key, value in (("units", units), ("long_name", long_name)) if value}
-    return Column(name, tuple(dims.split()), dtype, {**named, **more}, **of)
+    flags = {key: more.pop(key) for key in ("is_position", "is_optional") if key in more}
+    cf_attributes = {key: value for key, value in (("units", units), ("long_name", long_name)) if value}
+    return Column(name, tuple(dims.split()), dtype, {**cf_attributes, **more}, **flags)
 
 
 _KIND_FLAGS: dict[str, Any] = {"flag_values": list(range(len(CHART_KINDS))), "flag_meanings": " ".join(CHART_KINDS)}

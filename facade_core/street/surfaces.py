@@ -1,4 +1,4 @@
-"""Complete charts: texture from facades and streets, materials where no view shows the surface."""
+"""Complete charts: texture from facades and streets, materials elsewhere."""
 
 from __future__ import annotations
 
@@ -117,14 +117,14 @@ def finish_chart(
     Colour (h, w, 3) uint8 and provenance (h, w) uint8 without UNSEEN.
     """
     colour, provenance = _finish_unlit(scene, materials, chart, known, is_neural, views, levelling, aerial, repaint)
-    left = contact_light(scene, chart)
-    if left is not None:
-        darker = (provenance <= Provenance.TRANSLATED) & (left < 1)
-        colour[darker] = (colour[darker] * left[darker][:, None] + 0.5).astype(np.uint8)
+    remaining = contact_light(scene, chart)
+    if remaining is not None:
+        darkened = (provenance <= Provenance.TRANSLATED) & (remaining < 1)
+        colour[darkened] = (colour[darkened] * remaining[darkened][:, None] + 0.5).astype(np.uint8)
     if sun is not None:
-        light, made = sunlight_share(scene, chart, sun), provenance == Provenance.SYNTHESISED
-        if labels is not None and made.any():
-            colour = relight_facade(scene, chart, sun, colour, made, labels, light, materials.arrays.seed)
+        light, is_synthesised = sunlight_share(scene, chart, sun), provenance == Provenance.SYNTHESISED
+        if labels is not None and is_synthesised.any():
+            colour = relight_facade(scene, chart, sun, colour, is_synthesised, labels, light, materials.arrays.seed)
         else:
             colour = apply_sunlight(colour, light)
     return colour, provenance
@@ -144,70 +144,76 @@ def _finish_unlit(
     """Compute `finish_chart` without contact shading and sunlight."""
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
-    bare = provenance == Provenance.UNSEEN
-    shut = np.zeros_like(bare)
-    if bare.any():
-        shut = bare & enclosed_texels(scene, chart)
-        open_ = bare & ~shut
-        painted = materials.chart_raster(chart) if open_.all() else materials.texel_colours(chart, *np.nonzero(open_))
-        colour[open_] = painted.reshape(-1, 3)
-        colour[shut] = _distant_colour(scene, materials, chart)
-        provenance[bare] = Provenance.MATERIAL
+    untextured = provenance == Provenance.UNSEEN
+    hidden = np.zeros_like(untextured)
+    if untextured.any():
+        hidden = untextured & enclosed_texels(scene, chart)
+        exposed = untextured & ~hidden
+        painted = (
+            materials.chart_raster(chart) if exposed.all() else materials.texel_colours(chart, *np.nonzero(exposed))
+        )
+        colour[exposed] = painted.reshape(-1, 3)
+        colour[hidden] = _distant_colour(scene, materials, chart)
+        provenance[untextured] = Provenance.MATERIAL
         if aerial is not None and scene.charts.kind[chart] == ChartKind.GROUND:
-            rgb, shown = render_from_above(scene, chart, aerial)
-            shown &= bare
-            colour[shown], provenance[shown] = rgb[shown], Provenance.PHOTO
+            rgb, has_aerial = render_from_above(scene, chart, aerial)
+            has_aerial &= untextured
+            colour[has_aerial], provenance[has_aerial] = rgb[has_aerial], Provenance.PHOTO
     if repaint and not is_neural:
         rows, columns = np.nonzero(provenance == Provenance.TRANSLATED)
         colour[rows, columns] = materials.texel_colours(chart, rows, columns)
     if views is not None:
-        seen = np.flatnonzero(provenance == Provenance.TRANSLATED)
-        for some in np.array_split(seen, -(-len(seen) // DETAIL_BATCH_TEXELS) or 1):
-            rows, columns = np.divmod(some, width)
+        translated = np.flatnonzero(provenance == Provenance.TRANSLATED)
+        for batch in np.array_split(translated, -(-len(translated) // DETAIL_BATCH_TEXELS) or 1):
+            rows, columns = np.divmod(batch, width)
             grain = materials.fine_detail(chart, rows, columns, _smallest_footprint(scene, chart, rows, columns, views))
             colour[rows, columns] = np.clip(colour[rows, columns] + grain, 0, 255)
     if not levelling:
         return colour, provenance
-    foreign = bare & (provenance == Provenance.PHOTO) if not is_neural else bare
-    if foreign.any():
-        beside = {*known.base_charts, *known.street_charts}
-        colour = _level_to_surroundings(scene, chart, colour, ~bare, foreign, known.read, beside, Provenance.UNSEEN)
-    guessed = bare | (provenance <= Provenance.TRANSLATED)
+    free = untextured & (provenance == Provenance.PHOTO) if not is_neural else untextured
+    if free.any():
+        neighbours = {*known.base_charts, *known.street_charts}
+        colour = _level_to_surroundings(
+            scene, chart, colour, ~untextured, free, known.read, neighbours, Provenance.UNSEEN
+        )
+    generated = untextured | (provenance <= Provenance.TRANSLATED)
     if scene.charts.kind[chart] != ChartKind.GROUND:
-        around = {chart, *coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()}
-        if not around.isdisjoint(known.photo_charts):
+        pieces = {chart, *coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()}
+        if not pieces.isdisjoint(known.photo_charts):
             # a wall is one material, so that its pictures extend without limit
-            colour, filled, _ = _extend_photos(scene, None, chart, colour, guessed & ~shut, known, np.inf)
+            colour, filled, _ = _extend_photos(scene, None, chart, colour, generated & ~hidden, known, np.inf)
             provenance[filled] = Provenance.INPAINTED
             return _level_to_surroundings(
                 scene,
                 chart,
                 colour,
-                ~guessed | filled,
-                guessed & ~filled,
+                ~generated | filled,
+                generated & ~filled,
                 known.read,
                 known.base_charts,
                 Provenance.TRANSLATED,
                 np.inf,
             ), provenance
         return _level_to_surroundings(
-            scene, chart, colour, ~guessed, guessed, known.read, known.base_charts, Provenance.TRANSLATED
+            scene, chart, colour, ~generated, generated, known.read, known.base_charts, Provenance.TRANSLATED
         ), provenance
     # A ground picture says nothing about distant ground, so that is not levelled to it: the picture extends a little by
     # example and then fades into the material. With an aerial picture it does not end at a piece's border: the
     # neighbours' data do not contain the aerial picture yet.
-    near = {chart, *coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()} if aerial is None else {chart}
-    if near.isdisjoint(known.base_charts):
+    ground_pieces = (
+        {chart, *coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()} if aerial is None else {chart}
+    )
+    if ground_pieces.isdisjoint(known.base_charts):
         return colour, provenance
-    pictured, end = ~guessed, provenance != Provenance.PHOTO
+    has_photo, end = ~generated, provenance != Provenance.PHOTO
     if aerial is None:
-        colour, filled, end = _extend_photos(scene, materials, chart, colour, guessed, known, MAX_FILL_M)
+        colour, filled, end = _extend_photos(scene, materials, chart, colour, generated, known, MAX_FILL_M)
         provenance[filled] = Provenance.INPAINTED
-        pictured |= filled
+        has_photo |= filled
     share = photo_fade_weight(scene, chart, end)
-    mixed = (share < 1) & pictured
-    part, painted = share[mixed][:, None], materials.texel_colours(chart, *np.nonzero(mixed))
-    colour[mixed] = (part * colour[mixed] + (1 - part) * painted + 0.5).astype(np.uint8)
+    mixed = (share < 1) & has_photo
+    weight, painted = share[mixed][:, None], materials.texel_colours(chart, *np.nonzero(mixed))
+    colour[mixed] = (weight * colour[mixed] + (1 - weight) * painted + 0.5).astype(np.uint8)
     return colour, provenance
 
 
@@ -227,20 +233,22 @@ def _extend_photos(
     """
     density, size = float(scene.placement.texels_per_metre[chart]), (free.shape[0], free.shape[1])
     margin = round(LEVELLING_MARGIN_M * density)
-    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
+    interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
 
-    def from_one(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-        shown, rank = known.read(one, rows, columns)
-        return shown, rank + 1  # 0 is outside all pieces
+    def read_ranked(piece: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        piece_colour, rank = known.read(piece, rows, columns)
+        return piece_colour, rank + 1  # 0 is outside all pieces
 
-    wide, rank = read_with_surroundings(scene.charts, scene.placement.texels_per_metre, chart, size, margin, from_one)
-    pictured, there = rank == Provenance.PHOTO + 1, rank > 0
-    there[own] &= free
+    wide, rank = read_with_surroundings(
+        scene.charts, scene.placement.texels_per_metre, chart, size, margin, read_ranked
+    )
+    has_photo, fillable = rank == Provenance.PHOTO + 1, rank > 0
+    fillable[interior] &= free
     kinds = np.zeros(rank.shape, np.uint8) if materials is None else materials.ground_kinds(chart, margin)
-    made, filled = fill_by_example(wide, pictured, there, kinds, density, max_distance_m)
-    end = (rank > 0) & ~pictured & ~filled
-    found = filled[own]
-    return np.where(found[..., None], made[own], colour), found, end
+    extended, filled = fill_by_example(wide, has_photo, fillable, kinds, density, max_distance_m)
+    end = (rank > 0) & ~has_photo & ~filled
+    filled_inside = filled[interior]
+    return np.where(filled_inside[..., None], extended[interior], colour), filled_inside, end
 
 
 def photo_fade_weight(scene: Scene, chart: int, end: np.ndarray) -> np.ndarray:
@@ -260,9 +268,9 @@ def photo_fade_weight(scene: Scene, chart: int, end: np.ndarray) -> np.ndarray:
     if not end.any():
         return np.ones((rows, columns), np.float32)
     margin = (end.shape[0] - rows) // 2
-    away = cv2.distanceTransform((~end).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    away = away[margin : margin + rows, margin : margin + columns]
-    return np.clip(away / max(1.0, PHOTO_FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1).astype(
+    distance = cv2.distanceTransform((~end).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+    distance = distance[margin : margin + rows, margin : margin + columns]
+    return np.clip(distance / max(1.0, PHOTO_FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1).astype(
         np.float32
     )
 
@@ -294,28 +302,29 @@ def _level_to_surroundings(
     free: np.ndarray,
     read: ChartReader,
     neighbours: Collection[int],
-    min_rank: int,
+    rank_limit: int,
     decay_m: float = SEAM_DECAY_M,
 ) -> np.ndarray:
-    """Level the free texels (h, w) of a chart to the fixed ones and to texels of `neighbours` with a rank above
-    `min_rank`.
+    """Level the free texels (h, w) of a chart to the fixed ones and its neighbours.
 
-    The offset decays to a third over `decay_m` metres.
+    Texels of `neighbours` count if their rank exceeds `rank_limit`. The offset decays to a third over `decay_m` metres.
     """
     density, size = float(scene.placement.texels_per_metre[chart]), (fixed.shape[0], fixed.shape[1])
     reach = decay_m * density
     if not free.any():
         return colour
-    if not any(one in neighbours for one in coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()):
+    if not any(piece in neighbours for piece in coplanar_pieces(scene.charts, chart, LEVELLING_MARGIN_M).tolist()):
         return level_seam(colour, fixed, free, reach=reach)
     margin = round(LEVELLING_MARGIN_M * density)
-    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
+    interior = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
     unranked = np.zeros(size, np.uint8)  # the masks `fixed` and `free` decide inside the chart
 
-    def with_own(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-        return (colour[rows, columns], unranked[rows, columns]) if one == chart else read(one, rows, columns)
+    def read_current(piece: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        return (colour[rows, columns], unranked[rows, columns]) if piece == chart else read(piece, rows, columns)
 
-    wide, rank = read_with_surroundings(scene.charts, scene.placement.texels_per_metre, chart, size, margin, with_own)
-    pinned, loose = rank > min_rank, np.zeros(rank.shape, bool)
-    pinned[own], loose[own] = fixed, free
-    return level_seam(wide, pinned, loose, reach=reach)[own]
+    wide, rank = read_with_surroundings(
+        scene.charts, scene.placement.texels_per_metre, chart, size, margin, read_current
+    )
+    pinned, loose = rank > rank_limit, np.zeros(rank.shape, bool)
+    pinned[interior], loose[interior] = fixed, free
+    return level_seam(wide, pinned, loose, reach=reach)[interior]

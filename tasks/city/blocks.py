@@ -18,7 +18,7 @@ from catalogs.block.corrections import Corrections, adopt_corrections, read_corr
 from catalogs.block.extract import write_extract
 from catalogs.block.keys import MAX_NAME_LENGTH
 from catalogs.block.part import CityIndex, PartSelection
-from catalogs.block.reader import block_of, extract_of, read_block, with_digest
+from catalogs.block.reader import build_block, part_values, read_block, set_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.keys import check_city
 from catalogs.city.partition import CityCell, halo_radius, partition_city
@@ -73,7 +73,7 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
     folder.mkdir(parents=True, exist_ok=True)
     adopt_corrections(path, folder)
     corrections = file.call_reader("corrections", read_corrections, path)
-    whole = CityIndex(block_of(keys, file))
+    whole = CityIndex(build_block(keys, file))
     cuts = cut_whole(whole, asked.metres)
     rest, city = _moved(asked.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
@@ -81,9 +81,9 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
         block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
         named = rest | {"name": _named(keys.name, cut.name), "part": {"path": extract, "city": city}}
         part = whole.extract_part(chosen)
-        write_extract(folder / extract, extract_of(part, whole.block))
+        write_extract(folder / extract, part_values(part, whole.block))
         _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
-        block = with_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
+        block = set_digest(apply_corrections(replace(part, name=named["name"]), corrections), file)
         blocks.append(CityBlock(cut.name, block_file, block.digest, counts_of(block)))
     faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
     return City(keys.name, tuple(blocks), faults + tuple(_lost(whole, corrections)))

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
+from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, read_ecp, read_dataset, split, read_swiss
 from catalogs.learning.occluder_boxes import looked_in_front
 from facade_core.core.errors import InputError
 from facade_core.core.model_file import extend_model_record, read_model_record
@@ -42,9 +42,9 @@ def train_network(data: Path, out: Path, *, seed: int, course: TrainingSchedule 
     looked = looked_in_front()
     cmp, apart = cmp_photos(data)
     sets: Sets = {
-        "ecp": with_occluders("ecp", split(list(ecp(data / "facades" / "ecp")))[0], looked),
+        "ecp": with_occluders("ecp", split(list(read_ecp(data / "facades" / "ecp")))[0], looked),
         "cmp": with_occluders("cmp", cmp, looked),
-        "swiss": list(swiss(data / "streetphotos" / "swiss" / "train")),
+        "swiss": list(read_swiss(data / "streetphotos" / "swiss" / "train")),
         "painted": painted(PAINTED, seed=PAINTED_SEED),
     }
     # Painted facades are seen as often as one of so many photos: they teach that a clean wall is not something in front.
@@ -72,7 +72,7 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
 def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
     """The photos of facades/cmp without its held-out fold: those to train on, and an eighth by which it is measured how sure
     the network may be."""
-    return split(split(list(read(CMP, data / "facades" / "cmp")))[0], every=8)
+    return split(split(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8)
 
 
 def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
@@ -81,8 +81,8 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     For the benchmark of that set only. Raises ModelError where `out` has no finished network.
     """
     facades = {
-        "artdeco": lambda: split(list(read(ARTDECO, data / "facades" / "artdeco")))[0],
-        "ruemonge2014": lambda: list(read(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
+        "artdeco": lambda: split(list(read_dataset(ARTDECO, data / "facades" / "artdeco")))[0],
+        "ruemonge2014": lambda: list(read_dataset(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
     }[name]()
     start = network_training.read_finished_weights(out / "network.state")
     state = out / f"{name}.state"

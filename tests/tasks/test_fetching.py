@@ -15,7 +15,7 @@ from pyproj import Transformer
 
 from benchmarks.imagery_server import Imagery, Shot, picture_path, serving
 from catalogs.block.reader import read_block
-from catalogs.block.sources import sources_of
+from catalogs.block.sources import block_sources
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
@@ -37,7 +37,7 @@ def shot(name: str, x: float, y: float, **more) -> Shot:
 def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Imagery]:
     """Pictures on the first street, five of them from nearly one place, and one far off."""
     monkeypatch.delenv(TOKEN_VARIABLE, raising=False)
-    monkeypatch.setattr("catalogs.imagery.http_client.FIRST_WAIT_S", 0.001)
+    monkeypatch.setattr("catalogs.imagery.http_client.INITIAL_WAIT_S", 0.001)
     near = [shot(f"near-{i}", 9 + i / 4, 0) for i in range(5)]
     with serving(Imagery([*near, shot("other", 30, 0, captured="2021-01-01"), shot("far", 9000, 0)])) as imagery:
         yield imagery
@@ -59,7 +59,7 @@ def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(serv
     block = read_block(block_file)
     assert {panorama.id for panorama in block.panoramas} == fetched
     assert all(panorama.captured for panorama in block.panoramas)
-    told = {source.key: source.licence for source in sources_of(block_file)}
+    told = {source.key: source.licence for source in block_sources(block_file)}
     assert told["imagery.panoramas.path"] == "anna, CC-BY-SA-4.0"
     again = fetch_for_block(block_file, stac_service(served.stac()))
     assert (again.earlier, again.chosen) == (found.chosen, found.chosen)
@@ -164,7 +164,7 @@ def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_becam
     ended = CliRunner().invoke(main, command)
     assert ended.exit_code == 0, ended.output
     assert lines[-1] != f"ready: streetloom run {block_file}" == ended.output.splitlines()[-1]
-    monkeypatch.setattr("catalogs.imagery.http_client.ATTEMPTS", 1)
+    monkeypatch.setattr("catalogs.imagery.http_client.MAX_ATTEMPTS", 1)
     served.faults["/api/search"] = lambda *_: (503, {}, b"")
     assert CliRunner().invoke(main, command).exit_code == 75
     for wrong in (["--bbox", "1", "2", "3", "4"], [str(block_file), "--bbox", "1", "2", "3", "4"], []):

@@ -54,26 +54,26 @@ def ambient_light(scene: Scene, chart: int, sun: Sun) -> tuple[np.ndarray, np.nd
     rays = hemisphere_directions() @ frame
     shape = (len(points), *rays.shape)
     origins, rays = np.broadcast_to(points[:, None], shape), np.broadcast_to(rays, shape)
-    depth, met = scene.caster.cast(origins, rays)
+    depth, hit = scene.caster.cast(origins, rays)
     far, up = depth > OCCLUDER_RANGE_M, rays[..., 2] >= 0
     free, land = far & up, far & ~up
-    behind = ~far & (np.einsum("prk,prk->pr", normals[met], rays) > 0)
-    normal = np.where(land[..., None], [0.0, 0.0, 1.0], normals[met])
-    back = np.where(land | (charts.kind[met] == ChartKind.GROUND), GROUND_ALBEDO, SURFACE_ALBEDO)
-    sky = np.where(free, 1.0, OCCLUDER_SKY_SHARE * back * (0.5 + 0.5 * normal[..., 2]))
+    behind = ~far & (np.einsum("prk,prk->pr", normals[hit], rays) > 0)
+    normal = np.where(land[..., None], [0.0, 0.0, 1.0], normals[hit])
+    albedo = np.where(land | (charts.kind[hit] == ChartKind.GROUND), GROUND_ALBEDO, SURFACE_ALBEDO)
+    sky = np.where(free, 1.0, OCCLUDER_SKY_SHARE * albedo * (0.5 + 0.5 * normal[..., 2]))
     cosine = np.where(free, 0.0, np.maximum(normal @ sun_direction(sun), 0.0))
-    asked = ~far & ~behind & (cosine > 0)
-    cosine[asked] *= _is_sunlit(scene, origins[asked] + depth[asked][:, None] * rays[asked], normal[asked], sun)
-    thrown = np.where(behind, 0.0, back * cosine)
-    light = [np.where(behind, 0.0, sky).mean(axis=1), thrown.mean(axis=1)]
+    is_lit = ~far & ~behind & (cosine > 0)
+    cosine[is_lit] *= _is_sunlit(scene, origins[is_lit] + depth[is_lit][:, None] * rays[is_lit], normal[is_lit], sun)
+    reflected = np.where(behind, 0.0, albedo * cosine)
+    light = [np.where(behind, 0.0, sky).mean(axis=1), reflected.mean(axis=1)]
     hidden = behind.mean(axis=1) > MAX_BACK_FACE_SHARE
-    one = (np.zeros(1, np.int64), np.array([rows]), np.array([columns]))
+    grid = (np.zeros(1, np.int64), np.array([rows]), np.array([columns]))
     for share in light:
-        fill_hidden_places(share, hidden, *one)
-    above, beside = (share.reshape(rows, columns) / TYPICAL_SKY_SHARE for share in light)
-    whole = above + beside * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
-    shown = MAX_AMBIENT_LIGHT / (whole + MAX_AMBIENT_LIGHT - 1)
-    return (above * shown).astype(np.float32), (beside * shown).astype(np.float32)
+        fill_hidden_places(share, hidden, *grid)
+    skylight, bounce = (share.reshape(rows, columns) / TYPICAL_SKY_SHARE for share in light)
+    total = skylight + bounce * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
+    exposure = MAX_AMBIENT_LIGHT / (total + MAX_AMBIENT_LIGHT - 1)
+    return (skylight * exposure).astype(np.float32), (bounce * exposure).astype(np.float32)
 
 
 def _is_sunlit(scene: Scene, places: np.ndarray, normal: np.ndarray, sun: Sun) -> np.ndarray:

@@ -21,7 +21,12 @@ LINE_FRACTION_BITS = 4
 
 
 def contact_light(scene: Scene, chart: int) -> np.ndarray | None:
-    """Compute the share of light (h, w) float32 left on ground or a wall; None where nothing is lost."""
+    """Compute the share of light that contact shadows leave on ground or a wall.
+
+    Returns
+    -------
+    (h, w) float32; None where nothing is lost.
+    """
     kind = scene.charts.kind[chart]
     if kind == ChartKind.GROUND:
         return _ground_light(scene, chart)
@@ -35,22 +40,26 @@ def _ground_light(scene: Scene, chart: int) -> np.ndarray | None:
     near = charts.charts_within(chart, CONTACT_REACH_M)
     walls = near[charts.kind[near] == ChartKind.WALL]
     ends = charts.points_at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
-    over = (ends - charts.origin[chart]) @ charts.normals()[chart]
+    height_over_ground = (ends - charts.origin[chart]) @ charts.normals()[chart]
     # includes walls that begin below the ground and end above it
-    stands = ((over < MAX_FOOT_GAP_M) & (over > MAX_FOOT_GAP_M - charts.size[walls, 1:])).all(axis=1)
-    if not stands.any():
+    touches_ground = (
+        (height_over_ground < MAX_FOOT_GAP_M) & (height_over_ground > MAX_FOOT_GAP_M - charts.size[walls, 1:])
+    ).all(axis=1)
+    if not touches_ground.any():
         return None
-    flat = charts.coordinates(np.full(2 * int(stands.sum()), chart), ends[stands].reshape(-1, 3)).reshape(-1, 2, 2)
+    flat = charts.coordinates(
+        np.full(2 * int(touches_ground.sum()), chart), ends[touches_ground].reshape(-1, 3)
+    ).reshape(-1, 2, 2)
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
     margin = int(np.ceil(CONTACT_REACH_M * density)) + 1
     free = np.full((height + 2 * margin, width + 2 * margin), 255, np.uint8)
-    at = np.round((flat * density - 0.5 + margin) * 2**LINE_FRACTION_BITS).astype(np.int64)
-    for (x0, y0), (x1, y1) in np.clip(at, -(2**26), 2**26).tolist():
+    fixed_point = np.round((flat * density - 0.5 + margin) * 2**LINE_FRACTION_BITS).astype(np.int64)
+    for (x0, y0), (x1, y1) in np.clip(fixed_point, -(2**26), 2**26).tolist():
         cv2.line(free, (x0, y0), (x1, y1), 0, 1, cv2.LINE_8, LINE_FRACTION_BITS)
     if free.all():
         return None
-    away = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_5)[margin:-margin, margin:-margin] / density
-    return _remaining_light(away, GROUND_LOSS)
+    distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_5)[margin:-margin, margin:-margin] / density
+    return _remaining_light(distance, GROUND_LOSS)
 
 
 def _wall_light(scene: Scene, chart: int) -> np.ndarray | None:
@@ -58,8 +67,8 @@ def _wall_light(scene: Scene, chart: int) -> np.ndarray | None:
     if not _is_on_ground(scene, chart):
         return None
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
-    over = charts.size[chart, 1] - (np.arange(height) + 0.5) / scene.placement.texels_per_metre[chart]
-    return np.broadcast_to(_remaining_light(np.maximum(over, 0), WALL_LOSS)[:, None], (height, width))
+    height_over_foot = charts.size[chart, 1] - (np.arange(height) + 0.5) / scene.placement.texels_per_metre[chart]
+    return np.broadcast_to(_remaining_light(np.maximum(height_over_foot, 0), WALL_LOSS)[:, None], (height, width))
 
 
 def _is_on_ground(scene: Scene, chart: int) -> bool:
@@ -72,6 +81,6 @@ def _is_on_ground(scene: Scene, chart: int) -> bool:
 
 
 def _remaining_light(distance: np.ndarray, loss: float) -> np.ndarray:
-    """Compute the light left at distances (...,) metres from the line, with `loss` of it lost at the line."""
+    """Compute the light left at distances (...,) metres from a line that loses `loss`."""
     fading = loss * (np.exp(-distance / LOSS_DECAY_M) - np.exp(-CONTACT_REACH_M / LOSS_DECAY_M))
     return (1 - np.where(distance < CONTACT_REACH_M, fading, 0.0)).astype(np.float32)

@@ -44,15 +44,15 @@ def relight_facade(
     (h, w, 3) uint8.
     """
     density = float(scene.placement.texels_per_metre[chart])
-    towards, dark = sun_in_chart_frame(scene.charts, chart, sun)
+    towards, shadow_brightness = sun_in_chart_frame(scene.charts, chart, sun)
     if towards[2] > 0 and light.any():  # a wall that the sun is behind has no relief that it shines on
-        light = light * (1 - is_synthesised * cast_shadows(colour, labels, density, towards, dark))
+        light = light * (1 - is_synthesised * cast_shadows(colour, labels, density, towards, shadow_brightness))
     origin, along, down = (getattr(scene.charts, name)[chart] for name in ("origin", "axis_u", "axis_v"))
     tones = stain_tones(colour, labels, density, (float(origin @ along), float(origin @ down)), seed)
-    above, back = ambient_light(scene, chart, sun)
+    skylight, bounce = ambient_light(scene, chart, sun)
     out = np.empty_like(colour)
     apply_facade_light(
-        colour, is_synthesised, labels == FacadeClass.WALL, light.astype(np.float32), above, back, tones, out
+        colour, is_synthesised, labels == FacadeClass.WALL, light.astype(np.float32), skylight, bounce, tones, out
     )
     return out
 
@@ -89,19 +89,19 @@ def apply_facade_light(
     height, width = is_synthesised.shape
     rows, columns, tall, wide = sky_light.shape[0], sky_light.shape[1], tones.shape[0], tones.shape[1]
     for row in range(height):
-        at = (row + 0.5) / height
-        v, w = at * (rows - 1), min(max(at * tall - 0.5, 0.0), tall - 1.0)
+        share = (row + 0.5) / height
+        v, w = share * (rows - 1), min(max(share * tall - 0.5, 0.0), tall - 1.0)
         v0, w0 = min(int(v), rows - 2), min(int(w), tall - 2)
         for column in range(width):
             sky, sun, tone = 1.0, np.float64(light[row, column]), 1.0
             if is_synthesised[row, column]:
-                at = (column + 0.5) / width
-                u = at * (columns - 1)
+                share = (column + 0.5) / width
+                u = share * (columns - 1)
                 u0 = min(int(u), columns - 2)
                 sky = _bilinear(sky_light, v0, u0, v - v0, u - u0)
                 sun += _bilinear(bounce_light, v0, u0, v - v0, u - u0)
                 if wall[row, column]:
-                    u = min(max(at * wide - 0.5, 0.0), wide - 1.0)
+                    u = min(max(share * wide - 0.5, 0.0), wide - 1.0)
                     u0 = min(int(u), wide - 2)
                     tone = _bilinear(tones, w0, u0, w - w0, u - u0)
             for band in range(3):

@@ -50,28 +50,28 @@ def backdrop_colour(rays: np.ndarray) -> np.ndarray:
     -------
     (..., 3) in 0..255.
     """
-    shown = sky_colour(rays[..., 2])
-    steep = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-6)
-    low = (steep < max(lowest + higher for _, lowest, higher, _ in ROOFLINES)) & (
-        steep > -MAX_WALL_DROP - ROOFLINE_BLUR
+    colour = sky_colour(rays[..., 2])
+    slope = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-6)
+    below_roofs = (slope < max(lowest + higher for _, lowest, higher, _ in ROOFLINES)) & (
+        slope > -MAX_WALL_DROP - ROOFLINE_BLUR
     )
-    shown[low] = _add_rooflines(shown[low], rays[low], steep[low])
-    return shown
+    colour[below_roofs] = _add_rooflines(colour[below_roofs], rays[below_roofs], slope[below_roofs])
+    return colour
 
 
-def _add_rooflines(colour: np.ndarray, rays: np.ndarray, steep: np.ndarray) -> np.ndarray:
+def _add_rooflines(colour: np.ndarray, rays: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """Add rows of roofs to colours (k, 3) in directions (k, 3) with slopes (k,)."""
     around = (np.arctan2(rays[:, 0], rays[:, 1]) / (2 * np.pi)) % 1.0
     for row, (houses, lowest, higher, haze) in enumerate(ROOFLINES):
-        at = around * houses
-        house = np.minimum(at, houses - 1).astype(np.uint32)
+        position = around * houses
+        house = np.minimum(position, houses - 1).astype(np.uint32)
         height = lowest + higher * _hash_numbers(house, 3 * row)
         # some roofs slope to their neighbours
-        height *= 1 - np.where(_hash_numbers(house, 3 * row + 1) < 0.5, 0.4 * np.abs(at - house - 0.5), 0.0)
+        height *= 1 - np.where(_hash_numbers(house, 3 * row + 1) < 0.5, 0.4 * np.abs(position - house - 0.5), 0.0)
         tone = HOUSE_COLOUR * (0.9 + 0.2 * _hash_numbers(house, 3 * row + 2))[:, None]
-        tone[steep > 0.8 * height] = ROOF_COLOUR
-        covers = np.clip((height - steep) / ROOFLINE_BLUR, 0.0, 1.0) * np.clip(
-            1 + (steep + MAX_WALL_DROP) / ROOFLINE_BLUR, 0.0, 1.0
+        tone[slope > 0.8 * height] = ROOF_COLOUR
+        covers = np.clip((height - slope) / ROOFLINE_BLUR, 0.0, 1.0) * np.clip(
+            1 + (slope + MAX_WALL_DROP) / ROOFLINE_BLUR, 0.0, 1.0
         )
         colour = colour + covers[:, None] * (tone + haze * (HORIZON_COLOUR - tone) - colour)
     return colour
@@ -99,5 +99,5 @@ def add_sky(rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """
     height = len(rgb)
     up = np.sin(np.pi * (0.5 - (np.arange(height) + 0.5) / height))
-    shown = np.broadcast_to(sky_colour(up).astype(np.uint8)[:, None], rgb.shape)
-    return np.where(np.isinf(depth)[..., None], shown, rgb)
+    sky = np.broadcast_to(sky_colour(up).astype(np.uint8)[:, None], rgb.shape)
+    return np.where(np.isinf(depth)[..., None], sky, rgb)

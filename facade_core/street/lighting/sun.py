@@ -27,18 +27,23 @@ RAY_BATCH = 1 << 19
 
 def sun_direction(sun: Sun) -> np.ndarray:
     """Return the unit vector (3,) towards the sun."""
-    turn, rise = np.radians(sun.azimuth), np.radians(sun.elevation)
-    return np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
+    azimuth, elevation = np.radians(sun.azimuth), np.radians(sun.elevation)
+    return np.array([np.sin(azimuth) * np.cos(elevation), np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
 def sun_disk_rays(sun: Sun) -> np.ndarray:
-    """Return unit directions (DISK_RAYS, 3) that cover the sun's disk evenly: a spiral of equal areas."""
+    """Return unit directions (DISK_RAYS, 3) that cover the sun's disk evenly.
+
+    They lie on a spiral of equal areas.
+    """
     towards = sun_direction(sun)
     right = np.cross(towards, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     radius = np.tan(np.radians(DISK_RADIUS_DEG)) * np.sqrt((np.arange(DISK_RAYS) + 0.5) / DISK_RAYS)
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(DISK_RAYS)
-    rays = towards + np.outer(radius * np.cos(turn), right) + np.outer(radius * np.sin(turn), np.cross(right, towards))
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(DISK_RAYS)
+    rays = (
+        towards + np.outer(radius * np.cos(angle), right) + np.outer(radius * np.sin(angle), np.cross(right, towards))
+    )
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
@@ -65,23 +70,25 @@ def sunlight_share(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
     rows, columns = -(-height // step), -(-width // step)
     y, x = ((np.arange(n) + 0.5) * step / density for n in (rows, columns))
     x, y = np.minimum(x, charts.size[chart, 0]), np.minimum(y, charts.size[chart, 1])
-    seen = np.empty((rows, columns), np.float32)
+    visible_share = np.empty((rows, columns), np.float32)
     towards = sun_disk_rays(sun)
-    together = max(1, RAY_BATCH // (columns * DISK_RAYS))
-    for first in range(0, rows, together):
-        own = slice(first, first + together)
-        points = charts.points(chart, x[None, :], y[own, None]) + RAY_LIFT_M * normal
+    batch_rows = max(1, RAY_BATCH // (columns * DISK_RAYS))
+    for first in range(0, rows, batch_rows):
+        batch = slice(first, first + batch_rows)
+        points = charts.points(chart, x[None, :], y[batch, None]) + RAY_LIFT_M * normal
         rays = np.broadcast_to(towards, (*points.shape[:2], DISK_RAYS, 3))
         depth, _ = scene.caster.cast(np.broadcast_to(points[:, :, None], rays.shape), rays)
-        seen[own] = (depth > MAX_SHADOW_REACH_M).mean(axis=2)
-    finer = cv2.resize(seen, (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
-    return cosine * finer.reshape(rows * step, columns * step)[:height, :width]
+        visible_share[batch] = (depth > MAX_SHADOW_REACH_M).mean(axis=2)
+    resized = cv2.resize(visible_share, (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)
+    return cosine * resized.reshape(rows * step, columns * step)[:height, :width]
 
 
 def sun_in_chart_frame(charts: Charts, chart: int, sun: Sun) -> tuple[np.ndarray, float]:
-    """Return the direction to the sun (3,) in a chart's frame, and the shadow's brightness relative to full light.
+    """Return the direction to the sun in a chart's frame and the brightness of shadow.
 
-    The axes are the chart's width, down and outward.
+    Returns
+    -------
+    (3,) along the chart's width, down and outward; brightness of shadow relative to full light.
     """
     frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], charts.normals()[chart]])
     towards = frame @ sun_direction(sun)
@@ -101,6 +108,6 @@ def apply_sunlight(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
     (h, w, 3) uint8.
     """
     out = np.empty_like(colour)
-    for band, (above, beside) in enumerate(zip(SKY_LIGHT.tolist(), SUN_LIGHT.tolist(), strict=True)):
-        out[..., band] = np.minimum(colour[..., band] * (above + beside * light) + np.float32(0.5), 255)
+    for band, (sky_band, sun_band) in enumerate(zip(SKY_LIGHT.tolist(), SUN_LIGHT.tolist(), strict=True)):
+        out[..., band] = np.minimum(colour[..., band] * (sky_band + sun_band * light) + np.float32(0.5), 255)
     return out

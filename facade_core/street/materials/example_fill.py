@@ -100,20 +100,23 @@ def fill_by_example(
 def _copy_parts(
     image: np.ndarray, known: np.ndarray, wanted: np.ndarray, kind: np.ndarray, factor: int, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Copy what translations reach; return the image and the known texels (h, w) bool. step: side of a cell, metres."""
+    """Copy parts to the wanted texels that translations reach.
+
+    Returns the image and the known texels (h, w) bool. step: side of a cell, metres.
+    """
     small, clear, hidden, kinds = _reduce_to_cells(image, known, wanted, kind, factor)
     rows, columns = np.nonzero(hidden)
     moves = _best_translations(small, clear, step) if len(rows) else np.zeros((0, 2), np.int64)
     if not len(moves):
         return image, known
-    offer = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
-    served = (offer.price < UNUSABLE_PRICE).any(axis=0)
-    if not served.any():
+    offers = _source_offers(small, clear, kinds, np.column_stack([rows, columns]), moves, step)
+    reachable = (offers.price < UNUSABLE_PRICE).any(axis=0)
+    if not reachable.any():
         return image, known
-    offer = SourceCosts(offer.price[:, served], offer.colour[:, served])
-    at = np.column_stack([rows, columns])[served]
+    offers = SourceCosts(offers.price[:, reachable], offers.colour[:, reachable])
+    cells = np.column_stack([rows, columns])[reachable]
     number = np.full(hidden.shape, -1)
-    number[at[:, 0], at[:, 1]] = np.arange(len(at))
+    number[cells[:, 0], cells[:, 1]] = np.arange(len(cells))
     edges = np.concatenate(
         [
             np.stack([a[(a >= 0) & (b >= 0)], b[(a >= 0) & (b >= 0)]], axis=1)
@@ -121,7 +124,7 @@ def _copy_parts(
         ]
     )
     chosen = np.full(hidden.shape, -1)
-    chosen[at[:, 0], at[:, 1]] = choose_sources(offer, edges, _seam_costs(small, clear, at, moves), SEAM_COST)
+    chosen[cells[:, 0], cells[:, 1]] = choose_sources(offers, edges, _seam_costs(small, clear, cells, moves), SEAM_COST)
     maps = np.column_stack([moves, np.zeros(len(moves), np.int64)])
     return paint_sources(image, known, chosen, maps, factor, CONTEXT_M / step)
 
@@ -140,7 +143,7 @@ def _reduce_to_cells(
     whole = np.pad(image, (*pad, (0, 0)), mode="edge")
     tall, wide = whole.shape[0] // factor, whole.shape[1] // factor
     small = cv2.resize(whole, (wide, tall), interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
-    blocks = [np.pad(one, pad).reshape(tall, factor, wide, factor) for one in (known, wanted)]
+    blocks = [np.pad(mask, pad).reshape(tall, factor, wide, factor) for mask in (known, wanted)]
     clear = np.asarray(blocks[0].all(axis=(1, 3)))
     hidden = np.asarray(blocks[1].any(axis=(1, 3))) & ~clear
     return small, clear, hidden, np.pad(kind, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
@@ -171,56 +174,64 @@ def _best_translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.
 
 
 def _source_offers(
-    small: np.ndarray, clear: np.ndarray, kinds: np.ndarray, at: np.ndarray, moves: np.ndarray, step: float
+    small: np.ndarray, clear: np.ndarray, kinds: np.ndarray, cells: np.ndarray, moves: np.ndarray, step: float
 ) -> SourceCosts:
-    """Compute the colour and cost of every translation (k, 2) at cells (n, 2), by how well the surroundings match."""
+    """Compute colour and cost of every translation (k, 2) at cells (n, 2).
+
+    The cost measures how well the surroundings match.
+    """
     import cv2
 
     usual = 2 * float(small[clear].var(axis=0).mean())
     side = 2 * round(CONTEXT_M / step) + 1
-    price = np.full((len(moves), len(at)), UNUSABLE_PRICE, np.float32)
-    colour = np.zeros((len(moves), len(at), 3), np.float32)
+    price = np.full((len(moves), len(cells)), UNUSABLE_PRICE, np.float32)
+    colour = np.zeros((len(moves), len(cells), 3), np.float32)
     for k, move in enumerate(moves):
-        from_, inside = _shift_cells(at, move, clear.shape)
-        inside[inside] = clear[from_[inside, 0], from_[inside, 1]]
-        error, told = _translation_errors(small, clear, move)
-        total, count = (cv2.blur(one, (side, side), borderType=cv2.BORDER_CONSTANT) for one in (error, told))
+        sources, inside = _shift_cells(cells, move, clear.shape)
+        inside[inside] = clear[sources[inside, 0], sources[inside, 1]]
+        error, comparable = _translation_errors(small, clear, move)
+        total, count = (
+            cv2.blur(raster, (side, side), borderType=cv2.BORDER_CONSTANT) for raster in (error, comparable)
+        )
         near = (total + EVIDENCE_PRIOR * NO_EVIDENCE_COST * usual) / (count + EVIDENCE_PRIOR)
-        here, there = at[inside], from_[inside]
-        wrong = kinds[here[:, 0], here[:, 1]] != kinds[there[:, 0], there[:, 1]]
+        target, source = cells[inside], sources[inside]
+        wrong = kinds[target[:, 0], target[:, 1]] != kinds[source[:, 0], source[:, 1]]
         far = COST_PER_METRE * step * float(np.hypot(*move))
-        price[k, inside] = near[here[:, 0], here[:, 1]] + usual * (OTHER_KIND_COST * wrong + far)
-        colour[k, inside] = small[there[:, 0], there[:, 1]]
+        price[k, inside] = near[target[:, 0], target[:, 1]] + usual * (OTHER_KIND_COST * wrong + far)
+        colour[k, inside] = small[source[:, 0], source[:, 1]]
     return SourceCosts(price, colour)
 
 
-def _shift_cells(at: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _shift_cells(cells: np.ndarray, move: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Return the shifted cells (n, 2) and a mask (n,) of those inside the raster."""
-    there = at + move
-    return there, ((there >= 0) & (there < shape)).all(axis=1)
+    shifted = cells + move
+    return shifted, ((shifted >= 0) & (shifted < shape)).all(axis=1)
 
 
 def _translation_errors(small: np.ndarray, clear: np.ndarray, move: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the mean squared colour difference (r, c) of clear cells to shifted ones, and where both are clear."""
-    error, told = np.zeros(clear.shape, np.float32), np.zeros(clear.shape, np.float32)
-    here = tuple(slice(max(0, -m), n - max(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
-    there = tuple(slice(max(0, m), n + min(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
-    both = clear[here] & clear[there]
-    told[here] = both
-    error[here] = np.square(small[here] - small[there]).mean(axis=2) * both
-    return error, told
+    """Compute the squared colour difference (r, c) of clear cells to shifted ones.
+
+    Also returns where both are clear.
+    """
+    error, comparable = np.zeros(clear.shape, np.float32), np.zeros(clear.shape, np.float32)
+    target = tuple(slice(max(0, -m), n - max(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
+    source = tuple(slice(max(0, m), n + min(0, m)) for m, n in zip(move.tolist(), clear.shape, strict=True))
+    both = clear[target] & clear[source]
+    comparable[target] = both
+    error[target] = np.square(small[target] - small[source]).mean(axis=2) * both
+    return error, comparable
 
 
-def _seam_costs(small: np.ndarray, clear: np.ndarray, at: np.ndarray, moves: np.ndarray) -> np.ndarray:
+def _seam_costs(small: np.ndarray, clear: np.ndarray, cells: np.ndarray, moves: np.ndarray) -> np.ndarray:
     """Compute the cost (k, n) of the seam to clear neighbours under every translation."""
-    cost = np.zeros((len(moves), len(at)), np.float32)
-    for beside in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
-        mine, rim = _shift_cells(at, beside, clear.shape)
-        rim[rim] = clear[mine[rim, 0], mine[rim, 1]]
+    cost = np.zeros((len(moves), len(cells)), np.float32)
+    for offset in np.array([(0, 1), (0, -1), (1, 0), (-1, 0)]):
+        neighbours, rim = _shift_cells(cells, offset, clear.shape)
+        rim[rim] = clear[neighbours[rim, 0], neighbours[rim, 1]]
         for k, move in enumerate(moves):
-            theirs, inside = _shift_cells(mine, move, clear.shape)
+            sources, inside = _shift_cells(neighbours, move, clear.shape)
             both = rim & inside
-            both[both] = clear[theirs[both, 0], theirs[both, 1]]
-            a, b = mine[both], theirs[both]
+            both[both] = clear[sources[both, 0], sources[both, 1]]
+            a, b = neighbours[both], sources[both]
             cost[k, both] += 2 * SEAM_COST * np.abs(small[a[:, 0], a[:, 1]] - small[b[:, 0], b[:, 1]]).sum(axis=1)
     return cost

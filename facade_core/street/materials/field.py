@@ -169,22 +169,24 @@ class MaterialField:
         The field, and the charts (k,) that changed.
         """
         surfaces = self.arrays.charts
-        own = np.array(charts)
-        own = own[surfaces.material[own] == SurfaceMaterial.PLASTER]
+        plaster_walls = np.array(charts)
+        plaster_walls = plaster_walls[surfaces.material[plaster_walls] == SurfaceMaterial.PLASTER]
         if self._scene.finishes:
-            finish = [self._scene.finishes[row] for row in self._scene.charts.building[own].tolist()]
-            own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
-        if not len(own):
-            return self, own
-        made, example = SurfaceMaterial.PLASTER, int(surfaces.grain[own[0]])
+            finish = [self._scene.finishes[row] for row in self._scene.charts.building[plaster_walls].tolist()]
+            plaster_walls = plaster_walls[
+                [finish_row.wall_colour is None and finish_row.wall_material is None for finish_row in finish]
+            ]
+        if not len(plaster_walls):
+            return self, plaster_walls
+        material, example = SurfaceMaterial.PLASTER, int(surfaces.grain[plaster_walls[0]])
         if wall.brick:
-            made, example = SurfaceMaterial.BRICK, MATERIAL_GRAINS[SurfaceMaterial.BRICK]
-        found = copy(self)
+            material, example = SurfaceMaterial.BRICK, MATERIAL_GRAINS[SurfaceMaterial.BRICK]
+        changed = copy(self)
         colour = wall.colour / surfaces.grey[facade]
-        found.arrays = self.arrays._replace(
-            override=MaterialOverride(np.sort(own).astype(np.int64), int(made), int(example), colour)
+        changed.arrays = self.arrays._replace(
+            override=MaterialOverride(np.sort(plaster_walls).astype(np.int64), int(material), int(example), colour)
         )
-        return found, own
+        return changed, plaster_walls
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Compute the shaded material of world points.
@@ -200,8 +202,8 @@ class MaterialField:
         (n, 3) uint8.
         """
         out = np.empty((len(chart), 3), np.uint8)
-        order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
-        kernels.colour_points(order, own, points, footprint, *self._kernel_arguments(np.unique(chart)), out)
+        order, rows = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
+        kernels.colour_points(order, rows, points, footprint, *self._kernel_arguments(np.unique(chart)), out)
         return out
 
     def texel_colours(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -218,8 +220,8 @@ class MaterialField:
         """
         out = np.empty((len(rows), 3), np.uint8)
         for start in range(0, len(rows), PAINT_BATCH_TEXELS):
-            some = slice(start, start + PAINT_BATCH_TEXELS)
-            self._paint_texels(chart, rows[some], columns[some], out[some])
+            batch = slice(start, start + PAINT_BATCH_TEXELS)
+            self._paint_texels(chart, rows[batch], columns[batch], out[batch])
         return out
 
     def fine_detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -254,7 +256,12 @@ class MaterialField:
         return out
 
     def ground_kinds(self, chart: int, margin: int) -> np.ndarray:
-        """Return the kinds of ground on a chart and `margin` m texels around it, (h + 2 m, w + 2 m) uint8."""
+        """Return the kinds of ground on a chart and `margin` texels around it.
+
+        Returns
+        -------
+        (h + 2 margin, w + 2 margin) uint8.
+        """
         placement = self._scene.placement
         size = (int(placement.height[chart]), int(placement.width[chart]))
         density = float(placement.texels_per_metre[chart])
@@ -282,13 +289,13 @@ class MaterialField:
 
 def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> ChartMaterials:
     charts, mesh = scene.charts, scene.mesh
-    own = mesh.vertex_chart
-    wall = charts.kind[own] == ChartKind.WALL
+    vertex_chart = mesh.vertex_chart
+    wall = charts.kind[vertex_chart] == ChartKind.WALL
     # lowest wall point of each building
     foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
-    np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
+    np.minimum.at(foot, charts.building[vertex_chart[wall]], mesh.vertices[wall, 2])
     normal = charts.normals()
-    made = np.array(
+    chart_material = np.array(
         [
             SurfaceMaterial.PLASTER,
             SurfaceMaterial.ROOF_TILE,
@@ -303,21 +310,21 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     roof = charts.kind == ChartKind.ROOF
     # aerial models have steps between roofs as steep roofs, which carry no tiles
     steep = roof & (np.abs(normal[:, 2]) < MAX_WALL_COSINE)
-    made[steep] = SurfaceMaterial.PLASTER
+    chart_material[steep] = SurfaceMaterial.PLASTER
     roof &= ~steep
     number = scene.building_hashes[charts.building]
-    made[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SurfaceMaterial.SHEET_METAL
-    level, lot = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.draw_uniform(number, seed + 83)
-    made[level & (lot < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = SurfaceMaterial.ROOF_GRAVEL
-    made[level & (lot < FLAT_FELT_SHARE)] = SurfaceMaterial.FELT
+    chart_material[roof & (normal[:, 2] > MAX_TILED_COSINE)] = SurfaceMaterial.SHEET_METAL
+    level, draw = roof & (normal[:, 2] > MAX_SHEET_METAL_COSINE), kernels.draw_uniform(number, seed + 83)
+    chart_material[level & (draw < FLAT_FELT_SHARE + FLAT_GRAVEL_SHARE)] = SurfaceMaterial.ROOF_GRAVEL
+    chart_material[level & (draw < FLAT_FELT_SHARE)] = SurfaceMaterial.FELT
     if has_roof_picture:
-        made[roof] = SurfaceMaterial.ROOF_PICTURE
+        chart_material[roof] = SurfaceMaterial.ROOF_PICTURE
     if scene.finishes:
-        bricks = np.array([one.wall_material == "brick" for one in scene.finishes])
-        made[(made == SurfaceMaterial.PLASTER) & bricks[charts.building]] = SurfaceMaterial.BRICK
-        of = np.array([_stated_roof_material(one) for one in scene.finishes])[charts.building]
-        known = roof & (made != SurfaceMaterial.ROOF_PICTURE) & (charts.building >= 0) & (of >= 0)
-        made[known] = of[known]
+        bricks = np.array([finish.wall_material == "brick" for finish in scene.finishes])
+        chart_material[(chart_material == SurfaceMaterial.PLASTER) & bricks[charts.building]] = SurfaceMaterial.BRICK
+        stated_roof = np.array([_stated_roof_material(finish) for finish in scene.finishes])[charts.building]
+        known = roof & (chart_material != SurfaceMaterial.ROOF_PICTURE) & (charts.building >= 0) & (stated_roof >= 0)
+        chart_material[known] = stated_roof[known]
     grey = daylight_grey(normal)
     tint = np.ones((len(charts), 3))
     palettes = (
@@ -332,12 +339,12 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
         (SurfaceMaterial.METAL_FIXTURE, METAL_FIXTURE_PALETTE, 113),
     )
     for material, palette, turn in palettes:
-        chosen = made == material
+        chosen = chart_material == material
         tint[chosen] = kernels.pick_palette_colours(palette, number[chosen], seed + turn)
-    tint[made == SurfaceMaterial.SOFFIT] = SOFFIT_COLOUR
+    tint[chart_material == SurfaceMaterial.SOFFIT] = SOFFIT_COLOUR
     if scene.finishes:
         unknown = (np.nan, np.nan, np.nan)
-        stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
+        stated = np.array([(finish.wall_colour or unknown, finish.roof_colour or unknown) for finish in scene.finishes])
         for part, materials in (
             (0, (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK)),
             (
@@ -352,7 +359,7 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
             ),
         ):
             colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
-            known = np.isin(made, materials) & np.isfinite(colour[:, 0])
+            known = np.isin(chart_material, materials) & np.isfinite(colour[:, 0])
             tint[known] = colour[known]
     start = np.column_stack([np.einsum("ij,ij->i", charts.origin, axis) for axis in (charts.axis_u, charts.axis_v)])
     start[np.isin(charts.kind, (ChartKind.WINDOW, ChartKind.DOOR))] = 0.0
@@ -361,18 +368,25 @@ def _build_surfaces(scene: Scene, seed: int, *, has_roof_picture: bool) -> Chart
     sky = np.maximum(0.5 + 0.5 * normal[:, 2], MIN_OPEN_SKY)
     examples = np.zeros(len(charts), np.int64)
     for material, example in MATERIAL_GRAINS.items():
-        examples[made == material] = example
-    rendered = (made == SurfaceMaterial.PLASTER) & (kernels.draw_uniform(number, seed + 73) < ROUGH_PLASTER_SHARE)
+        examples[chart_material == material] = example
+    rendered = (chart_material == SurfaceMaterial.PLASTER) & (
+        kernels.draw_uniform(number, seed + 73) < ROUGH_PLASTER_SHARE
+    )
     examples[rendered] = GrainKind.PLASTER_ROUGH
     mossy = np.where(normal[:, 1] > MIN_NORTH_COSINE, MAX_MOSS_SHARE * kernels.draw_uniform(number, seed + 79), 0.0)
-    return ChartMaterials(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy)
+    return ChartMaterials(
+        *frames, start, chart_material, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy
+    )
 
 
 def _stated_roof_material(finish: Finish) -> int:
-    """Return the stated material of a roof, -1 if none is stated. A colour that no tile has means sheet metal."""
-    for made, names in ROOF_MATERIAL_TAGS.items():
+    """Return the stated material of a roof, -1 if none is stated.
+
+    A colour that no tile has means sheet metal.
+    """
+    for material, names in ROOF_MATERIAL_TAGS.items():
         if finish.roof_material in names:
-            return made
+            return material
     if finish.roof_material is None and finish.roof_colour is not None:
         red, green, blue = finish.roof_colour
         if green > red + MIN_COOL_EXCESS or blue > red + MIN_COOL_EXCESS:

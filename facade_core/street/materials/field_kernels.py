@@ -166,26 +166,29 @@ def colour_points(
     lights : soft daylight.
     out : (n, 3) uint8.
     """
-    points, side, piece = np.empty((3, BATCH_POINTS)), np.empty(BATCH_POINTS), np.empty((BATCH_POINTS, 3), np.uint8)
+    points, side, batch = np.empty((3, BATCH_POINTS)), np.empty(BATCH_POINTS), np.empty((BATCH_POINTS, 3), np.uint8)
     start = 0
     while start < len(order):
-        own, count = chart[order[start]], 0
-        while count < BATCH_POINTS and start + count < len(order) and chart[order[start + count]] == own:
+        current, count = chart[order[start]], 0
+        while count < BATCH_POINTS and start + count < len(order) and chart[order[start + count]] == current:
             k = order[start + count]
             for axis in range(3):
                 points[axis, count] = places[k, axis]
             side[count] = footprint[k]
             count += 1
-        _colour_batch(own, points[:, :count], side[:count], field, lights, piece[:count])
+        _colour_batch(current, points[:, :count], side[:count], field, lights, batch[:count])
         for k in range(count):
             for band in range(3):
-                out[order[start + k], band] = piece[k, band]
+                out[order[start + k], band] = batch[k, band]
         start += count
 
 
 @njit(cache=True)
 def _lower_bound(numbers: np.ndarray, number: int) -> int:
-    """Return the index of the first of ascending numbers not below `number`; compiles faster than numba's search."""
+    """Return the index of the first of ascending numbers not below `number`.
+
+    Compiles faster than numba's search.
+    """
     low, high = 0, len(numbers)
     while low < high:
         middle = (low + high) // 2
@@ -200,7 +203,10 @@ def _lower_bound(numbers: np.ndarray, number: int) -> int:
 def _colour_batch(
     c: int, points: np.ndarray, side: np.ndarray, field: FieldArrays, lights: DaylightGrid, out: np.ndarray
 ) -> None:
-    """Compute colours (n, 3) of points (3, n) of one chart. All callers come here, so that a point has one colour."""
+    """Compute colours (n, 3) of points (3, n) of one chart.
+
+    All callers come here, so that a point has one colour.
+    """
     charts, seed = field.charts, field.seed
     n = len(side)
     work = np.empty((7, n))
@@ -220,20 +226,20 @@ def _colour_batch(
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
-    made, grey, example = int(charts.material[c]), charts.grey[c], charts.grain[c]
-    tint, own = charts.tint[c], _lower_bound(field.override.charts, c)
-    if own < len(field.override.charts) and field.override.charts[own] == c:
-        made, example, tint = field.override.material, field.override.grain, field.override.colour * grey
-    if made == SurfaceMaterial.GROUND:
+    material, grey, example = int(charts.material[c]), charts.grey[c], charts.grain[c]
+    tint, override = charts.tint[c], _lower_bound(field.override.charts, c)
+    if override < len(field.override.charts) and field.override.charts[override] == c:
+        material, example, tint = field.override.material, field.override.grain, field.override.colour * grey
+    if material == SurfaceMaterial.GROUND:
         ground_colour(field.ground.chart_tile[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
-    if made == SurfaceMaterial.ROOF_PICTURE:
+    if material == SurfaceMaterial.ROOF_PICTURE:
         for k in range(n):
             laid = sample_mip_levels(roof, x[k], y[k], side[k])
             for band in range(3):
                 out[k, band] = to_byte(laid[band] * grey * light[k])
         return
-    if made == SurfaceMaterial.GLASS:
+    if material == SurfaceMaterial.GLASS:
         glass_reflection(x, y, size[1], side, seed, tone)
         frame_share(x, y, size[0], size[1], side, other)
         frame = FLASHING_COLOUR if axis_v[2] > ROOF_PANE_AXIS_Z else FRAME_COLOUR
@@ -243,27 +249,27 @@ def _colour_batch(
                 out[k, band] = to_byte((pane + other[k] * (frame[band] - pane)) * grey * light[k])
         return
     mixed, share = MORTAR_COLOUR, 0.0
-    if made in (SurfaceMaterial.SHEET_METAL, SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL):
+    if material in (SurfaceMaterial.SHEET_METAL, SurfaceMaterial.FELT, SurfaceMaterial.ROOF_GRAVEL):
         if abs(axis_v[2]) < MIN_ROOF_FALL:
             x, y = east, north
-        if made == SurfaceMaterial.SHEET_METAL:
+        if material == SurfaceMaterial.SHEET_METAL:
             sheet_metal_tone(x, y, side, seed, tone)
-        elif made == SurfaceMaterial.ROOF_GRAVEL:
+        elif material == SurfaceMaterial.ROOF_GRAVEL:
             roof_gravel_tone(x, y, side, seed, tone)
         else:
             felt_tone(x, y, side, seed, tone)
-    elif made in (SurfaceMaterial.ROOF_TILE, SurfaceMaterial.SLATE):
-        if made == SurfaceMaterial.ROOF_TILE:
+    elif material in (SurfaceMaterial.ROOF_TILE, SurfaceMaterial.SLATE):
+        if material == SurfaceMaterial.ROOF_TILE:
             roof_tile_tone(x, y, side, seed, tone)
         else:
             slate_tone(x, y, side, seed, tone)
         if charts.moss_share[c] > 0:
             mixed, share = MOSS_COLOUR, charts.moss_share[c]
             moss_share(x, y, side, share, seed, other)
-    elif made in (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK):
+    elif material in (SurfaceMaterial.PLASTER, SurfaceMaterial.BRICK):
         for k in range(n):
             north[k] = points[2, k] - charts.wall_foot_z[c]
-        if made == SurfaceMaterial.PLASTER:
+        if material == SurfaceMaterial.PLASTER:
             plaster_tone(x, y, north, side, seed, tone)
         else:
             share = 1.0
@@ -271,10 +277,10 @@ def _colour_batch(
         for k in range(n):
             east[k] = y[k] - start[1]
         add_weather(x, y, north, east, side, seed, tone)
-    elif made == SurfaceMaterial.BOARDS:
+    elif material == SurfaceMaterial.BOARDS:
         wood_tone(x, y, side, seed, tone)
         x, y = y, x  # the example has horizontal boards
-    elif made == SurfaceMaterial.METAL_FIXTURE:
+    elif material == SurfaceMaterial.METAL_FIXTURE:
         for k in range(n):
             east[k], north[k] = x[k] - start[0], y[k] - start[1]
         metal_fixture_colour(x, y, east, north, size[0], size[1], side, seed, tone)

@@ -165,7 +165,7 @@ def learn_grain(picture: np.ndarray, width: float, *, structure: float | None = 
 
 def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
     """Build the kernel tables of grains. A shared example is stored once."""
-    examples = {id(one.example): one.example for one in kinds}
+    examples = {id(grain.example): grain.example for grain in kinds}
     values, first, bits, tables, start = [], [], [], [], 0
     for example in examples.values():
         gaussian = (example.tile.astype(np.float64) - 128) / VALUES_PER_SD
@@ -177,17 +177,17 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
                 np.sinc(f * box) / np.sinc(f) for f in (np.fft.fftfreq(TILE_PIXELS), np.fft.rfftfreq(TILE_PIXELS))
             )
             window = np.outer(down, across)
-            meant = np.fft.irfft2(transformed * window, gaussian.shape)
-            sd = max(float(meant.std()), 1e-6)
+            averaged = np.fft.irfft2(transformed * window, gaussian.shape)
+            sd = max(float(averaged.std()), 1e-6)
             side = min(TILE_PIXELS, max(8, 2 ** int(np.ceil(np.log2(PIXELS_PER_BOX * TILE_PIXELS / box)))))
             every = TILE_PIXELS // side
-            picked = meant[every // 2 :: every, every // 2 :: every] / sd
+            picked = averaged[every // 2 :: every, every // 2 :: every] / sd
             values.append(np.clip(np.rint(128 + VALUES_PER_SD * picked), 0, 255).astype(np.uint8).reshape(-1))
             first.append(start)
             bits.append(side.bit_length() - 1)
             start += side * side
             tables.append(_averaged_table(example.table.astype(np.float64), min(sd, 1.0)))
-    row = [list(examples).index(id(one.example)) for one in kinds]
+    row = [list(examples).index(id(grain.example)) for grain in kinds]
     shape = (len(examples), GRAIN_LEVELS)
     unknown = np.full(3, np.nan)
     return GrainTables(
@@ -195,18 +195,21 @@ def build_grain_tables(kinds: Sequence[Grain]) -> GrainTables:
         np.array(first).reshape(shape)[row],
         np.array(bits).reshape(shape)[row],
         np.array(tables, np.float32).reshape(*shape, 256)[row],
-        np.array([one.example.width for one in kinds]),
-        np.array([one.weight for one in kinds]),
-        np.array([one.example.colour if one.uses_colour else unknown for one in kinds]),
+        np.array([grain.example.width for grain in kinds]),
+        np.array([grain.weight for grain in kinds]),
+        np.array([grain.example.colour if grain.uses_colour else unknown for grain in kinds]),
     )
 
 
 def _averaged_table(table: np.ndarray, sd: float) -> np.ndarray:
-    """Return the table of a level whose values have a deviation of `sd`; the rest of the variance is inside the box."""
+    """Return the inverse table of a level whose values have a deviation of `sd`.
+
+    The rest of the variance is inside the box.
+    """
     within = np.sqrt(max(1 - sd * sd, 0.0))
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
-    at = sd * (np.arange(256) - 128)[:, None] + within * VALUES_PER_SD * nodes
-    return np.interp(at, np.arange(256) - 128, table) @ (weights / weights.sum())
+    value = sd * (np.arange(256) - 128)[:, None] + within * VALUES_PER_SD * nodes
+    return np.interp(value, np.arange(256) - 128, table) @ (weights / weights.sum())
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -233,7 +236,7 @@ def add_grain(
     out : (n,) tones, changed in place.
     """
     weight *= grains.weight[which]
-    across, own = 1 / grains.width[which], np.uint64(seed) * SEED_FACTOR
+    across, row_seed = 1 / grains.width[which], np.uint64(seed) * SEED_FACTOR
     level, box, known, left = 0, 0.0, -1.0, weight
     first, bits, table = grains.first[which, 0], np.int64(0), grains.tables[which, 0]
     for k in range(len(x)):
@@ -250,8 +253,8 @@ def add_grain(
         a, b = a - column, b - row
         third = 1 - a - b
         upper = third < 0
-        one = np.float64(upper)
-        w0, w1, w2 = abs(third), abs(b - one), abs(a - one)
+        flipped = np.float64(upper)
+        w0, w1, w2 = abs(third), abs(b - flipped), abs(a - flipped)
         w0, w1, w2 = w0 * w0, w1 * w1, w2 * w2
         norm = 1 / np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
         flip = np.int64(upper)
@@ -266,13 +269,13 @@ def add_grain(
                 ci, cj, w = i + flip, j + 1 - flip, w1
             else:
                 ci, cj, w = i + 1 - flip, j + flip, w2
-            h = hash_bits(np.uint64(ci) * COLUMN_FACTOR + hash_row(np.float64(cj), own))
+            h = hash_bits(np.uint64(ci) * COLUMN_FACTOR + hash_row(np.float64(cj), row_seed))
             right = np.float64(np.int64(h & np.uint64(0xFFFF))) * (1.0 / 65536.0)
             down = np.float64(np.int64((h >> np.uint64(16)) & np.uint64(0xFFFF))) * (1.0 / 65536.0)
             px = np.int64(np.floor((u + right) * length)) & mask
             py = np.int64(np.floor((v + down) * length)) & mask
             total += w * (np.float64(grains.values[first + (py << bits) + px]) - 128.0)
-        found = min(max(128.0 + total * norm, 0.0), 254.999)
-        below = np.int64(found)
-        part = found - below
+        value = min(max(128.0 + total * norm, 0.0), 254.999)
+        below = np.int64(value)
+        part = value - below
         out[k] += left * ((1 - part) * table[below] + part * table[below + 1])

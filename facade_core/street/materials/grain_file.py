@@ -31,15 +31,15 @@ _REMEDY = "fetch both files again or run `streetloom train materials`"
 
 def save_examples(examples: Mapping[str, GrainExample], path: Path, **details: Any) -> None:
     """Write the examples of all `EXAMPLE_NAMES` and a record with checksum and details."""
-    own = [examples[name] for name in EXAMPLE_NAMES]
-    arrays = {field: np.array([getattr(example, field) for example in own]) for field in GrainExample._fields}
-    held = io.BytesIO()
-    np.savez_compressed(held, **arrays)  # type: ignore[arg-type]
+    ordered = [examples[name] for name in EXAMPLE_NAMES]
+    arrays = {field: np.array([getattr(example, field) for example in ordered]) for field in GrainExample._fields}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(held.getvalue())
+    path.write_bytes(buffer.getvalue())
     record = {
         "format": EXAMPLE_FORMAT,
-        "sha256": hashlib.sha256(held.getvalue()).hexdigest(),
+        "sha256": hashlib.sha256(buffer.getvalue()).hexdigest(),
         "names": list(EXAMPLE_NAMES),
         **details,
     }
@@ -54,17 +54,21 @@ def load_examples(path: Path = SHIPPED_EXAMPLES) -> dict[str, GrainExample]:
     ModelError
         A file is missing or invalid, or differs from its record.
     """
-    record = path.with_suffix(".json")
+    record_path = path.with_suffix(".json")
     try:
-        content, told = path.read_bytes(), json.loads(record.read_text(encoding="utf-8"))
+        content, record = path.read_bytes(), json.loads(record_path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelError(f"{error.filename}: cannot be read ({error.strerror}); {_REMEDY}") from error
     except ValueError as error:
-        raise ModelError(f"{record}: not valid JSON ({error}); {_REMEDY}") from error
-    if not isinstance(told, dict) or told.get("format") != EXAMPLE_FORMAT or told.get("names") != list(EXAMPLE_NAMES):
-        raise ModelError(f"{record}: of another version; {_REMEDY}")
-    if told.get("sha256") != hashlib.sha256(content).hexdigest():
-        raise ModelError(f"{path}: checksum differs from {record.name}; {_REMEDY}")
+        raise ModelError(f"{record_path}: not valid JSON ({error}); {_REMEDY}") from error
+    if (
+        not isinstance(record, dict)
+        or record.get("format") != EXAMPLE_FORMAT
+        or record.get("names") != list(EXAMPLE_NAMES)
+    ):
+        raise ModelError(f"{record_path}: of another version; {_REMEDY}")
+    if record.get("sha256") != hashlib.sha256(content).hexdigest():
+        raise ModelError(f"{path}: checksum differs from {record_path.name}; {_REMEDY}")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {field: file[field] for field in GrainExample._fields}
@@ -87,10 +91,10 @@ def load_shipped_grains() -> GrainTables:
 def load_grains(block_examples: Mapping[str, GrainExample]) -> GrainTables:
     """Return the kernel tables with a block's own examples, by name, in place of shipped ones."""
     examples = load_examples()
-    taken = {name: Grain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
+    defaults = {name: Grain(examples[example], weight) for name, (example, weight) in DEFAULT_EXAMPLES.items()}
     return build_grain_tables(
         [
-            Grain(block_examples[name], uses_colour=True) if name in block_examples else one
-            for name, one in taken.items()
+            Grain(block_examples[name], uses_colour=True) if name in block_examples else grain
+            for name, grain in defaults.items()
         ]
     )

@@ -62,16 +62,16 @@ def signed_distance(px: float, py: float, edges: np.ndarray, first: int, last: i
     edges : (m, 5) start, direction and length of each edge.
     first, last : range of the edges.
     """
-    best, beside, sign = np.inf, -1.0, 1.0
+    best, lateral, sign = np.inf, -1.0, 1.0
     for k in range(first, last):
         qx, qy = px - edges[k, 0], py - edges[k, 1]
-        past = qx * edges[k, 2] + qy * edges[k, 3]
-        past -= min(max(past, 0.0), edges[k, 4])
+        along = qx * edges[k, 2] + qy * edges[k, 3]
+        along -= min(max(along, 0.0), edges[k, 4])
         left = edges[k, 2] * qy - edges[k, 3] * qx
-        away = past * past + left * left
+        squared = along * along + left * left
         # two edges share the nearest corner: take the one with the larger lateral distance
-        if away < best - 1e-9 or (away < best + 1e-9 and abs(left) > beside):
-            best, beside, sign = min(away, best), abs(left), -1.0 if left > 0 else 1.0
+        if squared < best - 1e-9 or (squared < best + 1e-9 and abs(left) > lateral):
+            best, lateral, sign = min(squared, best), abs(left), -1.0 if left > 0 else 1.0
     return sign * np.sqrt(best)
 
 
@@ -88,7 +88,7 @@ def ground_colour(
     grey: float,
     out: np.ndarray,
 ) -> None:
-    """Compute the colours of points on a ground square, each averaged over its footprint, into `out`.
+    """Compute the colours of points on a ground square, averaged over footprints.
 
     Parameters
     ----------
@@ -100,28 +100,28 @@ def ground_colour(
     seed : random seed.
     light : (n,) soft daylight.
     grey : brightness of white.
-    out : (n, 3) uint8.
+    out : (n, 3) uint8 output.
     """
     n = len(x)
     weight = np.zeros((n, len(SURFACE_COLOURS)))
     along, across, aside = np.empty(n), np.empty(n), np.empty(n)
     over, hidden, frame = np.zeros(n), np.zeros(n), np.zeros(5)
     low_x, low_y = drawn.tile_origin[square, 0], drawn.tile_origin[square, 1]
-    before, plain, made = -1, False, GroundSurface.GRAVEL
+    last_cell, is_uniform, surface = -1, False, GroundSurface.GRAVEL
     for k in range(n):
         column = min(max(int((x[k] - low_x) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
         row = min(max(int((y[k] - low_y) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
         cell = (square * CELLS_PER_SIDE + row) * CELLS_PER_SIDE + column
-        if cell != before:
-            before = cell
-            made = _uniform_surface(cell, drawn)
-            plain = made >= 0
-        if plain and (made in (GroundSurface.GRAVEL, GroundSurface.GRASS, GroundSurface.WATER)):
-            weight[k, made] = 1.0
+        if cell != last_cell:
+            last_cell = cell
+            surface = _uniform_surface(cell, drawn)
+            is_uniform = surface >= 0
+        if is_uniform and (surface in (GroundSurface.GRAVEL, GroundSurface.GRASS, GroundSurface.WATER)):
+            weight[k, surface] = 1.0
             continue
         nearest = _road_frame(cell, x[k], y[k], drawn, k, along, across, aside, frame)
-        if plain:
-            weight[k, made] = 1.0
+        if is_uniform:
+            weight[k, surface] = 1.0
         else:
             _add_layers(
                 cell, x[k], y[k], min(side[k], 2 * EDGE_REACH_M), nearest, drawn, seed, k, weight[k], over, hidden
@@ -135,25 +135,25 @@ def ground_colour(
         np.empty(n),
         np.empty(n),
     )
-    for made in range(len(SURFACE_COLOURS)):
-        count, framed = 0, made in (GroundSurface.SLABS, GroundSurface.SETTS)
+    for surface in range(len(SURFACE_COLOURS)):
+        count, in_frame = 0, surface in (GroundSurface.SLABS, GroundSurface.SETTS)
         for k in range(n):
-            if weight[k, made] > 1e-3:
+            if weight[k, surface] > 1e-3:
                 member[count] = k
-                px[count], py[count] = (along[k], across[k]) if framed else (x[k], y[k])
-                ps[count], pa[count] = side[k], aside[k] if made == GroundSurface.ASPHALT else 9.0
+                px[count], py[count] = (along[k], across[k]) if in_frame else (x[k], y[k])
+                ps[count], pa[count] = side[k], aside[k] if surface == GroundSurface.ASPHALT else 9.0
                 count += 1
         if count == 0:
             continue
-        which, own = SURFACE_GRAINS[made], SURFACE_COLOURS[made].copy()
-        if which >= 0 and made != GroundSurface.TRACK and not np.isnan(grains.colour[which, 0]):
+        which, tint = SURFACE_GRAINS[surface], SURFACE_COLOURS[surface].copy()
+        if which >= 0 and surface != GroundSurface.TRACK and not np.isnan(grains.colour[which, 0]):
             for band in range(3):
-                own[band] = grains.colour[which, band] / MEAN_TONES[made]
-        ground_tone(made, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
+                tint[band] = grains.colour[which, band] / MEAN_TONES[surface]
+        ground_tone(surface, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
         for i in range(count):
             k = member[i]
             for band in range(3):
-                total[band, k] += weight[k, made] * tone[i] * own[band]
+                total[band, k] += weight[k, surface] * tone[i] * tint[band]
     for k in range(n):
         for band in range(3):
             out[k, band] = to_byte((total[band, k] * (1 - hidden[k]) + over[k]) * grey * light[k])
@@ -195,10 +195,10 @@ def _road_frame(
     aside: np.ndarray,
     kept: np.ndarray,
 ) -> int:
-    """Compute a point's coordinates in the frame of the nearest road and return the road, -1 for none.
+    """Compute a point's coordinates in the frame of the nearest road.
 
-    Writes the coordinate along and across the road and the distance from the middle of a lane for `asphalt_tone`.
-    kept (5,): cached values of one frame.
+    Returns the road, -1 for none. Writes the coordinate along and across the road and the distance from the middle of a
+    lane for `asphalt_tone`. kept (5,): cached values of one frame.
     """
     frames = drawn.roads
     first, last = drawn.start_road[cell], drawn.start_road[cell + 1]
@@ -247,19 +247,19 @@ def _add_layers(
         start, end = drawn.first_edge[e], drawn.first_edge[e + 1]
         outside = -EDGE_REACH_M if drawn.inside[e] else EDGE_REACH_M
         if end > start:
-            found = signed_distance(px, py, drawn.edges, start, end)
-            if np.isfinite(found):
-                outside = min(max(found, -EDGE_REACH_M), EDGE_REACH_M)
+            distance = signed_distance(px, py, drawn.edges, start, end)
+            if np.isfinite(distance):
+                outside = min(max(distance, -EDGE_REACH_M), EDGE_REACH_M)
         share = min(max(0.5 - outside / wide, 0.0), 1.0)
         if share > 0:
-            for made in range(len(weight)):
-                weight[made] *= 1 - share
+            for surface in range(len(weight)):
+                weight[surface] *= 1 - share
         if layer == ROAD_LAYER:
             _add_carriageway(cell, px, py, wide, share, outside, drawn, nearest, k, weight, over, hidden)
             fallen = _leaf_share(px, py, wide, outside, seed)
             if fallen > 0:
-                for made in range(len(weight)):
-                    weight[made] *= 1 - fallen
+                for surface in range(len(weight)):
+                    weight[surface] *= 1 - fallen
                 weight[GroundSurface.LEAVES] += fallen
         elif share > 0:
             weight[
@@ -302,18 +302,18 @@ def _add_carriageway(
         for f in range(drawn.start_road[cell + 1] - 1, drawn.start_road[cell] - 1, -1):  # the highest first
             if frames[f, 7] <= rank:
                 break
-            own = min(max(0.5 - (_line_distance(px, py, frames, f) - frames[f, 5]) / wide, 0.0), 1.0)
-            if own > 0:
-                weight[int(frames[f, 6])] += left * own
-                left *= 1 - own
+            covered = min(max(0.5 - (_line_distance(px, py, frames, f) - frames[f, 5]) / wide, 0.0), 1.0)
+            if covered > 0:
+                weight[int(frames[f, 6])] += left * covered
+                left *= 1 - covered
         weight[int(frames[nearest, 6]) if nearest >= 0 else GroundSurface.ASPHALT] += left
     if abs(outside) >= EDGE_REACH_M:
         return
     gutter = _overlap_share(-GUTTER_M, 0.0, outside, wide) * GUTTER_LOSS
     lip = _overlap_share(-0.03, 0.0, outside, wide) * 0.5
     if gutter + lip > 0:
-        for made in range(len(weight)):
-            weight[made] *= 1 - gutter - lip
+        for surface in range(len(weight)):
+            weight[surface] *= 1 - gutter - lip
     stone = _overlap_share(0.0, KERB_M, outside, wide)
     if stone > 0:
         over[k] = over[k] * (1 - stone) + stone * KERB_GREY
@@ -322,21 +322,24 @@ def _add_carriageway(
 
 @njit(cache=True, error_model="numpy")
 def _leaf_share(px: float, py: float, wide: float, outside: float, seed: int) -> float:
-    """Return the share of a footprint under fallen leaves; outside: distance from the kerb, metres."""
+    """Return the share of a footprint under fallen leaves.
+
+    outside: distance from the kerb, metres.
+    """
     near = 1 - abs(outside) / LEAF_REACH_M
     if near <= 0 or wide > 2 * LEAF_CELL_M:  # a larger footprint would show no single leaf
         return 0.0
-    own, share = np.uint64(seed + 89) * SEED_FACTOR, 0.0
+    row_seed, share = np.uint64(seed + 89) * SEED_FACTOR, 0.0
     left, right = int(np.floor((px - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((px + 0.5 * wide) / LEAF_CELL_M))
     first, last = int(np.floor((py - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((py + 0.5 * wide) / LEAF_CELL_M))
     for row in range(first, last + 1):
         for column in range(left, right + 1):
-            gathered = hash_to_uniform(
+            density = hash_to_uniform(
                 np.uint64(column // LEAF_PATCH_CELLS) * COLUMN_FACTOR
-                + hash_row(row // LEAF_PATCH_CELLS, own + np.uint64(1))
+                + hash_row(row // LEAF_PATCH_CELLS, row_seed + np.uint64(1))
             )
-            h = np.uint64(column) * COLUMN_FACTOR + hash_row(row, own)
-            if hash_to_uniform(h) > MAX_LEAF_SHARE * near * gathered * gathered:
+            h = np.uint64(column) * COLUMN_FACTOR + hash_row(row, row_seed)
+            if hash_to_uniform(h) > MAX_LEAF_SHARE * near * density * density:
                 continue
             u, v, turn = (
                 hash_to_uniform(h + np.uint64(1)),

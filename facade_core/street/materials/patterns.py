@@ -1,8 +1,9 @@
-"""Joints, noise and piece tones of materials, each averaged over its footprint against aliasing.
+"""Joints, noise and piece tones of materials, averaged over footprints.
 
 Joints, seams and edges count by the share of the footprint that they cover, the integral of their box. Lattice noise
-and the tones of slabs, tiles and boards are integrated too and fade over footprints of several cells. Arrays are (n,),
-in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square, greater than 0.
+and the tones of slabs, tiles and boards are integrated too and fade over footprints of several cells, so that nothing
+aliases. Arrays are (n,), in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square,
+greater than 0.
 """
 
 from __future__ import annotations
@@ -48,9 +49,15 @@ def _lattice_noise(x: float, y: float, wide: float, high: float, seed: np.uint64
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def stripe_share(at: float, wide: float, first: float, width: float) -> float:
-    """Return the share of an interval on unit-spaced stripes that begin at `first` and are `width` wide."""
-    low, high = at - 0.5 * wide - first, at + 0.5 * wide - first
+def stripe_share(position: float, wide: float, first: float, width: float) -> float:
+    """Return the share of an interval on unit-spaced stripes.
+
+    Parameters
+    ----------
+    position, wide : middle and width of the interval.
+    first, width : start and width of the stripes.
+    """
+    low, high = position - 0.5 * wide - first, position + 0.5 * wide - first
     start, end = np.floor(low), np.floor(high)
     return ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
 
@@ -59,7 +66,9 @@ def stripe_share(at: float, wide: float, first: float, width: float) -> float:
 def running_bond_share(
     column: float, row: float, wide: float, high: float, joint: float, across: float, down: float
 ) -> float:
-    """Return the share of a footprint off the joints of a running bond, whose odd courses shift by half a stone.
+    """Return the share of a footprint off the joints of a running bond.
+
+    Odd courses shift by half a stone.
 
     Parameters
     ----------
@@ -68,11 +77,11 @@ def running_bond_share(
     joint : width of a joint, metres.
     across, down : stones per metre.
     """
-    beside, below = 0.5 * joint * across, 0.5 * joint * down
-    even = stripe_share(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
-    odd = stripe_share(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
-    clear = even * stripe_share(column, wide, beside, 1 - 2 * beside)
-    return clear + odd * stripe_share(column, wide, 0.5 + beside, 1 - 2 * beside)
+    half_across, half_down = 0.5 * joint * across, 0.5 * joint * down
+    even = stripe_share(0.5 * row, 0.5 * high, 0.5 * half_down, 0.5 - half_down)
+    odd = stripe_share(0.5 * row, 0.5 * high, 0.5 + 0.5 * half_down, 0.5 - half_down)
+    clear = even * stripe_share(column, wide, half_across, 1 - 2 * half_across)
+    return clear + odd * stripe_share(column, wide, 0.5 + half_across, 1 - 2 * half_across)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -90,18 +99,18 @@ def add_noise(
     seed : random seed.
     out : (n,) tones, changed in place.
     """
-    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
+    across, down, row_seed = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
-        out[k] += 2 * weight * _lattice_noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
+        out[k] += 2 * weight * _lattice_noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, row_seed)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def add_tones(
     x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
 ) -> None:
-    """Add weighted piece tones in -0.5..0.5 of slabs, tiles or boards; odd rows shift by half a piece.
+    """Add weighted piece tones in -0.5..0.5 of slabs, tiles or boards.
 
-    A footprint of more than one piece counts as one and fades until two.
+    Odd rows shift by half a piece. A footprint of more than one piece counts as one and fades until two.
 
     Parameters
     ----------
@@ -112,7 +121,7 @@ def add_tones(
     seed : random seed.
     out : (n,) tones, changed in place.
     """
-    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
+    across, down, row_seed = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
         wide, high = side[k] * across, side[k] * down
         fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
@@ -122,14 +131,14 @@ def add_tones(
         lower = max(top + high - y0 - 1, 0.0) / high
         odd = np.float64(np.int64(y0) & 1)
         x0, x1 = np.floor(left + 0.5 * odd), np.floor(left + 0.5 - 0.5 * odd)
-        beside = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
-        under = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
+        next_share = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
+        next_share_below = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
         a, b = (
-            np.uint64(np.int64(x0)) * COLUMN_FACTOR + hash_row(y0, own),
-            np.uint64(np.int64(x1)) * COLUMN_FACTOR + hash_row(y0 + 1, own),
+            np.uint64(np.int64(x0)) * COLUMN_FACTOR + hash_row(y0, row_seed),
+            np.uint64(np.int64(x1)) * COLUMN_FACTOR + hash_row(y0 + 1, row_seed),
         )
-        upper = (1 - beside) * hash_to_uniform(a) + beside * hash_to_uniform(a + COLUMN_FACTOR)
+        upper = (1 - next_share) * hash_to_uniform(a) + next_share * hash_to_uniform(a + COLUMN_FACTOR)
         tone = (1 - lower) * upper + lower * (
-            (1 - under) * hash_to_uniform(b) + under * hash_to_uniform(b + COLUMN_FACTOR)
+            (1 - next_share_below) * hash_to_uniform(b) + next_share_below * hash_to_uniform(b + COLUMN_FACTOR)
         )
         out[k] += weight * fade * (tone - 0.5)

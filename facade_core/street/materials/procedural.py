@@ -1,7 +1,7 @@
-"""Procedural materials of ground, walls and openings: one kernel each, averaged over footprints.
+"""Procedural materials of ground, walls and openings, one kernel each.
 
-All arrays are (n,), in branch-free loops that vectorise; lengths are metres; a footprint is the side of a square,
-greater than 0. `patterns` has the ingredients, `roofs` the roofs.
+All arrays are (n,), in branch-free loops that vectorise; tones are averaged over footprints; lengths are metres; a
+footprint is the side of a square, greater than 0. `patterns` has the ingredients, `roofs` the roofs.
 """
 
 from __future__ import annotations
@@ -247,8 +247,8 @@ def frame_share(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np
     for k in range(len(x)):
         across = (min(x[k], wide - x[k]) - FRAME_M) / side[k] + 0.5
         down = (min(y[k], high - y[k]) - FRAME_M) / side[k] + 0.5
-        beside = (abs(x[k] - 0.5 * wide) - post) / side[k] + 0.5
-        clear = min(max(across, 0.0), 1.0) * min(max(down, 0.0), 1.0) * min(max(beside, 0.0), 1.0)
+        post_clear = (abs(x[k] - 0.5 * wide) - post) / side[k] + 0.5
+        clear = min(max(across, 0.0), 1.0) * min(max(down, 0.0), 1.0) * min(max(post_clear, 0.0), 1.0)
         out[k] = 1 - clear
 
 
@@ -281,7 +281,7 @@ def metal_fixture_colour(
     seed: int,
     out: np.ndarray,
 ) -> None:
-    """Write tones of round gutters, pipes and vents: darker towards both sides of their narrow axis.
+    """Write tones of gutters, pipes and vents, darker towards both sides.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ def setts_tone(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: n
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def ground_tone(
-    made: int,
+    surface: int,
     x: np.ndarray,
     y: np.ndarray,
     aside: np.ndarray,
@@ -328,7 +328,7 @@ def ground_tone(
 
     Parameters
     ----------
-    made : `GroundSurface`.
+    surface : `GroundSurface`.
     x, y : (n,) coordinates, metres.
     aside : (n,) distance from the centreline, metres.
     side : (n,) footprints, metres.
@@ -336,24 +336,24 @@ def ground_tone(
     seed : random seed.
     out : (n,) output tones.
     """
-    if made in (GroundSurface.ASPHALT, GroundSurface.TRACK):
+    if surface in (GroundSurface.ASPHALT, GroundSurface.TRACK):
         asphalt_tone(x, y, aside, side, seed, out)
-    elif made == GroundSurface.SLABS:
+    elif surface == GroundSurface.SLABS:
         paving_tone(x, y, side, seed, out)
-    elif made == GroundSurface.SETTS:
+    elif surface == GroundSurface.SETTS:
         setts_tone(x, y, side, seed, out)
     else:
-        out[:] = MEAN_TONES[made]
-    if made == GroundSurface.GRAVEL:
+        out[:] = MEAN_TONES[surface]
+    if surface == GroundSurface.GRAVEL:
         for number, cell in enumerate((0.9, 5.0)):
             add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
-    elif made == GroundSurface.GRASS:
+    elif surface == GroundSurface.GRASS:
         for number, cell in enumerate((1.5, 7.0)):
             add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
-    elif made == GroundSurface.WATER:
+    elif surface == GroundSurface.WATER:
         add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
         add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
-    elif made == GroundSurface.LEAVES:
+    elif surface == GroundSurface.LEAVES:
         add_noise(x, y, side, (0.12, 0.12), 30.0, seed + 83, out)
-    if SURFACE_GRAINS[made] >= 0:
-        add_grain(x, y, side, grains, SURFACE_GRAINS[made], MEAN_TONES[made], seed + 71, out)
+    if SURFACE_GRAINS[surface] >= 0:
+        add_grain(x, y, side, grains, SURFACE_GRAINS[surface], MEAN_TONES[surface], seed + 71, out)

@@ -74,36 +74,39 @@ def cast_shadows(
     shadow: np.ndarray = cv2.blur(_trace_shadows(depth, float(right), float(down), float(density)), (3, 3))
     grey = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY).astype(np.float32)
     side = 2 * round(SHADE_WINDOW_M * density / 2) + 1
-    back = depth < 0
-    for own in (back, ~back):
-        weight = own.astype(np.float32)
+    recessed = depth < 0
+    for level in (recessed, ~recessed):
+        weight = level.astype(np.float32)
         mean = cv2.boxFilter(grey * weight, -1, (side, side)) / np.maximum(
             cv2.boxFilter(weight, -1, (side, side)), 1e-6
         )
         lit = np.clip((grey / np.maximum(mean, 1) - dark) / max(1 - dark, 1e-6), 0, 1)
-        shadow[own] *= lit[own]
+        shadow[level] *= lit[level]
     return shadow
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _trace_shadows(depth: np.ndarray, right: float, down: float, density: float) -> np.ndarray:
-    """Trace shadows (h, w) of depths (h, w) metres; right, down: offset of the sun per metre outward."""
+    """Trace shadows (h, w) of depths (h, w) metres.
+
+    right, down: offset of the sun per metre outward.
+    """
     height, width = depth.shape
     highest = depth[0, 0]
     for row in range(height):
         for column in range(width):
             highest = max(highest, depth[row, column])
     shadow = np.zeros(depth.shape, np.float32)
-    least = 1 / (max(abs(right), abs(down), 1e-3) * density)
+    step = 1 / (max(abs(right), abs(down), 1e-3) * density)
     for row in range(height):
         for column in range(width):
-            own = depth[row, column]
-            rise, found = least, 0.0
-            while rise < highest - own and found < 1:
+            receiver = depth[row, column]
+            rise, shade = step, 0.0
+            while rise < highest - receiver and shade < 1:
                 y, x = row + round(rise * down * density), column + round(rise * right * density)
                 if y < 0 or y >= height or x < 0 or x >= width:
                     break
-                found = max(found, (depth[y, x] - own - rise) / (EDGE_WIDTH_M + EDGE_SPREAD * rise))
-                rise += least
-            shadow[row, column] = min(found, 1.0)
+                shade = max(shade, (depth[y, x] - receiver - rise) / (EDGE_WIDTH_M + EDGE_SPREAD * rise))
+                rise += step
+            shadow[row, column] = min(shade, 1.0)
     return shadow

@@ -1,7 +1,7 @@
-"""Procedural roofs, one kernel each: sheet metal, tiles, slates, felt, gravel, patches, dried pools and moss.
+"""Procedural roofs, one kernel each.
 
-All arrays are (n,); lengths are metres; a footprint is the side of a square, greater than 0. x runs along the eaves and
-y down.
+Sheet metal, tiles, slates, felt, gravel, patches, dried pools and moss. All arrays are (n,); lengths are metres; a
+footprint is the side of a square, greater than 0. x runs along the eaves and y down.
 """
 
 from __future__ import annotations
@@ -118,12 +118,12 @@ def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
 
     Patches fade with the footprint until half a cell, so that no footprint reaches a neighbouring cell's patch.
     """
-    own = np.uint64(seed) * SEED_FACTOR
+    row_seed = np.uint64(seed) * SEED_FACTOR
     for k in range(len(x)):
         u, v = x[k] / PATCH_CELL_M, y[k] / PATCH_CELL_M
         column, row = np.floor(u), np.floor(v)
-        h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_row(row, own)
-        some = np.float64(hash_to_uniform(h) < PATCH_SHARE)
+        h = np.uint64(np.int64(column)) * COLUMN_FACTOR + hash_row(row, row_seed)
+        has_patch = np.float64(hash_to_uniform(h) < PATCH_SHARE)
         wide, long = 0.12 + 0.3 * hash_to_uniform(h + np.uint64(1)), 0.1 + 0.25 * hash_to_uniform(h + np.uint64(2))
         left, low = (
             0.1 + (0.8 - wide) * hash_to_uniform(h + np.uint64(3)),
@@ -131,10 +131,12 @@ def add_patches(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: 
         )
         size = side[k] / PATCH_CELL_M
         u, v = u - column, v - row
-        beside = max(min(u + 0.5 * size, left + wide) - max(u - 0.5 * size, left), 0.0)
-        below = max(min(v + 0.5 * size, low + long) - max(v - 0.5 * size, low), 0.0)
+        overlap_u = max(min(u + 0.5 * size, left + wide) - max(u - 0.5 * size, left), 0.0)
+        overlap_v = max(min(v + 0.5 * size, low + long) - max(v - 0.5 * size, low), 0.0)
         fade = min(max(2.0 - 4.0 * size, 0.0), 1.0)
-        out[k] += fade * some * 0.24 * (hash_to_uniform(h + np.uint64(5)) - 0.5) * beside * below / (size * size)
+        out[k] += (
+            fade * has_patch * 0.24 * (hash_to_uniform(h + np.uint64(5)) - 0.5) * overlap_u * overlap_v / (size * size)
+        )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

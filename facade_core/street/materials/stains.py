@@ -1,4 +1,4 @@
-"""Stains of plaster: adds the variation at two scales that painted walls lack against photographed ones."""
+"""Stains of plaster: variation at two scales that painted walls lack against photographs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ MIN_PLACES = 150
 
 
 def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple[float, ...] | None:
-    """Compute the relative variation of plain wall in each band, half the span of the 16th to 84th percentile.
+    """Compute the relative variation of plain wall in each band.
+
+    It is half the span from the 16th to the 84th percentile.
 
     Parameters
     ----------
@@ -54,16 +56,16 @@ def wall_deviations(grey: np.ndarray, wall: np.ndarray, density: float) -> tuple
     )
     if known.sum() < MIN_PLACES:
         return None
-    mean, found = float(light[known].mean()), []
+    mean, deviations = float(light[known].mean()), []
     for band in BANDS_M:
-        kept, taken = (
+        kept, removed = (
             cv2.GaussianBlur(light, (0, 0), part * band * STAIN_DENSITY)
             / np.maximum(cv2.GaussianBlur(share, (0, 0), part * band * STAIN_DENSITY), 1e-6)
             for part in (KEPT_SIGMA, REMOVED_SIGMA)
         )
-        low, high = np.percentile((kept - taken)[known] / max(mean, 1.0), (16, 84))
-        found.append(float(high - low) / 2)
-    return tuple(found)
+        low, high = np.percentile((kept - removed)[known] / max(mean, 1.0), (16, 84))
+        deviations.append(float(high - low) / 2)
+    return tuple(deviations)
 
 
 def stain_weights(deviations: tuple[float, ...] | None) -> np.ndarray:
@@ -75,7 +77,7 @@ def stain_weights(deviations: tuple[float, ...] | None) -> np.ndarray:
 def stain_tones(
     colour: np.ndarray, labels: np.ndarray, density: float, start: tuple[float, float], seed: int
 ) -> np.ndarray:
-    """Compute stain tones (rows, columns) float32 about 1, STAIN_DENSITY per metre, half a step inside the border.
+    """Compute the tones of stains on a facade.
 
     Parameters
     ----------
@@ -84,6 +86,10 @@ def stain_tones(
     density : texels per metre.
     start : upper left corner of the facade in its plane, metres.
     seed : random seed.
+
+    Returns
+    -------
+    (rows, columns) float32 about 1, STAIN_DENSITY per metre, half a step inside the border.
     """
     import cv2
 

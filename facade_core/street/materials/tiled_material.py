@@ -100,18 +100,26 @@ def _sample_points(mips: MipLevels, across: np.ndarray, down: np.ndarray, footpr
 
 @njit(cache=True, inline="always", error_model="numpy")
 def sample_mip_levels(mips: MipLevels, across: float, down: float, footprint: float) -> tuple[float, float, float]:
-    """Sample a colour bilinearly in the level whose pixels match the footprint. Called from numba kernels."""
+    """Sample a colour bilinearly in the level whose pixels match the footprint.
+
+    Called from numba kernels.
+    """
     level, side = 0, max(mips.size[0] / mips.columns[0], mips.size[1] / mips.rows[0])
     while level + 1 < len(mips.first) and footprint > 1.42 * side:
         level, side = level + 1, 2 * side
     height, width, first = mips.rows[level], mips.columns[level], mips.first[level]
     x, y = across / mips.size[0] * width - 0.5, down / mips.size[1] * height - 0.5
     x0, y0 = int(np.floor(x)), int(np.floor(y))
-    beside, below = x - x0, y - y0
+    across_share, down_share = x - x0, y - y0
     left, right, top, bottom = x0 % width, (x0 + 1) % width, y0 % height, (y0 + 1) % height
     a, b = mips.pixels[first + top * width + left], mips.pixels[first + top * width + right]
     c, d = mips.pixels[first + bottom * width + left], mips.pixels[first + bottom * width + right]
-    w00, w01, w10, w11 = (1 - beside) * (1 - below), beside * (1 - below), (1 - beside) * below, beside * below
+    w00, w01, w10, w11 = (
+        (1 - across_share) * (1 - down_share),
+        across_share * (1 - down_share),
+        (1 - across_share) * down_share,
+        across_share * down_share,
+    )
     return (
         w00 * a[0] + w01 * b[0] + w10 * c[0] + w11 * d[0],
         w00 * a[1] + w01 * b[1] + w10 * c[1] + w11 * d[1],
@@ -132,8 +140,10 @@ def make_seamless(image: np.ndarray) -> np.ndarray:
 
 
 def _join_borders(image: np.ndarray, *, around: bool) -> np.ndarray:
-    """Blend the right border of (h, w, 3) over the left one along a minimal path; `around` closes the path for wrapping
-    rows."""
+    """Blend the right border of (h, w, 3) over the left one along a minimal path.
+
+    `around` closes the path for wrapping rows.
+    """
     height, width = image.shape[:2]
     strip = max(1, int(width * JOIN_SHARE))
     left, right = image[:, :strip], image[:, width - strip :]

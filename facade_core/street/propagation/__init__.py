@@ -1,1 +1,1 @@
-"""Rendering of partially textured panoramas and texture propagation into the atlas (street paper, Eq. 1)."""
+"""Panorama rendering and texture propagation into the atlas (street paper, Eq. 1)."""

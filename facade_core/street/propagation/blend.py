@@ -1,9 +1,9 @@
-"""Eq. 1 of the street paper from a small state per texel, exact in any order of the views (ADR 0010).
+"""Eq. 1 of the street paper from a small state per texel (ADR 0010).
 
-A view has an integer distance d in millimetres. Proper views have a d within the gate. Their weights are 1 - d / sum d,
-clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. At most three views can have a share d / sum
-d above 0.3; every other view has the upper clamp. So N, sum d, sum colour and the three largest (d, colour) suffice,
-all integers. Without a proper view the view of smallest (d, id) is the fallback.
+Exact in any order of the views. A view has an integer distance d in millimetres. Proper views have a d within the gate.
+Their weights are 1 - d / sum d, clamped to [0.3, 0.7], mapped by (w - 0.3) / 0.4 and divided by their sum. At most
+three views can have a share d / sum d above 0.3; every other view has the upper clamp. So N, sum d, sum colour and the
+three largest (d, colour) suffice, all integers. Without a proper view the view of smallest (d, id) is the fallback.
 """
 
 from __future__ import annotations
@@ -56,11 +56,14 @@ class BlendState(NamedTuple):
 
 @njit(cache=True, inline="always")
 def is_fallback_view(state: BlendState, t: int, d: int, view: int) -> bool:
-    """Return True if a view beyond the gate would become the colour of texel t. Called from numba kernels."""
+    """Return True if a view beyond the gate would become the colour of texel t.
+
+    Called from numba kernels.
+    """
     if state.views[t] > 0:
         return False
-    held, nearest = np.int64(state.distance[t]) - 1, np.int64(state.top_distance[t, 0])
-    return bool(held < 0 or d < nearest or (d == nearest and view < held))
+    fallback_view, nearest = np.int64(state.distance[t]) - 1, np.int64(state.top_distance[t, 0])
+    return bool(fallback_view < 0 or d < nearest or (d == nearest and view < fallback_view))
 
 
 @njit(cache=True, inline="always")
@@ -145,7 +148,16 @@ def _blend(state: BlendState, out: np.ndarray, views: np.ndarray) -> None:
 
 @njit(cache=True, inline="always")
 def blend_texel(state: BlendState, t: int, out: np.ndarray) -> int:
-    """Write Eq. 1 of texel t to out[t] and return the number of blended views. Called from numba kernels."""
+    """Write Eq. 1 of texel t to out[t] and return the number of blended views.
+
+    Called from numba kernels.
+
+    Parameters
+    ----------
+    state : state of all texels.
+    t : index of the texel.
+    out : (t, 3) uint8 output colours.
+    """
     n = int(state.views[t])
     if n == 0:
         if state.distance[t] == 0:

@@ -1,4 +1,9 @@
-"""Texture propagation: a translated panorama into the texels that it shows (street paper, 3 Texture propagation)."""
+"""Texture propagation: a translated panorama into the texels that it shows.
+
+References
+----------
+Street paper, 3 Texture propagation.
+"""
 
 from __future__ import annotations
 
@@ -74,25 +79,25 @@ def propagate(
     """
     if charts_seen is None:
         charts_seen = scene.cast_panorama(viewpoint, rgb.shape[1])[2]
-    held = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
-    if len(held) == 0:
+    visible = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
+    if len(visible) == 0:
         return
     if 1000 * scene.visibility_range > np.iinfo(buffer.state.top_distance.dtype).max:
         raise GeometryError(
             f"the buffer holds views to 65 m and the scene's reach {scene.visibility_range} m; "
             "give TexelBuffer.allocate the scene's visibility_range"
         )
-    facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, held, charts_seen)
+    facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, visible, charts_seen)
     view = TranslatedPanorama(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
 
-    def walk(first: int) -> None:
+    def blend_part(first: int) -> None:
         _blend_tiles(buffer.state, buffer.colour, buffer.provenance, facing, view, marked, first, threads)
 
     if threads == 1:
-        walk(0)
+        blend_part(0)
         return
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(walk, range(threads)))
+        list(pool.map(blend_part, range(threads)))
 
 
 def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, charts_seen: np.ndarray) -> None:
@@ -109,17 +114,19 @@ def mark_first_visible(scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, 
     viewpoint : position and direction of the panorama.
     charts_seen : (h, w) int32 chart index per panorama pixel, -1 where the sky is seen.
     """
-    held = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
-    if len(held):
-        facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, held, charts_seen)
+    visible = np.intersect1d(charts_seen[charts_seen >= 0], buffer.writable)
+    if len(visible):
+        facing, surface, camera, marked = _facing_charts(scene, buffer, viewpoint, visible, charts_seen)
         _mark_tiles(buffer.state.views, buffer.provenance, facing, camera, surface, marked)
 
 
 def _facing_charts(
     scene: Scene, buffer: TexelBuffer, viewpoint: Viewpoint, visible: np.ndarray, charts_seen: np.ndarray
 ) -> tuple[FacingCharts, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the visible charts in camera space, the surface per pixel, the camera's rotation, and the tiles that
-    pixels may hit."""
+    """Prepare the visible charts for the kernels.
+
+    Returns the charts in camera space, the surface per pixel, the camera's rotation, and the tiles that pixels may hit.
+    """
     charts, placement = scene.charts, scene.placement
     place = np.full(len(charts), -1, np.int64)
     place[visible] = np.arange(len(visible))
@@ -203,7 +210,7 @@ def _blend_tiles(
     rgb, surface, gate, camera = view.rgb, view.surface, view.gate, view.camera
     rows, columns = surface.shape
     origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
-    width, height, own, offset = charts.width, charts.height, charts.surface, charts.offset
+    width, height, surface_ids, offset = charts.width, charts.height, charts.surface, charts.offset
     colour = np.zeros(3, np.int64)
     columns_at, rows_at, depths, levels = (
         np.empty(VISIBLE_TILE_TEXELS),
@@ -245,7 +252,7 @@ def _blend_tiles(
                         row, column = min(int(row_at), rows - 1), int(column_at)
                         if column >= columns:
                             column = 0
-                        if surface[row, column] != own[c]:
+                        if surface[row, column] != surface_ids[c]:
                             continue
                         u0, v0 = int(column_at + 0.5) - 1, int(row_at + 0.5) - 1
                         across, below = column_at - 0.5 - u0, row_at - 0.5 - v0
@@ -253,10 +260,10 @@ def _blend_tiles(
                         right_at = u0 + 1 if u0 + 1 < columns else 0
                         above_at, below_at = max(v0, 0), min(v0 + 1, rows - 1)
                         # bilinear weights; pixels of other surfaces have none
-                        w00 = (1 - across) * (1 - below) if surface[above_at, left_at] == own[c] else 0.0
-                        w01 = across * (1 - below) if surface[above_at, right_at] == own[c] else 0.0
-                        w10 = (1 - across) * below if surface[below_at, left_at] == own[c] else 0.0
-                        w11 = across * below if surface[below_at, right_at] == own[c] else 0.0
+                        w00 = (1 - across) * (1 - below) if surface[above_at, left_at] == surface_ids[c] else 0.0
+                        w01 = across * (1 - below) if surface[above_at, right_at] == surface_ids[c] else 0.0
+                        w10 = (1 - across) * below if surface[below_at, left_at] == surface_ids[c] else 0.0
+                        w11 = across * below if surface[below_at, right_at] == surface_ids[c] else 0.0
                         total = w00 + w01 + w10 + w11
                         if total <= 0:
                             continue

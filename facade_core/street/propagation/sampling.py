@@ -155,18 +155,18 @@ def shade_pixels(
             if ahead > -1e-6:
                 ahead = -1e-6
             # the texel under the pixel, and its offsets per pixel to the right and down
-            beside, below = (c + 1) % columns, min(r + 1, rows - 1)
-            above = below - 1
+            next_column, next_row = (c + 1) % columns, min(r + 1, rows - 1)
+            previous_row = next_row - 1
             leave_right, leave_down = 0.0, 0.0
             for i in range(3):
-                leave_right += normal[k, i] * (rays[r, beside, i] - rays[r, c, i])
-                leave_down += normal[k, i] * (rays[below, c, i] - rays[above, c, i])
+                leave_right += normal[k, i] * (rays[r, next_column, i] - rays[r, c, i])
+                leave_down += normal[k, i] * (rays[next_row, c, i] - rays[previous_row, c, i])
             x, y, ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for i in range(3):
                 ray = rays[r, c, i]
                 point = camera[i] + t * ray - origin[k, i]
-                right = t * (rays[r, beside, i] - ray - ray * leave_right / ahead)
-                down = t * (rays[below, c, i] - rays[above, c, i] - ray * leave_down / ahead)
+                right = t * (rays[r, next_column, i] - ray - ray * leave_right / ahead)
+                down = t * (rays[next_row, c, i] - rays[previous_row, c, i] - ray * leave_down / ahead)
                 x += point * axis_u[k, i]
                 y += point * axis_v[k, i]
                 ax += right * axis_u[k, i]

@@ -1,4 +1,4 @@
-"""In-memory part of the atlas that one street sees, with the blend state of the texels that it writes."""
+"""In-memory part of the atlas that one street sees, with its blend state."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ class TexelBuffer:
     def plan_layout(
         placement: Placement, writable: Iterable[int], readable: Iterable[int]
     ) -> tuple[TexelLayout, np.ndarray]:
-        """Plan the layout of a buffer that writes some charts and only reads others; chart ids may repeat."""
+        """Plan the layout of a buffer that writes some charts and only reads others.
+
+        Chart ids may repeat.
+        """
         write = np.unique(np.fromiter(writable, np.int64))
         read = np.setdiff1d(np.fromiter(readable, np.int64), write)
         return TexelLayout.of_charts(placement, np.concatenate([write, read])), write

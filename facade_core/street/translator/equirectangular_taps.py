@@ -48,9 +48,9 @@ def gather_taps(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, in
     (bands * TAP_COUNT, rows, columns) float32.
     """
     left, right = columns or (0, image.shape[2])
-    at, aside = kernel_taps(image.shape[1])
+    tap_rows, tap_columns = kernel_taps(image.shape[1])
     out = np.empty((len(image) * TAP_COUNT, rows[1] - rows[0], right - left), np.float32)
-    _gather_rows(image, at[slice(*rows)], aside[slice(*rows)], left, out)
+    _gather_rows(image, tap_rows[slice(*rows)], tap_columns[slice(*rows)], left, out)
     return out
 
 

@@ -1,4 +1,7 @@
-"""Kernel distance between sets of pictures by features of an ImageNet network. Needs the `train` extra."""
+"""Kernel distance between sets of pictures, by features of an ImageNet network.
+
+Needs the `train` extra.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ def _network() -> Any:
 
 
 def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Compute features of pictures: the mean outputs of FEATURE_BLOCKS at unit length, concatenated.
+    """Compute features of pictures: mean outputs of FEATURE_BLOCKS at unit length.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
     import torch
     from torch.nn import functional
 
-    network, found = _network(), []
+    network, features = _network(), []
     for picture in pictures:
         x = torch.from_numpy(np.ascontiguousarray(picture)).permute(2, 0, 1)[None].float()
         means = []
@@ -49,8 +52,8 @@ def image_features(pictures: Sequence[np.ndarray]) -> np.ndarray:
                 if number in FEATURE_BLOCKS:
                     mean = x.mean((2, 3))[0]
                     means.append(mean / mean.norm().clamp_min(1e-6))
-        found.append(torch.cat(means).double().numpy())
-    return np.array(found)
+        features.append(torch.cat(means).double().numpy())
+    return np.array(features)
 
 
 def kernel_distance(ours: np.ndarray, theirs: np.ndarray) -> float:

@@ -1,8 +1,12 @@
-"""Translation network and its training networks (street paper, 3 Neural network and 4 Training). Needs torch.
+"""Translation network and its training networks. Needs torch.
 
 Two things differ from the paper. Activations are not normalised across the image, so that an output depends only on its
 surroundings: two viewpoints get the same output for the same view, and tiles of a large panorama equal the whole.
 Padding wraps around the panorama at +-180 degrees.
+
+References
+----------
+Street paper, 3 Neural network and 4 Training.
 """
 
 from __future__ import annotations
@@ -50,7 +54,10 @@ class PaddedConvolution(nn.Module):
 
 
 class ResidualBlock(nn.Module):
-    """Residual block of two convolutions that adds a fifth of its output: nine unnormalised blocks would diverge."""
+    """Residual block of two convolutions that adds a fifth of its output.
+
+    Nine unnormalised blocks would diverge with the full output.
+    """
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -61,7 +68,10 @@ class ResidualBlock(nn.Module):
 
 
 class UpsamplingConvolution(nn.Module):
-    """Fractionally strided convolution to twice the size, blurred by 1 2 1 against checkerboard patterns."""
+    """Fractionally strided convolution to twice the size.
+
+    A blur by 1 2 1 prevents checkerboard patterns.
+    """
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
@@ -73,11 +83,12 @@ class UpsamplingConvolution(nn.Module):
 
 
 class Generator(nn.Module):
-    """Generator of three convolutions, nine residual blocks, two fractionally strided ones and a convolution to RGB.
+    """Generator of the translation network.
 
-    Inputs (n, bands, h, w) and outputs (n, 3, h, w) are in -1..1. `equirectangular` places the taps of the first
-    convolution on the sphere. `place` then gives each image's first row and panorama height. `wraps`: the images are
-    whole bands of a panorama.
+    Three convolutions, nine residual blocks, two fractionally strided convolutions, and a convolution to RGB. Inputs
+    (n, bands, h, w) and outputs (n, 3, h, w) are in -1..1. `equirectangular` places the taps of the first convolution
+    on the sphere. `place` then gives each image's first row and panorama height. `wraps`: the images are whole bands of
+    a panorama.
     """
 
     def __init__(self, width: int, *, bands: int = 3, equirectangular: bool = True) -> None:
@@ -102,11 +113,15 @@ class Generator(nn.Module):
         if not self.equirectangular:
             padded = pad_edges(x, KERNEL_SIZE // 2, wraps=False)
             return functional.unfold(padded, KERNEL_SIZE).view(len(x), -1, *x.shape[2:])
-        return torch.cat([_gather_image(image[None], *at) for image, at in zip(x, place, strict=True)])
+        return torch.cat(
+            [_gather_image(image[None], *row_and_height) for image, row_and_height in zip(x, place, strict=True)]
+        )
 
     def run_blocks(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = RESIDUAL_BLOCKS) -> Tensor:
-        """Run the network up to residual block `last`; append the outputs that patches are compared at to
-        `features`."""
+        """Run the network up to residual block `last`.
+
+        Appends the outputs that patches are compared at to `features`.
+        """
         x = _leaky_relu(self.first(entry))
         for layer in self.narrowing:
             x = _leaky_relu(layer(x, wraps))
@@ -177,11 +192,11 @@ class PatchEmbedding(nn.Module):
 
     def forward(self, features: Sequence[Tensor], where: Sequence[Tensor]) -> list[Tensor]:
         """Return unit vectors (n, patches, 256) at flat positions `where` of each output."""
-        found = []
+        embeddings = []
         for layer, feature, chosen in zip(self.layers, features, where, strict=True):
             flat = feature.flatten(2).permute(0, 2, 1)[:, chosen]
-            found.append(functional.normalize(layer(flat), dim=-1))
-        return found
+            embeddings.append(functional.normalize(layer(flat), dim=-1))
+        return embeddings
 
 
 def initialise_weights(network: nn.Module, generator: torch.Generator) -> None:

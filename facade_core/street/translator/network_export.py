@@ -1,4 +1,7 @@
-"""Export of trained weights to the files of `neural_translator`. Needs the `train` extra (torch, onnx)."""
+"""Export of trained weights to the files of `neural_translator`.
+
+Needs the `train` extra (torch, onnx).
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,10 @@
-"""Training of the translation network (street paper, 4 Training). Needs the `train` extra (torch).
+"""Training of the translation network. Needs the `train` extra (torch).
 
 Step n depends only on the seed, on n and on the previous state, so that a resumed run ends in the same weights.
+
+References
+----------
+Street paper, 4 Training.
 """
 
 from __future__ import annotations
@@ -110,7 +114,7 @@ def train_generator(
         network.to(device)
     first = torch.optim.Adam([*generator.parameters(), *patches.parameters()], lr=LEARNING_RATE, betas=ADAM_BETAS)
     second = torch.optim.Adam(discriminator.parameters(), lr=LEARNING_RATE, betas=ADAM_BETAS)
-    kept = {
+    parts_by_name = {
         "generator": generator,
         "discriminator": discriminator,
         "patches": patches,
@@ -124,7 +128,7 @@ def train_generator(
     best = copy.deepcopy(generator.state_dict())
     if state is not None and state.is_file():
         saved = _read_state(state, identity, recipe)
-        for name, part in kept.items():
+        for name, part in parts_by_name.items():
             part.load_state_dict(saved[name])
         done, distances, best = saved["done"], saved["distances"], saved["best"]
     report = progress or (lambda step, done, total: None)
@@ -142,7 +146,7 @@ def train_generator(
             if domains.paired and number % 2
             else step_unpaired
         )
-        loss = learn(domains, recipe, kept, (seed, number), device)
+        loss = learn(domains, recipe, parts_by_name, (seed, number), device)
         if not math.isfinite(loss):
             raise ModelError(f"training diverged at step {number}: train with another --seed")
         if (number + 1) % recipe.check == 0 or number + 1 == recipe.steps:
@@ -153,12 +157,14 @@ def train_generator(
             if sample:
                 sample(number + 1, distance, sheet)
             if state is not None:
-                parts = {name: part.state_dict() for name, part in kept.items()}
+                parts = {name: part.state_dict() for name, part in parts_by_name.items()}
                 rest = {"identity": identity, "steps": recipe.steps, "done": number + 1}
                 rest |= {"distances": distances, "best": best}
                 _save_state(state, parts | rest)
-    at = min(distances, key=distances.__getitem__)
-    return TranslatorCheckpoint({name: value.cpu() for name, value in best.items()}, at, distances[at], distances)
+    best_step = min(distances, key=distances.__getitem__)
+    return TranslatorCheckpoint(
+        {name: value.cpu() for name, value in best.items()}, best_step, distances[best_step], distances
+    )
 
 
 def require_torch() -> None:
@@ -175,10 +181,14 @@ def learning_rate_share(step: int, steps: int) -> float:
 def evaluate_generator(
     generator: Any, domains: TrainingDomains, recipe: TrainingRecipe, device: Any
 ) -> tuple[float, np.ndarray]:
-    """Compute the kernel distance of translated held-out renderings to held-out real crops, and a sample sheet.
+    """Compute the kernel distance of translated held-out renderings to held-out real crops.
 
     Each crop is translated without texture and then, where it had texture, once more on top of the result, as in a
     street.
+
+    Returns
+    -------
+    The distance, and a sheet of samples (h, w, 3) uint8.
     """
     import torch
 
@@ -187,7 +197,7 @@ def evaluate_generator(
     rng = np.random.default_rng(_EVALUATION_SEED)
     rendered = [crop_rendering(domains.judged_rendered, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
     real = [crop_panorama(domains.judged_real, recipe.crop, rng) for _ in range(_EVALUATION_CROPS)]
-    made = []
+    translated = []
     with torch.no_grad():
         for crop in rendered:
             plain, mask = crops_to_tensors([crop], device)
@@ -197,9 +207,9 @@ def evaluate_generator(
             if mask.any():
                 partial = torch.where(mask, out, plain)
                 out = generator(generator_input(partial, plain, mask, recipe), [crop.place])
-            made.append(tensor_to_image(out[0]))
-    distance = kernel_distance(image_features(made), image_features([crop.image for crop in real]))
-    sheet = [np.concatenate([crop.image, out]) for crop, out in zip(rendered[:8], made[:8], strict=True)]
+            translated.append(tensor_to_image(out[0]))
+    distance = kernel_distance(image_features(translated), image_features([crop.image for crop in real]))
+    sheet = [np.concatenate([crop.image, out]) for crop, out in zip(rendered[:8], translated[:8], strict=True)]
     return distance, np.concatenate([np.concatenate(sheet[:4], 1), np.concatenate(sheet[4:], 1)])
 
 

@@ -1,7 +1,11 @@
-"""Single steps of training the translation network (street paper, 4 Training). Needs the `train` extra (torch).
+"""Single steps of training the translation network. Needs the `train` extra (torch).
 
 The adversarial loss is least squares, as in the method that the paper builds on. The printed E[1 - log d] has no
 minimum that a discriminator could not push away.
+
+References
+----------
+Street paper, 4 Training.
 """
 
 from __future__ import annotations
@@ -89,9 +93,10 @@ class TrainingDomains:
 def step_restoration(
     domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
 ) -> float:
-    """Train the generator alone to restore real crops from their shading and simulated earlier texture.
+    """Train the generator alone to restore real crops from their shading.
 
-    Not in the paper: it learns street colours in minutes that take the losses of `step_unpaired` a day on two cores.
+    Crops keep simulated earlier texture. Not in the paper: this step learns street colours in minutes that take the
+    losses of `step_unpaired` a day on two cores.
 
     Returns
     -------
@@ -109,10 +114,10 @@ def step_restoration(
     )
     if not recipe.conditioned:
         mask = torch.zeros_like(mask)
-    made = generator(
+    restored = generator(
         generator_input(torch.where(mask, photo, plain), plain, mask, recipe), [crop.place for crop in real]
     )
-    loss = (made - photo).abs().mean()
+    loss = (restored - photo).abs().mean()
     _optimise(parts["first"], loss)
     return float(loss.detach())
 
@@ -120,7 +125,12 @@ def step_restoration(
 def step_unpaired(
     domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
 ) -> float:
-    """Train the generator and the discriminator by one unpaired step; return the generator's loss."""
+    """Train the generator and the discriminator by one unpaired step.
+
+    Returns
+    -------
+    The generator's loss.
+    """
     import torch
     from torch.nn import functional
 
@@ -131,7 +141,7 @@ def step_unpaired(
     plain, mask = crops_to_tensors(rendered, device)
     photo, _ = crops_to_tensors(real, device)
     places = [crop.place for crop in (*rendered, *real)]
-    own = places[: recipe.batch]
+    rendered_places = places[: recipe.batch]
     mixed = torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda")
     with mixed:
         with torch.no_grad():
@@ -139,30 +149,34 @@ def step_unpaired(
                 mask = torch.zeros_like(mask)
             if mask.any():
                 # simulate an earlier viewpoint's output, blurred once by the atlas
-                made = generator(generator_input(plain, plain, torch.zeros_like(mask), recipe), own)
-                earlier = functional.avg_pool2d(functional.pad(made.float(), (1, 1, 1, 1), mode="replicate"), 3, 1)
+                translated = generator(generator_input(plain, plain, torch.zeros_like(mask), recipe), rendered_places)
+                earlier = functional.avg_pool2d(
+                    functional.pad(translated.float(), (1, 1, 1, 1), mode="replicate"), 3, 1
+                )
                 partial = torch.where(mask, earlier, plain)
             else:
                 partial = plain
-            keys = generator.encode(generator_input(plain, plain, torch.ones_like(mask), recipe), own)
+            keys = generator.encode(generator_input(plain, plain, torch.ones_like(mask), recipe), rendered_places)
         inputs = torch.cat([generator_input(partial, plain, mask, recipe), _encoder_input(photo, recipe)])
         features = [inputs]
         encoded = generator.blocks_of(generator.entry(inputs, places), False, features)
-        made, again = generator.decode(encoded, False).float().split(recipe.batch)
+        translated, restored = generator.decode(encoded, False).float().split(recipe.batch)
         photo_keys = [feature[recipe.batch :].detach() for feature in features]
         discriminator.requires_grad_(True)
-        wrong, right = discriminator(made.detach()), discriminator(photo)
-        loss = 0.5 * (wrong.square().mean() + (right - 1).square().mean())
+        fake_score, real_score = discriminator(translated.detach()), discriminator(photo)
+        loss = 0.5 * (fake_score.square().mean() + (real_score - 1).square().mean())
         _optimise(parts["second"], loss)
         discriminator.requires_grad_(False)
-        total = ADVERSARIAL_WEIGHT * (discriminator(made) - 1).square().mean()
+        total = ADVERSARIAL_WEIGHT * (discriminator(translated) - 1).square().mean()
         if recipe.conditioned:
             compared = mask if recipe.masked else torch.ones_like(mask)
-            total = total + CONSISTENCY_WEIGHT * ((made - partial) * compared).abs().mean()
-        total = total + CONTRAST_RENDERED_WEIGHT * _patch_contrast(generator, patches, made, keys, own, recipe, rng)
+            total = total + CONSISTENCY_WEIGHT * ((translated - partial) * compared).abs().mean()
+        total = total + CONTRAST_RENDERED_WEIGHT * _patch_contrast(
+            generator, patches, translated, keys, rendered_places, recipe, rng
+        )
         other = places[recipe.batch :]
         total = total + CONTRAST_REAL_WEIGHT * _patch_contrast(
-            generator, patches, again, photo_keys, other, recipe, rng
+            generator, patches, restored, photo_keys, other, recipe, rng
         )
     _optimise(parts["first"], total)
     return float(total.detach())
@@ -171,17 +185,22 @@ def step_unpaired(
 def step_paired(
     domains: TrainingDomains, recipe: TrainingRecipe, parts: Mapping[str, Any], seeds: tuple[int, int], device: Any
 ) -> float:
-    """Train the generator alone on pairs: distance to the true image and the fixed discriminator's score.
+    """Train the generator alone on pairs, with a fixed discriminator.
 
-    Not in the paper, which has no pairs. Earlier texture is simulated by the true image, blurred once as by the atlas.
+    The loss is the distance to the true image and the discriminator's score. Not in the paper, which has no pairs.
+    Earlier texture is simulated by the true image, blurred once as by the atlas.
+
+    Returns
+    -------
+    The loss.
     """
     import torch
     from torch.nn import functional
 
     generator, discriminator, rng = parts["generator"], parts["discriminator"], np.random.default_rng(seeds)
-    found = [crop_pair(domains.paired, recipe.crop, rng) for _ in range(recipe.batch)]
-    plain, mask = crops_to_tensors([crop for crop, _, _ in found], device)
-    photo, true = crops_to_tensors([TrainingCrop(image, true, crop.place) for crop, image, true in found], device)
+    pairs = [crop_pair(domains.paired, recipe.crop, rng) for _ in range(recipe.batch)]
+    plain, mask = crops_to_tensors([crop for crop, _, _ in pairs], device)
+    photo, valid = crops_to_tensors([TrainingCrop(image, valid, crop.place) for crop, image, valid in pairs], device)
     if not recipe.conditioned:
         mask = torch.zeros_like(mask)
     discriminator.requires_grad_(False)
@@ -189,9 +208,11 @@ def step_paired(
     with mixed:
         earlier = functional.avg_pool2d(functional.pad(photo, (1, 1, 1, 1), mode="replicate"), 3, 1)
         partial = torch.where(mask, earlier, plain)
-        made = generator(generator_input(partial, plain, mask, recipe), [crop.place for crop, _, _ in found]).float()
-        apart = ((made - photo).abs() * true).sum() / (3 * true.sum()).clamp(min=1)
-        total = PAIR_WEIGHT * apart + ADVERSARIAL_WEIGHT * (discriminator(made) - 1).square().mean()
+        translated = generator(
+            generator_input(partial, plain, mask, recipe), [crop.place for crop, _, _ in pairs]
+        ).float()
+        distance = ((translated - photo).abs() * valid).sum() / (3 * valid.sum()).clamp(min=1)
+        total = PAIR_WEIGHT * distance + ADVERSARIAL_WEIGHT * (discriminator(translated) - 1).square().mean()
     _optimise(parts["first"], total)
     return float(total.detach())
 
@@ -210,7 +231,7 @@ def _optimise(optimiser: Any, loss: Any) -> None:
 def _patch_contrast(
     generator: Any,
     patches: Any,
-    made: Any,
+    translated: Any,
     keys: Sequence[Any],
     places: Sequence[tuple[int, int]],
     recipe: TrainingRecipe,
@@ -220,15 +241,17 @@ def _patch_contrast(
     import torch
     from torch.nn import functional
 
-    features = generator.encode(_encoder_input(made, recipe), places)
-    where = []
+    features = generator.encode(_encoder_input(translated, recipe), places)
+    positions = []
     for feature in features:
         size = feature.shape[2] * feature.shape[3]
-        where.append(torch.from_numpy(rng.choice(size, min(PATCHES_PER_OUTPUT, size), replace=False)).to(made.device))
+        positions.append(
+            torch.from_numpy(rng.choice(size, min(PATCHES_PER_OUTPUT, size), replace=False)).to(translated.device)
+        )
     with torch.no_grad():
-        targets = patches(keys, where)
+        targets = patches(keys, positions)
     loss = 0.0
-    for query, key in zip(patches(features, where), targets, strict=True):
+    for query, key in zip(patches(features, positions), targets, strict=True):
         scores = query.float() @ key.float().transpose(1, 2) / TEMPERATURE
         right = torch.arange(scores.shape[1], device=scores.device).expand(len(scores), -1)
         loss = loss + functional.cross_entropy(scores.flatten(0, 1), right.flatten())
@@ -246,7 +269,10 @@ def crops_to_tensors(crops: Sequence[TrainingCrop], device: Any) -> tuple[Any, A
 
 
 def generator_input(partial: Any, bare: Any, mask: Any, recipe: TrainingRecipe) -> Any:
-    """Compose the generator's input: one RGB image, or texture and grey rendering as separate channels."""
+    """Compose the generator's input of a partially textured image.
+
+    It is one RGB image, or texture and grey rendering as separate channels.
+    """
     import torch
 
     if recipe.merged:

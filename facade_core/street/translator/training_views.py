@@ -1,4 +1,4 @@
-"""Training data of the translator: partially textured street renderings and crops of real panoramas."""
+"""Training data of the translator: street renderings and crops of real panoramas."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def render_sequence(
     charts = np.unique(np.concatenate([scene.visible_charts(viewpoint, width) for viewpoint in viewpoints]))
     plain, textured = _make_buffer(scene, charts, relief or {}), _make_buffer(scene, charts, {})
     caster = RayCaster(furniture) if furniture else None
-    found = []
+    renderings = []
     for viewpoint in viewpoints:
         panorama = render(scene, plain, viewpoint, size)
         known = render(scene, textured, viewpoint, size).textured
@@ -99,13 +99,13 @@ def render_sequence(
         if caster and furniture:
             rays = scene.cast_panorama(viewpoint, width)[0]
             distance, body = caster.cast(viewpoint.position, rays)
-            before = (body != MISS) & (distance < panorama.depth)
+            in_front = (body != MISS) & (distance < panorama.depth)
             light = 255 * daylight_grey(_triangle_normals(furniture))
-            grey[before] = light[body[before]]
-            known[before] = False
+            grey[in_front] = light[body[in_front]]
+            known[in_front] = False
         propagate(scene, textured, viewpoint, panorama.rgb, charts_seen=panorama.chart)
-        found.append(TrainingRendering(grey, known))
-    return found
+        renderings.append(TrainingRendering(grey, known))
+    return renderings
 
 
 def _make_buffer(scene: Scene, charts: np.ndarray, seeds: dict[int, np.ndarray]) -> TexelBuffer:
@@ -193,21 +193,23 @@ def crop_pair(
     grey, image = (
         cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.rendering.grey, chosen.image)
     )
-    known, true = (
+    known, valid = (
         cv2.resize(part.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
         for part in (chosen.rendering.textured, chosen.valid)
     )
     if rng.random() < 0.25:
         known = np.zeros_like(known)
     crop = _cut_crop(
-        np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(true, 255, 0)]), known & true, size, rng
+        np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(valid, 255, 0)]), known & valid, size, rng
     )
-    grey, image, true = crop.image[..., :3], crop.image[..., 3:6], crop.image[..., 6] > 0
-    return TrainingCrop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), true
+    grey, image, valid = crop.image[..., :3], crop.image[..., 3:6], crop.image[..., 6] > 0
+    return TrainingCrop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), valid
 
 
 def imitate_rendering(photo: np.ndarray) -> np.ndarray:
-    """Convert a real crop to an imitation of an untextured rendering: shading without detail, black sky.
+    """Convert a real crop to an imitation of an untextured rendering.
+
+    Keeps shading without detail; the sky is black.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Translator(Protocol):
 
 
 class MaterialFieldTranslator:
-    """Translator that paints ground, roofs, walls and openings from the material field; keeps textured pixels.
+    """Translator that paints untextured pixels from the material field.
 
     `materials` is a function of the world point, so that every viewpoint paints the same ground.
     """
@@ -59,13 +59,17 @@ class MaterialFieldTranslator:
 
 
 def pixel_footprint(ray: np.ndarray, normal: np.ndarray, width: int) -> np.ndarray:
-    """Compute the footprint (n,) of panorama pixels on surfaces: the side of a square of equal area, metres.
+    """Compute the footprint of panorama pixels on surfaces.
 
     Parameters
     ----------
     ray : (n, 3) from the viewpoint to the surface, metres.
     normal : (n, 3) or (3,) unit normals.
     width : width of the panorama, pixels.
+
+    Returns
+    -------
+    (n,) side of a square of equal area, metres.
     """
     depth = np.maximum(np.linalg.norm(ray, axis=1), 1e-6)
     flat = np.abs((ray * normal).sum(axis=1)) / depth

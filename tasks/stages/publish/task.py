@@ -14,7 +14,7 @@ import icechunk
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.block.sources import sources_of
+from catalogs.block.sources import block_sources
 from catalogs.published.file_list import amiss, predecessor_of, write_files
 from catalogs.published.folders import Folder, local_side
 from catalogs.published.items import write_items
@@ -153,7 +153,7 @@ def _write(
     with aside.trying("pages"):
         write_pages(snapshot, block, made, aside)
     advance("publish", 1)
-    sources = sources_of(block_file) if block_file else ()
+    sources = block_sources(block_file) if block_file else ()
     attribution = attribution_of(sources)
     tiles: list[WrittenTile] = []
     with aside.trying("tiles"):

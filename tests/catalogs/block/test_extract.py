@@ -12,7 +12,7 @@ import shapely
 from catalogs.block.digest import block_digest
 from catalogs.block.extract import read_extract, write_extract
 from catalogs.block.part import PartSelection, CityIndex
-from catalogs.block.reader import extract_of, read_block
+from catalogs.block.reader import part_values, read_block
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
 from catalogs.readers.pictures.panoramas import PosedPanorama
@@ -60,7 +60,7 @@ def chosen(whole: CityIndex) -> PartSelection:
 
 def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None:
     part = whole.extract_part(chosen(whole))
-    write_extract(tmp_path / "p.npz", extract_of(part, whole.block))
+    write_extract(tmp_path / "p.npz", part_values(part, whole.block))
     values = read_extract(tmp_path / "p.npz")
     assert set(values) == {"crs", "extent", *dict(PART_FIELDS)}
     again = replace(part, **{attribute: values[name] for name, attribute in PART_FIELDS})
@@ -71,7 +71,7 @@ def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None
     moved = replace(again, buildings=(replace(again.buildings[0], height=7.0000001), *again.buildings[1:]))
     assert block_digest(moved) != block_digest(part)
     written = (tmp_path / "p.npz").stat().st_mtime_ns
-    write_extract(tmp_path / "p.npz", extract_of(part, whole.block))
+    write_extract(tmp_path / "p.npz", part_values(part, whole.block))
     assert (tmp_path / "p.npz").stat().st_mtime_ns == written, "the same is not written again"
 
 
@@ -95,7 +95,7 @@ def test_a_part_has_what_is_its_own_and_what_is_around(whole: CityIndex) -> None
 @pytest.mark.parametrize("cut", [0, 30, -40])
 def test_a_damaged_file_is_refused_in_a_line(whole: CityIndex, tmp_path: Path, cut: int) -> None:
     path = tmp_path / "p.npz"
-    write_extract(path, extract_of(whole.extract_part(chosen(whole)), whole.block))
+    write_extract(path, part_values(whole.extract_part(chosen(whole)), whole.block))
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(InputError, match="streetloom city` writes it") as raised:
         read_extract(path)

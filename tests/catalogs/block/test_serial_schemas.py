@@ -19,7 +19,7 @@ from catalogs.block.digest import block_digest, geometry_digest
 from catalogs.block.extract import read_extract, write_extract
 from catalogs.block.keys import MaterialSettings, SunSettings, TextureSettings
 from catalogs.block.part import CityPart
-from catalogs.block.reader import Block, extract_of
+from catalogs.block.reader import Block, part_values
 from catalogs.block.serial_schemas import BLOCK_FIELDS, SCHEMAS
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import FETCH_LOG_KEYS, FetchedPicture, read_fetch_log
@@ -93,7 +93,7 @@ def test_another_version_of_the_schemas_changes_digests(tmp_path: Path, monkeypa
 
 def test_the_text_of_a_part_file_is_pinned(tmp_path: Path) -> None:
     block = small_block(tmp_path)
-    write_extract(tmp_path / "part.npz", extract_of(block, block))
+    write_extract(tmp_path / "part.npz", part_values(block, block))
     with np.load(tmp_path / "part.npz") as arrays:
         content = arrays["text"].tobytes() + arrays["blob"].tobytes()
     assert hashlib.sha256(content).hexdigest() == "e0e97afaa77ad1ae39dc4a17d915a5a8efdd1e2c1ac16ada2d86fbea49ac3e10"

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from shapely import LineString
 
-from catalogs.block.segments import SHORTEST_SEGMENT_M, segments
+from catalogs.block.segments import MIN_SEGMENT_LENGTH_M, segment_streets
 from catalogs.city.keys import check_city
 from catalogs.city.partition import MIN_HALO_M, partition_city, halo_radius
 from facade_core.core.types import Building, Street
@@ -31,17 +31,17 @@ BUILDINGS = tuple(
 
 
 def test_segments_are_all_of_their_street_and_end_at_junctions() -> None:
-    cut = segments(STREETS)
+    cut = segment_streets(STREETS)
     assert sum(one.line.length for one in cut) == pytest.approx(sum(one.line.length for one in STREETS))
-    assert all(one.line.length >= SHORTEST_SEGMENT_M for one in cut)
+    assert all(one.line.length >= MIN_SEGMENT_LENGTH_M for one in cut)
     assert len(cut) == len({one.id for one in cut}) == 14 * 6
-    (alone,) = segments([Street("a", None, LineString([(0, 0), (100, 0), (200, 0)]))])
+    (alone,) = segment_streets([Street("a", None, LineString([(0, 0), (100, 0), (200, 0)]))])
     assert alone.id == "a", "no street meets it"
 
 
 @pytest.mark.parametrize("metres", [100, 170, 300, 5000])
 def test_everything_is_of_one_block(metres: float) -> None:
-    lines = segments(STREETS)
+    lines = segment_streets(STREETS)
     cuts = partition_city(BUILDINGS, lines, block_size=metres, halo=MIN_HALO_M)
     assert sorted(one for cut in cuts for one in cut.buildings) == sorted(one.id for one in BUILDINGS)
     assert sorted(one for cut in cuts for one in cut.streets) == sorted(one.id for one in lines)
@@ -51,7 +51,7 @@ def test_everything_is_of_one_block(metres: float) -> None:
 
 
 def test_context_is_all_within_reach_and_nothing_of_its_own() -> None:
-    lines = segments(STREETS)
+    lines = segment_streets(STREETS)
     of = {one.id: one.footprint for one in BUILDINGS} | {one.id: one.line for one in lines}
     for cut in partition_city(BUILDINGS, lines, block_size=200, halo=60):
         own = shapely.union_all([of[one] for one in (*cut.buildings, *cut.streets)])
@@ -62,7 +62,7 @@ def test_context_is_all_within_reach_and_nothing_of_its_own() -> None:
 
 
 def test_a_building_more_changes_the_blocks_around_it_alone() -> None:
-    lines = segments(STREETS)
+    lines = segment_streets(STREETS)
     before = {cut.name: cut for cut in partition_city(BUILDINGS, lines, block_size=100, halo=60)}
     more = replace(BUILDINGS[0], id="new", footprint=shapely.box(45, 45, 55, 55))
     after = {cut.name: cut for cut in partition_city([*BUILDINGS, more], lines, block_size=100, halo=60)}
@@ -72,7 +72,7 @@ def test_a_building_more_changes_the_blocks_around_it_alone() -> None:
 
 def test_parts_of_a_house_are_of_one_block() -> None:
     parts = [replace(one, part_of="house") for one in BUILDINGS[:4]]
-    lines = segments(STREETS)
+    lines = segment_streets(STREETS)
     cuts = partition_city([*parts, *BUILDINGS[4:]], lines, block_size=100, halo=60)
     (whole,) = [cut for cut in cuts if parts[0].id in cut.buildings]
     assert {one.id for one in parts} <= set(whole.buildings)

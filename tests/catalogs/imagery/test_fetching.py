@@ -151,7 +151,7 @@ def test_ids_name_files_of_the_folder_only(served: Imagery, tmp_path: Path) -> N
 def test_a_service_that_goes_away_ends_the_fetching(
     served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("catalogs.imagery.http_client.ATTEMPTS", 1)
+    monkeypatch.setattr("catalogs.imagery.http_client.MAX_ATTEMPTS", 1)
     served.shots = [replace(GOOD, id=f"p{i}") for i in range(100)]
     for i in range(5, 100):
         served.faults[picture_path(f"p{i}")] = lambda *_: (503, {}, b"")

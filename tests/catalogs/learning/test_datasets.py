@@ -12,11 +12,11 @@ from catalogs.learning.datasets import (
     LABELMEFACADE,
     RECIPES,
     RUEMONGE,
-    artdeco,
-    ecp,
-    read,
+    read_artdeco,
+    read_ecp,
+    read_dataset,
     split,
-    swiss,
+    read_swiss,
 )
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import UNKNOWN, FacadeClass
@@ -35,7 +35,7 @@ def write(folder, name, label_map, size=None):
 def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
     write(tmp_path, "b", np.array([[1, 7], [255, 4]], np.uint8))
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
-    first, second = ecp(tmp_path)
+    first, second = read_ecp(tmp_path)
     assert (first.name, second.name) == ("a", "b")
     assert first.image.shape == (3, 2, 3)
     assert second.labels.tolist() == [[FacadeClass.WINDOW, FacadeClass.ROOF], [UNKNOWN, FacadeClass.ROOF]]
@@ -46,7 +46,7 @@ def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
 
 def test_ids_that_may_be_one_of_several_classes(tmp_path):
     write(tmp_path, "a", np.array([[1, 2, 3, 4], [5, 7, 8, 9]], np.uint8))
-    (facade,) = read(CMP, tmp_path)
+    (facade,) = read_dataset(CMP, tmp_path)
     assert facade.labels.tolist() == [
         [UNKNOWN, FacadeClass.WALL, FacadeClass.WINDOW, FacadeClass.DOOR],
         [UNKNOWN, FacadeClass.BALCONY, UNKNOWN, FacadeClass.WALL],
@@ -60,7 +60,7 @@ def test_ids_that_may_be_one_of_several_classes(tmp_path):
 
 def test_the_ids_of_street_photos(tmp_path):
     write(tmp_path, "a", np.arange(8, dtype=np.uint8)[None])
-    (facade,) = read(RUEMONGE, tmp_path)
+    (facade,) = read_dataset(RUEMONGE, tmp_path)
     assert facade.labels.tolist() == [
         [
             UNKNOWN,
@@ -74,7 +74,7 @@ def test_the_ids_of_street_photos(tmp_path):
         ]
     ]
     write(tmp_path, "a", np.array([[0, 1, 2, 5, 6, 7]], np.uint8))
-    (photo,) = read(LABELMEFACADE, tmp_path)
+    (photo,) = read_dataset(LABELMEFACADE, tmp_path)
     assert photo.occluder.tolist() == [[UNKNOWN, 0, 1, 0, 0, 1]]
     assert photo.outside.tolist() == [[UNKNOWN, 0, UNKNOWN, 1, 1, UNKNOWN]]
     assert photo.labels.tolist() == [[UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, FacadeClass.SKY, UNKNOWN]]
@@ -107,7 +107,7 @@ def swiss_folder(tmp_path):
 
 
 def test_polygons_small_over_large(swiss_folder):
-    (photo,) = swiss(swiss_folder)
+    (photo,) = read_swiss(swiss_folder)
     assert photo.name == "one"
     assert (photo.labels[22, 25], photo.occluder[22, 25]) == (UNKNOWN, 1)  # the tree
     assert (photo.labels[27, 22], photo.occluder[27, 22]) == (
@@ -137,27 +137,27 @@ def test_refuses_other_polygons(swiss_folder, change):
     path = swiss_folder / "annotations.coco.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(InputError, match=r"annotations\.coco\.json: .*fetch"):
-        list(swiss(swiss_folder))
+        list(read_swiss(swiss_folder))
 
 
 def test_refuses_a_missing_photo_or_list(swiss_folder, tmp_path_factory):
     (swiss_folder / "one.jpg").unlink()
     with pytest.raises(ImageError, match=r"one\.jpg"):
-        list(swiss(swiss_folder))
+        list(read_swiss(swiss_folder))
     with pytest.raises(InputError, match="fetch the file again"):
-        list(swiss(tmp_path_factory.mktemp("empty")))
+        list(read_swiss(tmp_path_factory.mktemp("empty")))
 
 
 def test_refuses_an_empty_folder(tmp_path):
     with pytest.raises(InputError, match="no images"):
-        list(ecp(tmp_path))
+        list(read_ecp(tmp_path))
 
 
 def test_refuses_half_a_pair(tmp_path):
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
     (tmp_path / "labels" / "a.png").rename(tmp_path / "labels" / "other.png")
     with pytest.raises(InputError, match="a has an image or a label map"):
-        list(artdeco(tmp_path))
+        list(read_artdeco(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -171,14 +171,14 @@ def test_refuses_half_a_pair(tmp_path):
 def test_refuses_label_maps_that_do_not_fit(tmp_path, label_map, size, message):
     write(tmp_path, "a", label_map, size)
     with pytest.raises(ImageError, match=message):
-        list(ecp(tmp_path))
+        list(read_ecp(tmp_path))
 
 
 def test_refuses_a_broken_image(tmp_path):
     write(tmp_path, "a", np.zeros((3, 2), np.uint8))
     (tmp_path / "images" / "a.jpg").write_bytes(b"nothing")
     with pytest.raises(ImageError, match=r"a\.jpg"):
-        list(ecp(tmp_path))
+        list(read_ecp(tmp_path))
 
 
 def test_only_sets_with_a_licence_may_train():
@@ -190,14 +190,14 @@ def test_only_sets_with_a_licence_may_train():
 
 @pytest.mark.realdata
 def test_the_real_sets(data):
-    facades = list(ecp(data / "facades" / "ecp"))
+    facades = list(read_ecp(data / "facades" / "ecp"))
     training, held_out = split(facades)
     assert (len(facades), len(training), len(held_out)) == (83, 66, 17)
     assert not {facade.name for facade in training} & {facade.name for facade in held_out}
     share = np.bincount(np.concatenate([facade.labels.reshape(-1) for facade in facades]), minlength=256)
     assert share[7:255].sum() == 0
     np.testing.assert_allclose(share[:7] / share.sum(), [0.468, 0.110, 0.130, 0.014, 0.075, 0.127, 0.074], atol=1e-3)
-    assert sum(1 for _ in artdeco(data / "facades" / "artdeco")) == 63
+    assert sum(1 for _ in read_artdeco(data / "facades" / "artdeco")) == 63
 
 
 @pytest.mark.realdata
@@ -210,9 +210,9 @@ def test_every_real_set_fits_its_table(data):
     }
     for name, folder in folders.items():
         shown = {
-            label for facade in islice(read(RECIPES[name], data / folder), 8) for label in np.unique(facade.labels)
+            label for facade in islice(read_dataset(RECIPES[name], data / folder), 8) for label in np.unique(facade.labels)
         }
         assert {FacadeClass.WINDOW, UNKNOWN} <= shown
-    photos = list(islice(swiss(data / "streetphotos" / "swiss" / "test"), 12))
+    photos = list(islice(read_swiss(data / "streetphotos" / "swiss" / "test"), 12))
     assert np.mean([(photo.occluder == 1).mean() for photo in photos]) > 0.02
     assert all((photo.labels == FacadeClass.WINDOW).any() for photo in photos)

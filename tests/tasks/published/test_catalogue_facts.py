@@ -14,7 +14,7 @@ import shapely
 from shapely import LineString
 
 from catalogs.block.reader import TextureSettings
-from catalogs.block.sources import OPENSTREETMAP, sources_of
+from catalogs.block.sources import OPENSTREETMAP, block_sources
 from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Street
 from facade_core.geometry.walls import WallRole
 from tasks.published.catalogue_facts import (
@@ -163,13 +163,13 @@ def test_sources_of_a_block_file(tmp_path: Path) -> None:
         "name: x\nbuildings: {path: city.osm.pbf}\nstreets: {path: streets.geojson}\n"
         "imagery: {exemplars: {path: wanted}}\n"
     )
-    assert [(s.key, s.name, s.licence) for s in sources_of(block)] == [
+    assert [(s.key, s.name, s.licence) for s in block_sources(block)] == [
         ("buildings.path", "city.osm.pbf", OPENSTREETMAP),
         ("streets.path", "streets.geojson", None),
         ("imagery.exemplars.path", "wanted", None),
     ]
     (tmp_path / "streets.geojson").unlink()
-    assert sources_of(block) == ()
+    assert block_sources(block) == ()
 
 
 @pytest.mark.realdata
@@ -178,6 +178,6 @@ def test_the_licence_of_a_fetched_file_is_known_by_its_content(tmp_path: Path, d
     model = next(city.glob("*.json"))
     (tmp_path / "renamed.city.json").write_bytes(model.read_bytes())
     (tmp_path / "block.yaml").write_text("name: x\nbuildings: {path: renamed.city.json}\n")
-    (source,) = sources_of(tmp_path / "block.yaml")
+    (source,) = block_sources(tmp_path / "block.yaml")
     assert source.licence
     assert source.licence.startswith("Rotterdam 3D")

@@ -82,11 +82,11 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
 
 @pytest.mark.realdata
 def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
-    from catalogs.learning.datasets import CMP, read, split
+    from catalogs.learning.datasets import CMP, read_dataset, split
     from tasks.training.parser import cmp_photos
 
     trained, apart = ({facade.name for facade in part} for part in cmp_photos(data))
-    held_out = {facade.name for facade in split(list(read(CMP, data / "facades" / "cmp")))[1]}
+    held_out = {facade.name for facade in split(list(read_dataset(CMP, data / "facades" / "cmp")))[1]}
     assert len(trained | apart | held_out) == len(trained) + len(apart) + len(held_out) == 317
     assert len(apart) == 32
 
