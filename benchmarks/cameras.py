@@ -134,7 +134,7 @@ def _recovered(
         seconds["mask"].append(time.perf_counter() - looked)
         cameras.append(PanoramaCamera(image, pose, hidden, np.ones(3), typical_ground_colour(squares[-1])))
     factor = exposure_factors(squares)
-    cameras = [replace(camera, factor=own) for camera, own in zip(cameras, factor, strict=True)]
+    cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
     street_line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
     materials = MaterialField(scene, (street_line,), seed=1)

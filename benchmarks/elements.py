@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read_dataset, split
+from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read_dataset, split_facades
 from facade_core.parsing.confidence import FacadeFigures, load_calibration, observe_parse
 from facade_core.parsing.segmenter import parse
 
@@ -35,8 +35,8 @@ def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, 
     for facade in facades:
         seen = observe_parse(parse(facade.image, model=model), facade.labels, facade.possible)
         misses.append(seen.misses)
-        halves.append(sure.half_widths(seen.doubts, seen.unseen))
-        for element, is_right in zip(seen.found, seen.right.tolist(), strict=True):
+        halves.append(sure.half_widths(seen.uncertainty, seen.hidden_part))
+        for element, is_right in zip(seen.found, seen.is_correct.tolist(), strict=True):
             said.setdefault(element.label, []).append((element.confidence, sure.element_probability(element), is_right))
     every = [one for of_class in said.values() for one in of_class]
     return {
@@ -94,8 +94,8 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     folder = options.data / "facades"
     sets = {
-        "cmp": split(list(read_dataset(CMP, folder / "cmp")))[1],
-        "ecp": split(list(read_dataset(ECP, folder / "ecp")))[1],
+        "cmp": split_facades(list(read_dataset(CMP, folder / "cmp")))[1],
+        "ecp": split_facades(list(read_dataset(ECP, folder / "ecp")))[1],
         "artdeco": read_dataset(ARTDECO, folder / "artdeco"),
     }
     result = {name: measure(facades, options.model) for name, facades in sets.items()}

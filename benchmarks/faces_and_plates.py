@@ -21,7 +21,13 @@ import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.core.types import Box
-from facade_core.imagery.detect.detection import SEARCH_BOTTOM_SHARE, SEARCH_TOP_SHARE, Detections, detect_on_image, find_plates
+from facade_core.imagery.detect.detection import (
+    SEARCH_BOTTOM_SHARE,
+    SEARCH_TOP_SHARE,
+    Detections,
+    detect_on_image,
+    find_plates,
+)
 from facade_core.imagery.detect.faces import box_ious, find_faces
 from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse

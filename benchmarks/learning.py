@@ -31,7 +31,7 @@ from benchmarks.layout.baselines import ours
 from benchmarks.layout.figures import matches as matched
 from benchmarks.parsing import confusion, f1, matches, scores
 from catalogs.block.corrections import Correction, validate_correction
-from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read_dataset, split
+from catalogs.learning.datasets import ARTDECO, ECP, RUEMONGE, LabelledFacade, read_dataset, split_facades
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.core.errors import InputError
 from facade_core.core.labels import UNKNOWN
@@ -54,7 +54,7 @@ def city(data: Path, name: str) -> tuple[list[LabelledFacade], list[LabelledFaca
     """The facades of a set that somebody corrects, and its others."""
     folder = data / "facades" / name
     if name == "artdeco":
-        others, held_out = split(list(read_dataset(ARTDECO, folder)))
+        others, held_out = split_facades(list(read_dataset(ARTDECO, folder)))
         return others[:CORRECTED], held_out
     train = list(read_dataset(RUEMONGE, folder / "train"))
     return [train[k * len(train) // CORRECTED] for k in range(CORRECTED)], list(read_dataset(RUEMONGE, folder / "val"))
@@ -122,7 +122,7 @@ def of_parser(data: Path, out: Path, name: str, seed: int) -> dict[str, Any]:
     except InputError as error:
         return {"corrected": len(mine), "refused": str(error)}
     seconds = time.process_time() - start
-    _, ecp = split(list(read_dataset(ECP, data / "facades" / "ecp")))
+    _, ecp = split_facades(list(read_dataset(ECP, data / "facades" / "ecp")))
     return {
         "corrected": len(mine),
         "others": len(others),

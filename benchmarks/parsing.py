@@ -1,7 +1,7 @@
 """Scores of a parser: `python -m benchmarks.parsing --data DIR` prints one JSON object.
 
 Each set is measured on the facades that the model's .json does not name as trained on: the shipped model's ecp figures
-are those of the held-out fold of `catalogs.learning.datasets.split`, artdeco and ruemonge2014 (the authors' validation part)
+are those of the held-out fold of `catalogs.learning.datasets.split_facades`, artdeco and ruemonge2014 (the authors' validation part)
 measure transfer. Void is left out, chimneys are roof. seconds_per_image is the median wall time of `parse`.
 elements compares the boxes of `elements` in the parse and in the true labels, one to one at IoU 0.5 or more.
 occluders is measured on street photos of labelmefacade: vegetation and vehicles against all else that is labelled.
@@ -29,7 +29,17 @@ from typing import Any
 import numpy as np
 
 from benchmarks import in_front, outline
-from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read_dataset, split, read_swiss
+from catalogs.learning.datasets import (
+    ARTDECO,
+    CMP,
+    ECP,
+    LABELMEFACADE,
+    RUEMONGE,
+    LabelledFacade,
+    read_dataset,
+    read_swiss,
+    split_facades,
+)
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.core.model_file import read_model_record
 from facade_core.core.types import Element
@@ -164,12 +174,12 @@ def measure_in_front(data: Path, name: str, model: Path | None) -> dict[str, Any
     def hidden(image: np.ndarray) -> np.ndarray:
         return parse(image, model=model).occluded
 
-    _, held_out = split(list(read_dataset(ECP, data / "facades" / "ecp")))
+    _, held_out = split_facades(list(read_dataset(ECP, data / "facades" / "ecp")))
     if name == "in_front":
         return in_front.measure_things(held_out, in_front.marked(), hidden)
     return {
         "ecp": in_front.false_masks(held_out, hidden),
-        "cmp": in_front.false_masks(split(list(read_dataset(CMP, data / "facades" / "cmp")))[1], hidden),
+        "cmp": in_front.false_masks(split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[1], hidden),
         "painted": in_front.false_masks_painted(hidden),
     }
 
@@ -180,7 +190,7 @@ def measure_outline(data: Path, model: Path | None) -> dict[str, Any]:
     def outside(image: np.ndarray) -> np.ndarray:
         return outside_mask(image, np.zeros(image.shape[:2], bool), model=model)
 
-    _, held_out = split(list(read_dataset(CMP, data / "facades" / "cmp")))
+    _, held_out = split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))
     photos = data / "streetphotos"
     return {
         "cmp": outline.measure_outside(held_out, outside) | outline.measure_boxes(held_out, outside),

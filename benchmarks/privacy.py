@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import faces_and_plates, in_front, shop_signs
-from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read_dataset, split
+from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read_dataset, split_facades
 from facade_core.core.errors import ImageError
 from facade_core.facade.pipeline import build_facade_from_photo
 from facade_core.facade.texture.scale import exemplar_scale
@@ -138,8 +138,8 @@ def main(arguments: list[str] | None = None) -> None:
     pieces = [(name.partition("_")[0], piece) for name, piece in cut_outs.items()]
     folder = options.data / "facades"
     held_out = {
-        "ecp": split(list(read_dataset(ECP, folder / "ecp")))[1],
-        "cmp": split(list(read_dataset(CMP, folder / "cmp")))[1],
+        "ecp": split_facades(list(read_dataset(ECP, folder / "ecp")))[1],
+        "cmp": split_facades(list(read_dataset(CMP, folder / "cmp")))[1],
     }
     told: dict[str, Any] = {}
     wanted = (options.only,) if options.only else ("pasted", "second_opinion", "photos", "signs")

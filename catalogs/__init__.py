@@ -1,4 +1,4 @@
-"""What goes in and what comes out: block files, dataset recipes, the catalogue of a block."""
+"""Input and output of Streetloom: block files, data set recipes, and the catalogue of published runs."""
 
 from catalogs.published.s3 import folder_at
 from catalogs.query.catalogue import Catalogue, open

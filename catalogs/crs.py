@@ -100,13 +100,15 @@ def coordinate_transform(
 
 
 def has_east_north_axes(crs: CRS) -> bool:
-    """Return True where the axes of a CRS are east and north in any order, or those of a polar map."""
+    """Return True for axes east and north in any order, or axes of a polar map."""
     directions = [axis.direction for axis in crs.axis_info]
     return set(directions[:2]) == {"east", "north"} or (len(directions) > 1 and directions[0] == directions[1])
 
 
 def check_crs_axes(crs: CRS, longitude: float, latitude: float) -> None:
-    """Raise InputError where a CRS mirrors or turns a block: x does not run east or y does not run north.
+    """Raise InputError where x does not run east or y does not run north.
+
+    Such a CRS mirrors or turns a block.
 
     Parameters
     ----------
@@ -163,7 +165,9 @@ def utm_crs(longitude: float, latitude: float) -> CRS:
 
 
 def check_crs_scale(crs: CRS, longitude: float, latitude: float) -> None:
-    """Raise InputError where a unit of the CRS is not a metre on the ground (Web Mercator, a distant zone).
+    """Raise InputError where a unit of the CRS is not a metre on the ground.
+
+    Examples are Web Mercator and a distant zone.
 
     Parameters
     ----------
@@ -188,7 +192,7 @@ def check_crs_scale(crs: CRS, longitude: float, latitude: float) -> None:
 
 
 def note_outside_area_of_use(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
-    """Return a note where a point is far outside the area of use of a CRS, else an empty tuple.
+    """Return a note where a point is far outside the area of use, else an empty tuple.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -17,6 +17,7 @@ from facade_core.core.types import PLAIN, Finish, Roof, Shell
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
+    from shapely.geometry.base import BaseGeometry
 
 # File systems allow 255 bytes; prefixes and suffixes need some.
 MAX_STEM_LENGTH = 120
@@ -100,7 +101,7 @@ class Remark:
 
     id: str
     reason: str
-    geometry: Any
+    geometry: BaseGeometry | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ class Fault:
     id: str
     kind: str
     reason: str
-    place: Any = None
+    place: BaseGeometry | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +136,7 @@ class GroundFeature:
     """Ground feature of a map in the frame of its source: point, line or outline, with tags."""
 
     id: str
-    geometry: Any
+    geometry: BaseGeometry
     tags: Mapping[str, str]
 
 
@@ -152,7 +153,7 @@ class Footprints:
         """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the outlines."""
         return _bounding_boxes(footprint.outline for footprint in self.items)
 
-    def item_outline(self, index: int) -> Any:
+    def item_outline(self, index: int) -> BaseGeometry:
         """Return the outline of an item."""
         return self.items[index].outline
 
@@ -160,7 +161,7 @@ class Footprints:
         """Return a copy with outlines and ground heights translated by (x, y, z)."""
         x, y, z = offset
 
-        def move(outline: Any) -> Any:
+        def move(outline: BaseGeometry) -> BaseGeometry:
             return shapely.transform(outline, lambda xy: xy + np.array([x, y]))
 
         items = tuple(
@@ -192,7 +193,7 @@ class BuildingModels:
         """Return the (n, 4) bounding boxes (xmin, ymin, xmax, ymax) of the models."""
         return _bounding_boxes(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
 
-    def item_outline(self, index: int) -> Any:
+    def item_outline(self, index: int) -> BaseGeometry:
         """Return the bounding box of an item as a polygon."""
         return shapely.box(*shapely.bounds(shapely.multipoints(self.items[index].shell.vertices[:, :2])))
 
@@ -230,7 +231,7 @@ class Centrelines:
         return _bounding_boxes(piece.line for piece in self.items)
 
 
-def _bounding_boxes(geometries: Iterable[Any]) -> np.ndarray:
+def _bounding_boxes(geometries: Iterable[BaseGeometry]) -> np.ndarray:
     return shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
 
 

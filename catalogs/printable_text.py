@@ -20,7 +20,10 @@ def escape_invisible(text: str) -> str:
 
 
 def escape_invisible_json(text: str) -> str:
-    """Return equivalent JSON text with JSON escapes for invisible characters; line breaks between values stay."""
+    """Return equivalent JSON text with JSON escapes for invisible characters.
+
+    Line breaks between values stay.
+    """
     if text.replace("\n", "").isprintable():
         return text
     return "".join(json.dumps(c)[1:-1] if c != "\n" and _is_invisible(c) else c for c in text)

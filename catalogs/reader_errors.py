@@ -43,7 +43,9 @@ def single_line(text: str) -> str:
 
 @contextmanager
 def wrap_reader_errors(path: Path, kind: str, remedy: str) -> Iterator[None]:
-    """Raise errors of parsers as InputError; errors of the project and of the machine pass unchanged.
+    """Raise errors of parsers as InputError.
+
+    Errors of the project and of the machine pass unchanged.
 
     Parameters
     ----------

@@ -16,11 +16,11 @@ from facade_core.export.pictures.camera import PerspectiveCamera
 from facade_core.export.pictures.rendering import render_perspective
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.pipeline import build_facade_from_exemplar
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.street.lighting.facade_light import relight_facade
 from facade_core.street.propagation.propagate import mark_first_visible
 from facade_core.street.propagation.render import render
@@ -44,7 +44,7 @@ def compile_texture_kernels() -> None:
     """Retarget and inpaint an exemplar."""
     painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
     height, width = painted.labels.shape
-    wall = FacadeWall.alone(SIZE_M[0], SIZE_M[1] + 3, floors=2)
+    wall = FacadeWall.freestanding(SIZE_M[0], SIZE_M[1] + 3, floors=2)
     raster = (height, round(wall.width * DENSITY))
     build_facade_from_exemplar(extract_style(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
     hidden = np.zeros((height, width), bool)
@@ -57,14 +57,16 @@ def compile_street_kernels() -> None:
     plan = ingest(
         [Building("a", box(0, 0, 12, 10), 9.0, "height")],
         [Street("s", "s", LineString([(0, -6), (12, -6)]))],
-        texels_per_metre=DENSITY,
-        spacing=6.0,
-        height=2.5,
-        visibility_range=20.0,
-        panorama_width=64,
-        storey=3.0,
-        walls="translate",
-        page=512,
+        IngestSettings(
+            texels_per_metre=DENSITY,
+            viewpoint_spacing=6.0,
+            viewpoint_height=2.5,
+            visibility_range=20.0,
+            panorama_width=64,
+            floor_height=3.0,
+            walls="translate",
+            page=512,
+        ),
     )
     scene, placement = plan.scene, plan.scene.placement
     charts = plan.charts_of_street(0)

@@ -21,7 +21,7 @@ from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block.yaml_files import read_yaml
-from catalogs.published.folders import Folder, local_side
+from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
@@ -98,7 +98,7 @@ def city_block(
     """
     place = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
     with locked(place):
-        source = block_file or write_demo(local_side(place) / "input")
+        source = block_file or write_demo(local_folder(place) / "input")
         with entered(source, place, tell=tell) as entry, told_to_prefect():
             tell_viewer(entry.run)
             if entry.summary is None:

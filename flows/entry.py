@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.block.reader import Block, read_block
-from catalogs.published.folders import Folder, local_side
+from catalogs.published.folders import Folder, local_folder
 from facade_core.atlas.journal_cache import cache_journals
 from flows.lock import locked
 from flows.log_file import log_to
@@ -62,7 +62,7 @@ def entered(
     give_back_large()
     block = read_block(source)
     run = run_of(block, out)
-    with locked(out), log_to(local_side(out), alone=alone), faults_told(run), cache_journals(run.store):
+    with locked(out), log_to(local_folder(out), alone=alone), faults_told(run), cache_journals(run.store):
         record_source(out, source)
         for line in mend(run):
             tell(line)

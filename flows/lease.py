@@ -54,7 +54,7 @@ class Lease:
     def renew(self) -> None:
         """Hold the folder for some more time, from now on."""
         began = time.monotonic()
-        tag = object_store.put_if(_path(self.out), _said(self.token), self.tag)
+        tag = object_store.upload_if_unchanged(_path(self.out), _said(self.token), self.tag)
         if tag is None:
             found = who_holds(self.out)
             self.taken_by = found[0] if found else "another run"
@@ -85,14 +85,14 @@ def leased(out: S3Folder, handle: int) -> Iterator[Lease]:
         thread.join()
         if lease.taken_by is None:
             try:  # nothing is lost by one that stays: it is over soon
-                object_store.delete([_path(out)])
+                object_store.delete_objects([_path(out)])
             except (FacadeError, OSError) as error:
                 log.warning("%s: its lock stays until it is over (%s)", out, error)
 
 
 def who_holds(out: S3Folder) -> tuple[str, datetime] | None:
     """Who holds a folder in a bucket, and until when; None where nobody does."""
-    found = object_store.get(_path(out))
+    found = object_store.download_object(_path(out))
     held = _read(found[0]) if found else None
     return None if held is None or held[1] <= datetime.now(UTC) else held[:2]
 
@@ -100,7 +100,7 @@ def who_holds(out: S3Folder) -> tuple[str, datetime] | None:
 def _taken(out: S3Folder, token: str, kept: str) -> str:
     """Take the lease; the tag of what was written."""
     for _ in range(3):
-        found = object_store.get(_path(out))
+        found = object_store.download_object(_path(out))
         held = _read(found[0]) if found else None
         if held is not None and held[1] > datetime.now(UTC) and held[2] != kept:
             owner, until, _ = held
@@ -108,7 +108,7 @@ def _taken(out: S3Folder, token: str, kept: str) -> str:
                 f"{out}: another run is at work in it: {owner}, whose lock lasts until {until:%H:%M:%S} UTC unless renewed; "
                 "wait for it, or name another folder with --out"
             )
-        if (tag := object_store.put_if(_path(out), _said(token), found[1] if found else None)) is not None:
+        if (tag := object_store.upload_if_unchanged(_path(out), _said(token), found[1] if found else None)) is not None:
             if held is not None and held[2] != kept:
                 log.warning("%s: took over the lock of %s, which was over at %s", out, held[0], held[1])
             return tag
@@ -118,8 +118,8 @@ def _taken(out: S3Folder, token: str, kept: str) -> str:
 def _require_conditions(out: S3Folder) -> None:
     """Raise InputError where a bucket writes over what is there though the condition does not hold: runs would lose commits."""
     for condition in (None, f'"{"0" * 32}"'):
-        if object_store.put_if(_path(out), b"{}", condition) is not None:
-            object_store.delete([_path(out)])
+        if object_store.upload_if_unchanged(_path(out), b"{}", condition) is not None:
+            object_store.delete_objects([_path(out)])
             raise InputError(
                 f"{out}: its bucket keeps no conditions on writing (If-Match, If-None-Match), by which runs keep apart; name "
                 "one that does, or a folder, and copy it there with `streetloom catalog FOLDER --to s3://...`"

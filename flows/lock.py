@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from catalogs.published.folders import Folder, local_side
+from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import S3Folder
 from facade_core.atlas.store import guard_commits
 from facade_core.core.errors import InputError, MachineError
@@ -33,7 +33,7 @@ def locked(out: Folder) -> Iterator[None]:
         yield
         return
     with ExitStack() as holds:
-        local = local_side(out)
+        local = local_folder(out)
         lease, token = None, holds.enter_context(_locked_here(local, out))
         if isinstance(out, S3Folder):
             lease = holds.enter_context(leased(out, token))

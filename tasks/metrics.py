@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 from prometheus_client import CollectorRegistry, Gauge
 
-from catalogs.published.folders import Folder, sizes_in
-from catalogs.published.snapshot import current_if_any
+from catalogs.published.folders import Folder, file_sizes
+from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from tasks.stages.order import STAGE_NAMES
@@ -44,6 +44,6 @@ def metrics_of(runs: Mapping[str, Folder]) -> CollectorRegistry:
             begun += [record["started"] for record in records if record.get("started")]
         latest.labels(name).set(max(begun))
         commits.labels(name).set(sum(1 for _ in repository.ancestry(branch=BRANCH)))
-        held.labels(name).set(sum(sizes_in(folder / "store").values()))
-        current.labels(name).set(current_if_any(folder) is not None)
+        held.labels(name).set(sum(file_sizes(folder / "store").values()))
+        current.labels(name).set(find_current_snapshot(folder) is not None)
     return registry

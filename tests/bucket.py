@@ -33,7 +33,7 @@ def require_conditions(bucket: str) -> None:
 
     def write(data: bytes, over: str | None, together: Barrier) -> str | None:
         together.wait()
-        return object_store.put_if(path, data, over)
+        return object_store.upload_if_unchanged(path, data, over)
 
     tag: str | None = None
     with ThreadPoolExecutor(writers) as threads:
@@ -42,10 +42,10 @@ def require_conditions(bucket: str) -> None:
             data = [f"{turn}/{number}".encode() for number in range(writers)]  # tags are of what is written
             tags = list(threads.map(lambda one: write(one, tag, together), data))  # noqa: B023
             won = [one for one, written in zip(data, tags, strict=True) if written is not None]
-            found = object_store.get(path)
+            found = object_store.download_object(path)
             assert len(won) == 1, f"{len(won)} of {writers} writers on one condition succeeded: the server keeps none"
             assert found is not None
             assert found[0] == won[0], "what a writer wrote whose condition did not hold is there"
-            assert object_store.put_if(path, b"late", None) is None, "If-None-Match is not kept"
+            assert object_store.upload_if_unchanged(path, b"late", None) is None, "If-None-Match is not kept"
             tag = found[1]
-    object_store.delete([path])
+    object_store.delete_objects([path])

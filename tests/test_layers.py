@@ -196,7 +196,7 @@ def test_workers_start_without_prefect() -> None:
     workers = [name for name in modules("tasks") if name.startswith("tasks.stages.") and name.endswith(".worker")]
     assert len(workers) == 12
     seen = reached(workers, arrows(everything))
-    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.opening"} <= seen
+    assert {"facade_core.street.propagation.propagate", "catalogs.readers.pictures.opened_picture"} <= seen
     engine = {name for name in seen if within(name, ["tasks.engine"])}
     known = ("context", "outcome", "progress", "run", "seeds", "unit")
     assert engine <= {"tasks.engine", *(f"tasks.engine.{name}" for name in known)}

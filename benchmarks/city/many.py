@@ -27,8 +27,8 @@ from shapely import LineString
 
 from benchmarks.timing import bytes_in, figures
 from catalogs.published.items import ROW_KEYS, write_items
-from catalogs.published.merged_items import FOLDER, join_runs
-from catalogs.published.runs import Run
+from catalogs.published.merged_items import ITEMS_FOLDER, merge_run_items
+from catalogs.published.runs import PublishedRun
 from catalogs.query.execution import query
 
 # Blocks stand so far apart, metres, in the frame of which they are.
@@ -38,7 +38,7 @@ WHERE = "floors >= 7 AND status = 'done'"
 BOX = (24.95, 60.16, 24.97, 60.17)
 
 
-def write_store(out: Path, number: int, facades: int, side: int, snapshot: str = "S1") -> Run[Path]:
+def write_store(out: Path, number: int, facades: int, side: int, snapshot: str = "S1") -> PublishedRun[Path]:
     """What a block that has published leaves for a query."""
     random = np.random.default_rng([7, number])
     column, row = number % side, number // side
@@ -74,7 +74,7 @@ def write_store(out: Path, number: int, facades: int, side: int, snapshot: str =
     write_items(published / "items.parquet", rows, CRS)
     (published / "summary.json").write_text("{}")
     (folder / "current").write_text(snapshot + "\n")
-    return Run(folder, f"blocks/{folder.name}")
+    return PublishedRun(folder, f"blocks/{folder.name}")
 
 
 def measure(stores: int, facades: int) -> dict[str, Any]:
@@ -82,7 +82,7 @@ def measure(stores: int, facades: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         out, side = Path(name), int(np.ceil(np.sqrt(stores)))
         written = _timed(lambda: [write_store(out, number, facades, side) for number in range(stores)])
-        runs = [Run(folder, f"blocks/{folder.name}") for folder in (out / "blocks").iterdir()]
+        runs = [PublishedRun(folder, f"blocks/{folder.name}") for folder in (out / "blocks").iterdir()]
         few = min(stores, 500)
         apart = Path(name) / "apart"
         for number in range(few):
@@ -93,8 +93,8 @@ def measure(stores: int, facades: int) -> dict[str, Any]:
             "facades": stores * facades,
             "written_a_store": {key: figures(value / stores) for key, value in written.items()},
             f"query_of_{few}_not_joined": _timed(lambda: query(apart, where=WHERE)),
-            "join_all": _timed(lambda: join_runs(out, [(run, "S1") for run in runs])),
-            "joined_mb": figures(bytes_in(out / FOLDER) / 1e6),
+            "join_all": _timed(lambda: merge_run_items(out, [(run, "S1") for run in runs])),
+            "joined_mb": figures(bytes_in(out / ITEMS_FOLDER) / 1e6),
         }
         query(out, where="false")
         found: dict[str, int] = {}
@@ -109,7 +109,7 @@ def measure(stores: int, facades: int) -> dict[str, Any]:
         (runs[0].folder / "current").write_text("S2\n")
         result["query_where_one_published_since"] = _timed(ask("since", where=WHERE))
         again = [(run, "S2" if run == runs[0] else "S1") for run in runs]
-        result["join_one_anew"] = _timed(lambda: join_runs(out, again))
+        result["join_one_anew"] = _timed(lambda: merge_run_items(out, again))
         command = [sys.executable, "-m", "flows", "query", str(out), "--where", WHERE, "--format", "json"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         clock = time.perf_counter()

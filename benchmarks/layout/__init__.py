@@ -109,8 +109,8 @@ def ablation(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, A
     for k, term in enumerate(TERMS):
         without = dataclasses.replace(model, weights=np.where(np.arange(len(TERMS)) == k, 0.0, model.weights))
         found[f"without {term}"] = run(records, policy_search(without))["all"]["f1@0.5"]
-    other = dataclasses.replace(model, averages_terms=averages_termsmodel.averages_terms)
-    found["sums" if model.averages_termsages_terms else "means"] = run(records, policy_search(other))["all"]["f1@0.5"]
+    other = dataclasses.replace(model, averages_terms=not model.averages_terms)
+    found["sums" if model.averages_terms else "means"] = run(records, policy_search(other))["all"]["f1@0.5"]
     return found
 
 
@@ -166,7 +166,7 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
     elements of the completed layout that a parse of the finished picture finds again, F1 at IoU 0.5, of all and of those that
     a hole touches; of the true elements that a hole hides in part those that the parse finds, and their number."""
     from facade_core.facade.pipeline import build_facade_from_photo
-    from facade_core.parsing.confidence import masked_share
+    from facade_core.parsing.confidence import box_coverage
     from facade_core.synth.facade import facade
 
     texels, counts = {}, np.zeros((3, 3))
@@ -176,8 +176,8 @@ def painted(which: Sequence[tuple[str, int]] = PAINTED) -> dict[str, Any]:
         assert made.completion is not None
         texels[f"{style} {seed}"] = round(float((made.labels == truth.labels)[truth.occluded].mean()), 3)
         layout, again = made.completion.elements, made.elements
-        touched = [[e for e in of if masked_share(truth.occluded, e) > 0.02] for of in (layout, again)]
-        cut = [e for e in truth.elements if 0.05 < masked_share(truth.occluded, e) < 0.95]
+        touched = [[e for e in of if box_coverage(truth.occluded, e) > 0.02] for of in (layout, again)]
+        cut = [e for e in truth.elements if 0.05 < box_coverage(truth.occluded, e) < 0.95]
         pairs = ((layout, again), (touched[0], touched[1]), (cut, again))
         counts += [matches(wanted, got, 0.5).sum(axis=0) for wanted, got in pairs]
     return {
@@ -193,9 +193,9 @@ def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, floa
     for record in records[:7]:
         seen, region = training_cases.hide_part("right", record.elements, record.domain, np.random.default_rng(0))
         start = initial_layout(seen, record.domain, np.array(region), model)
-        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_termsages_terms, 1, 1, 0)
+        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_terms, 1, 1, 0)
         begin = time.process_time()
-        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_termsages_terms, 10, 10, 0)
+        optimise_policy(model.policies, start, model.densities, model.weights, model.averages_terms, 10, 10, 0)
         seconds.append(10 * (time.process_time() - begin))
     return {"median": round(float(np.median(seconds)), 2), "largest": round(max(seconds), 2)}
 

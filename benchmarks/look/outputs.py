@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from catalogs.published.snapshot import Snapshot, current
+from catalogs.published.snapshot import Snapshot, current_snapshot
 from facade_core.atlas.store import open_root_of_any_format
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
@@ -124,8 +124,8 @@ class Output:
 
 def read_output(out: Path) -> Output:
     """What the run in a folder published last. Raises InputError or StoreError where there is none that can be read."""
-    snapshot = current(out)
-    group = open_root_of_any_format(snapshot.session())
+    snapshot = current_snapshot(out)
+    group = open_root_of_any_format(snapshot.open_session())
     column = {name: array[:] for name, array in get_subgroup(group, "charts").arrays()}
     kind, surface, building, *frame = (
         column[name] for name in ("kind", "surface", "building", "origin", "axis_u", "axis_v", "size")

@@ -17,7 +17,7 @@ from benchmarks.street.step import cameras, steps
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.types import Street
 from facade_core.geometry.chart_packing import pack_charts
-from facade_core.geometry.charts import ChartKind, ChartBuilder, chart_axes
+from facade_core.geometry.charts import ChartBuilder, ChartKind, chart_axes
 from facade_core.geometry.ground.street_gaps import derive_streets
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint

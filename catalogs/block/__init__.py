@@ -1,4 +1,4 @@
-"""A block file and all that it names, as one frozen value."""
+"""Block file and everything that it names, read into one frozen value."""
 
 from catalogs.block.reader import Block, Material, TextureSettings, read_block
 

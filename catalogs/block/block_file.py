@@ -1,4 +1,4 @@
-"""The block file that is being read: every error that comes of it names it and the key."""
+"""Block file as the context of errors: each error names the file and the key."""
 
 from __future__ import annotations
 
@@ -18,15 +18,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class BlockFile:
-    """A block file, for messages."""
+    """Path of a block file, for error messages."""
 
     path: Path
 
     def make_error(self, key: str, problem: str) -> BlockFileError:
+        """Return the error for a problem with a key."""
         return BlockFileError(f"{self.path}: {key}: {problem}")
 
     def call_reader(self, key: str, read: Callable[..., T], *arguments: Any) -> T:
-        """Call a reader; what it raises names the block file and the key too, whatever it is. The machine's faults pass."""
+        """Call a reader, and convert its errors into BlockFileError with the file and key.
+
+        Errors of the machine, such as a full disk, pass unchanged.
+        """
         try:
             return read(*arguments)
         except InputError as error:

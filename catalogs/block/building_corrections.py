@@ -1,4 +1,4 @@
-"""A block as people corrected it: its buildings' heights, roofs and materials; which of a city's corrections are of it."""
+"""Apply corrections to the buildings of a block, and match corrections to buildings by id and location."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ MIN_WALL_HEIGHT_M = 2.0
 
 
 def apply_corrections(block: Block, corrections: Corrections) -> Block:
-    """A block with what people corrected of it; of a part of a city, in its surroundings too, but it keeps those of its own.
+    """Apply corrections to a block; the digest of the result is stale.
 
-    It has no digest of that yet.
+    A part of a city has its surroundings corrected too, but keeps only the corrections of its own buildings.
     """
     if not corrections:
         return block
@@ -39,16 +39,30 @@ def apply_corrections(block: Block, corrections: Corrections) -> Block:
     buildings, left = correct_buildings(block.buildings, known, block.storey)
     part = block.part
     if part is not None:
-        beyond, _ = correct_buildings(part.distant_buildings, known, block.storey)
-        part, known = replace(part, beyond=beyond), select_corrections(known, part.buildings, block.buildings, block.crs)
+        distant, _ = correct_buildings(part.distant_buildings, known, block.storey)
+        part, known = (
+            replace(part, distant_buildings=distant),
+            select_corrections(known, part.buildings, block.buildings, block.crs),
+        )
     return replace(block, buildings=buildings, part=part, corrections=known, notes=block.notes + left)
 
 
 def correct_buildings(
     buildings: Sequence[Building], corrections: Corrections, storey: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    """Buildings as they were corrected, and a note of those that cannot be: a model's height and roof are as given, a flat roof
-    has no height, and nothing ends below where it begins. No other building changes: assumed heights stay what they were."""
+    """Apply corrections to buildings, and note those that cannot be applied.
+
+    The height and roof of a model stay as given, a flat roof has no height, and no building ends below its base. Assumed
+    heights of other buildings do not change.
+
+    Parameters
+    ----------
+    storey : metres per storey where only levels are corrected.
+
+    Returns
+    -------
+    Corrected buildings in the given order, and notes.
+    """
     said = corrections.select_kinds(BUILDING_CORRECTION_KINDS)
     found, left = [], []
     for building in buildings:
@@ -63,7 +77,7 @@ def correct_buildings(
 
 
 def _correct_building(building: Building, said: Mapping[str, Any], storey: float) -> tuple[Building, bool]:
-    """A building as it was corrected, and whether all of that could be."""
+    """Return the corrected building, and whether every correction was applied."""
     building = replace(building, finish=_correct_finish(building.finish, said))
     if "levels" in said:
         building = replace(building, levels=int(said["levels"]))
@@ -102,7 +116,7 @@ def _correct_roof(building: Building, said: Mapping[str, Any]) -> Roof | None:
 
 
 def _correct_finish(finish: Finish, said: Mapping[str, Any]) -> Finish:
-    """A colour that a material came with goes with it."""
+    """Correct colours and materials; a colour implied by the old material is replaced with it."""
     for part, usual in (("wall", WALL_MATERIAL_COLOURS), ("roof", ROOF_MATERIAL_COLOURS)):
         before, colour = getattr(finish, f"{part}_material"), getattr(finish, f"{part}_colour")
         material = said.get(f"{part}_material", before)
@@ -115,7 +129,7 @@ def _correct_finish(finish: Finish, said: Mapping[str, Any]) -> Finish:
 
 
 def match_by_location(buildings: Sequence[Building], corrections: Corrections, crs: CRS | str) -> dict[str, str]:
-    """Of corrected buildings that have another id now, that one: the building that stands where they were corrected."""
+    """Return old id -> new id of corrected buildings whose id is gone: the building at the corrected location."""
     ids = {building.id for building in buildings}
     lost = {id: said for id, said in corrections.select_kinds(BUILDING_CORRECTION_KINDS).items() if id not in ids}
     placed = [(id, one) for id, said in lost.items() if (one := _located_correction(said)) is not None]
@@ -128,8 +142,14 @@ def match_by_location(buildings: Sequence[Building], corrections: Corrections, c
 def select_corrections(
     corrections: Corrections, core_ids: Sequence[str], buildings: Sequence[Building], crs: CRS | str
 ) -> Corrections:
-    """Those of a city's corrections that are of some `own` buildings, or of facades of these, by ids; buildings: these and what
-    stands around them."""
+    """Select the corrections of a city that belong to `core_ids` or to their facades.
+
+    Parameters
+    ----------
+    core_ids : ids of the buildings to select for.
+    buildings : these buildings and those around them.
+    crs : frame of the buildings.
+    """
     mine = set(core_ids)
     owners = correction_owners(corrections, buildings, crs)
     of = {id: said for id, said in corrections.by_target.items() if owners[id] in mine}
@@ -137,8 +157,11 @@ def select_corrections(
 
 
 def correction_owners(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
-    """The building that each correction's id is of, empty where none is: the one of that id, or of the facade's, where it
-    stands there; else the nearest one to where it was made, as `nearest_buildings` has it, else again the one of that id."""
+    """Return the building id that each corrected id belongs to, empty if none.
+
+    The building with that id (or the facade's building) is taken if the correction's location is close to it, otherwise the
+    nearest building to the location, otherwise the building with that id.
+    """
     at = {building.id: index for index, building in enumerate(buildings)}
     named = {id: at.get(id, at.get(id.rpartition("-")[0], -1)) for id in corrections.by_target}
     places = {id: one for id, said in corrections.by_target.items() if (one := _located_correction(said)) is not None}
@@ -156,14 +179,27 @@ def correction_owners(corrections: Corrections, buildings: Sequence[Building], c
 
 
 def nearest_buildings(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
-    """The building nearest to where each of some corrections was made, of several the first; -1 where that is farther off than
-    PLACE_M, of a building than INSIDE_M."""
+    """Find the building nearest to the location of each correction; the first of several.
+
+    Parameters
+    ----------
+    places : corrections with a location.
+    crs : frame of the buildings.
+
+    Returns
+    -------
+    Indices of buildings; -1 beyond MAX_FACADE_DISTANCE_M, of a building's correction beyond MAX_BUILDING_DISTANCE_M.
+    """
     found = [-1] * len(places)
     tree = shapely.STRtree([building.footprint for building in buildings])
     points = np.array(_project_points(places, crs), dtype=object)
     if len(points) and len(buildings):
-        for number, index in sorted(zip(*tree.query_nearest(points, max_distance=MAX_FACADE_DISTANCE_M).tolist(), strict=True)):
-            reach = MAX_BUILDING_DISTANCE_M if places[number].what in BUILDING_CORRECTION_KINDS else MAX_FACADE_DISTANCE_M
+        for number, index in sorted(
+            zip(*tree.query_nearest(points, max_distance=MAX_FACADE_DISTANCE_M).tolist(), strict=True)
+        ):
+            reach = (
+                MAX_BUILDING_DISTANCE_M if places[number].what in BUILDING_CORRECTION_KINDS else MAX_FACADE_DISTANCE_M
+            )
             if found[number] < 0 and shapely.dwithin(points[number], buildings[index].footprint, reach):
                 found[number] = index
     return found
@@ -177,5 +213,5 @@ def _project_points(places: Sequence[Correction], crs: CRS | str) -> list[Any]:
 
 
 def _located_correction(said: Mapping[str, Correction]) -> Correction | None:
-    """One of the corrections of a thing that tells where it is."""
+    """Return the first correction that has a location."""
     return next((one for one in said.values() if one.place is not None), None)

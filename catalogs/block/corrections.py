@@ -1,6 +1,6 @@
-"""What people corrected of a block or a city: a file beside its own, a line for each, the newest of one thing counts.
+"""Corrections of a block or a city: a JSON lines file next to its own, in which the newest line about a value wins.
 
-Nothing is taken out of the file: what is withdrawn is a line without a value. So it tells who changed what, when and why.
+Lines are never removed: a correction is withdrawn by a line without a value, so the file is a history.
 """
 
 from __future__ import annotations
@@ -33,19 +33,20 @@ BUILDING_CORRECTION_KINDS = (
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """One line of the file.
+    """Line of a corrections file.
 
-    Args:
-        id: of a facade, or of a building.
-        what: elements, hide, keep: boxes as (class, left, top, right, bottom) or without the class, shares of the wall's width
-            and height, y down; facade: False of a wall that is none; exemplar: the name of one; height: metres from the ground
-            to the eaves; levels: storeys; roof_shape: as OpenStreetMap's roof:shape; roof_height: metres from the eaves to the
-            ridge; wall_material, roof_material: as OpenStreetMap's building:material and roof:material; wall_colour,
-            roof_colour: "#rrggbb".
-        value: None where it is withdrawn.
-        place: (longitude, latitude) of the middle of the wall, or in the building, by which it is found under another id.
-        width: of the wall, metres.
-        who, when, why: as the importer was told; when is UTC.
+    Attributes
+    ----------
+    id : facade or building.
+    kind : elements, hide, keep: boxes (class, left, top, right, bottom) or without the class, as shares of the wall's width and
+        height, y down; facade: False if the wall is no facade; exemplar: name of an exemplar; height: metres from the ground to
+        the eaves; levels: storeys; roof_shape: as OpenStreetMap's roof:shape; roof_height: metres from the eaves to the ridge;
+        wall_material, roof_material: as OpenStreetMap's building:material and roof:material; wall_colour, roof_colour:
+        "#rrggbb".
+    value : None if withdrawn.
+    place : (longitude, latitude) of the middle of the wall or inside the building, to match it under another id.
+    width : width of the wall in metres.
+    who, when, why : author, UTC time and reason, as given to the importer.
     """
 
     id: str
@@ -62,7 +63,7 @@ class Correction:
 # of an attribute the keys stay.
 LINE_KEYS = {
     "id": "id",
-    "what": "what",
+    "what": "kind",
     "value": "value",
     "place": "place",
     "width": "width",
@@ -74,8 +75,13 @@ LINE_KEYS = {
 
 @dataclass(frozen=True)
 class Corrections:
-    """The corrections that count: id -> what -> the newest of it. renamed: of what is known by its place, the id that it was
-    corrected under -> its own."""
+    """Newest corrections of a block or a city.
+
+    Attributes
+    ----------
+    by_target : id -> kind -> correction.
+    new_ids : old id -> new id of corrections that were matched by location.
+    """
 
     by_target: Mapping[str, Mapping[str, Correction]] = field(default_factory=dict)
     new_ids: Mapping[str, str] = field(default_factory=dict)
@@ -84,17 +90,17 @@ class Corrections:
         return bool(self.by_target)
 
     def corrected_value(self, id: str, kind: str) -> Any:
-        """What something is corrected to, None where it is not."""
+        """Return the corrected value, or None if there is none."""
         found = self.by_target.get(id, {}).get(kind)
         return None if found is None else found.value
 
     def select_kinds(self, kinds: Sequence[str]) -> dict[str, dict[str, Correction]]:
-        """Those of facades, or of buildings, by id."""
+        """Return the corrections of some kinds, by id."""
         chosen = {id: {what: one for what, one in said.items() if what in kinds} for id, said in self.by_target.items()}
         return {id: said for id, said in chosen.items() if said}
 
     def rename_targets(self, names: Mapping[str, str]) -> Corrections:
-        """The same with other ids for those that `names` has: of what is said of one under both, its own is newer."""
+        """Return corrections with new ids; where both ids are corrected, the correction of the new id wins."""
         if not (known := {id: name for id, name in names.items() if id in self.by_target}):
             return self
         found: dict[str, dict[str, Correction]] = {}
@@ -104,7 +110,7 @@ class Corrections:
         return Corrections(found, {**self.new_ids, **known})
 
     def digest_values(self) -> list[list[Any]]:
-        """What a result depends on: neither who, nor when, nor why."""
+        """Return the values that a result depends on, without author, time and reason."""
         return [
             [id, what, one.value, one.place, one.width]
             for id, said in sorted(self.by_target.items())
@@ -116,7 +122,7 @@ NO_CORRECTIONS = Corrections()
 
 
 def city_or_block_file(block: Path) -> Path:
-    """The file beside which corrections of a block lie: its own, or the city's of which it is a part."""
+    """Return the file that corrections of a block lie next to: its own, or its city's."""
     try:
         values = read_yaml(block)
         city = values["part"]["city"]
@@ -126,14 +132,16 @@ def city_or_block_file(block: Path) -> Path:
 
 
 def corrections_file(block: Path) -> Path:
-    """The file of a block's or a city's corrections."""
+    """Return the path of the corrections of a block or a city."""
     return city_or_block_file(block).with_suffix(CORRECTIONS_SUFFIX)
 
 
 def read_corrections(block: Path) -> Corrections:
-    """The corrections that lie beside the file of a block or a city.
+    """Read the corrections of a block or a city.
 
-    Raises InputError: one line with the file, the line and the remedy.
+    Raises
+    ------
+    InputError : one line with the file, the line number and the remedy.
     """
     path = corrections_file(block)
     try:
@@ -159,8 +167,15 @@ def read_corrections(block: Path) -> Corrections:
 
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
-    """Write some behind those of a block file, all or none."""
-    lines = [json.dumps(_line_values(validate_correction(one)), ensure_ascii=False, allow_nan=False) for one in corrections]
+    """Append corrections to the file of a block; either all or none are written.
+
+    Raises
+    ------
+    InputError : a correction is invalid, or holds characters that cannot be encoded.
+    """
+    lines = [
+        json.dumps(_line_values(validate_correction(one)), ensure_ascii=False, allow_nan=False) for one in corrections
+    ]
     path = corrections_file(block)
     try:
         "".join(lines).encode("utf-8")
@@ -186,7 +201,7 @@ def _append_lines(path: Path, added: str) -> None:
 
 
 def adopt_corrections(city: Path, folder: Path) -> None:
-    """Put those that lie beside block files of a city in a folder, where an older version kept them, beside the city's own."""
+    """Move corrections of a city's blocks, written by an older version in `folder`, to the city's file."""
     for path in sorted(folder.glob(f"*{CORRECTIONS_SUFFIX}")):
         _append_lines(corrections_file(city), path.read_text(encoding="utf-8"))
         path.unlink()
@@ -194,7 +209,7 @@ def adopt_corrections(city: Path, folder: Path) -> None:
 
 @contextmanager
 def _lock_folder(folder: Path) -> Iterator[None]:
-    """Wait until no other process or thread adds corrections in a folder: of two at once one would be lost."""
+    """Hold an exclusive lock on a folder, so that concurrent additions are not lost."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -204,7 +219,12 @@ def _lock_folder(folder: Path) -> Iterator[None]:
 
 
 def validate_correction(one: Correction) -> Correction:
-    """A correction as it counts. Raises InputError where it says nothing that can be."""
+    """Return a correction with its value normalised.
+
+    Raises
+    ------
+    InputError : unknown kind, missing id or invalid value.
+    """
     if one.kind not in (*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS):
         raise InputError(
             f"{one.kind!r} is nothing that can be corrected; there is {', '.join((*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS))}"
@@ -229,13 +249,13 @@ def _parse_location(value: Any) -> tuple[float, float] | None:
 
 
 def _quote_value(value: Any) -> str:
-    """A value as a line tells it."""
+    """Format a value for a message."""
     text = repr(value)
     return text if len(text) <= MAX_WORD_LENGTH else f"{text[:MAX_WORD_LENGTH]}..."
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value out of JSON is a number that counts something."""
+    """Return whether a JSON value is a finite number."""
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # a whole number beyond all others

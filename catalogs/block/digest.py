@@ -1,7 +1,7 @@
-"""Digests of what determines a block's result: of all that was read of it, and of single pictures.
+"""Digests of the values that determine the result of a block.
 
-What counts is what was understood, not the bytes or names of the files that it is from: neither another order of keys, nor a
-file beside the one that is named, is missed or taken for a change. Pictures count by their bytes.
+Parsed values are hashed, not the bytes or names of files: the order of keys does not matter, and a file that a named file
+refers to does. Pictures are hashed by their bytes.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 def block_digest(block: Block) -> str:
-    """The sha256 of a block's values; its own digest does not count.
+    """Compute the sha256 of the values of a block, without its own digest.
 
-    Names of pictures count where a result tells them: a facade's source, an exemplar's or a panorama's id.
+    Names of pictures are hashed where a result shows them: a facade's source, the id of an exemplar or panorama.
     """
     material, aerial = block.roof_material, block.aerial
     values: dict[str, Any] = {name: getattr(block, attribute) for name, attribute in BLOCK_FIELDS} | {
@@ -59,17 +59,24 @@ def block_digest(block: Block) -> str:
 
 
 def model_digests(models: ModelFiles) -> list[list[Any]]:
-    """What a block's own models are: each by what it does, its file's digest, and that of the file beside it."""
+    """Return name, digest of the file and digest of its companion file for each model that a block names."""
     single = {"parser": ModelFiles(parser=models.parser), "layout": ModelFiles(layout=models.layout)}
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 
 
 # Settings of `texture` that a block's plan depends on.
-PLAN_SETTINGS = ("texels_per_metre", "viewpoint_spacing", "viewpoint_height", "visibility_range", "panorama_width", "walls")
+PLAN_SETTINGS = (
+    "texels_per_metre",
+    "viewpoint_spacing",
+    "viewpoint_height",
+    "visibility_range",
+    "panorama_width",
+    "walls",
+)
 
 
 def geometry_digest(block: Block) -> str:
-    """The sha256 of what a block's plan is made of, its panoramas aside; of pictures only where one lies over the block."""
+    """Compute the sha256 of the inputs of a block's plan, without panoramas."""
     texture, aerial = block.texture, block.aerial
     digest = _new_hash()
     _hash_value(
@@ -90,14 +97,14 @@ def geometry_digest(block: Block) -> str:
 
 
 def _new_hash() -> Any:
-    """Return a sha256 of the version of the schemas; version 1 adds nothing, so that digests of earlier releases stay."""
+    """Return a sha256 of the version of the schemas; version 1 adds nothing, so digests of earlier releases stay."""
     return hashlib.sha256(b"" if SCHEMA_VERSION == 1 else b"schemas %d " % SCHEMA_VERSION)
 
 
 def _hash_value(value: Any, add: Callable[[bytes], object]) -> None:
-    """A value as bytes, one after the other, each with its kind and length: no two values are the same bytes.
+    """Hash a value with its kind and length, so that different values give different bytes.
 
-    Numbers that are equal are the same, whole or not. Raises TypeError for what this knows nothing of, such as a path.
+    Equal numbers hash equally, integer or not. Raises TypeError for unknown types, such as paths.
     """
     value = value.item() if isinstance(value, np.generic) else value
     if value is None or isinstance(value, bool | str):

@@ -1,7 +1,7 @@
-"""What a part of a city is, kept in a file of its own: its run reads that, and nothing of the city's files.
+"""File of a part of a city: a run of the part reads it instead of the city's files.
 
-The values are those that were read of the city, bit for bit: a block has the same digest either way. Geometries are WKB, arrays
-their bytes, paths relative to the file; of classes only those of _CLASSES are made.
+Values round-trip exactly, so a block has the same digest either way. Geometries are WKB, arrays are raw bytes, paths are
+relative to the file; only classes listed in `serial_schemas` are constructed.
 """
 
 from __future__ import annotations
@@ -27,11 +27,15 @@ EXTRACT_FORMAT = 2
 
 
 def write_extract(path: Path, values: Mapping[str, Any]) -> None:
-    """Keep the values of a part of a city in a file, in one step; a file that holds them already is left as it is."""
+    """Write the values of a part of a city atomically; an identical file is not rewritten."""
     blob = bytearray()
-    text = json.dumps({"format": EXTRACT_FORMAT, "values": _encode_value(dict(values), blob, path.parent)}, ensure_ascii=False)
+    text = json.dumps(
+        {"format": EXTRACT_FORMAT, "values": _encode_value(dict(values), blob, path.parent)}, ensure_ascii=False
+    )
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_byte_array(blob))
+    np.savez_compressed(
+        buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_byte_array(blob)
+    )
     if path.is_file() and path.read_bytes() == buffer.getvalue():
         return
     temporary = path.with_name(f".{path.name}.tmp")
@@ -40,7 +44,12 @@ def write_extract(path: Path, values: Mapping[str, Any]) -> None:
 
 
 def read_extract(path: Path) -> dict[str, Any]:
-    """The values of a part of a city. Raises InputError, one line with the remedy, where the file does not hold them."""
+    """Read the values of a part of a city.
+
+    Raises
+    ------
+    InputError : one line with the remedy, if the file is missing, damaged or of another format.
+    """
     try:
         with np.load(path, allow_pickle=False) as held:
             text, blob = held["text"].tobytes(), held["blob"].tobytes()
@@ -66,7 +75,7 @@ def read_extract(path: Path) -> dict[str, Any]:
 
 
 def _encode_value(value: Any, blob: bytearray, folder: Path) -> Any:
-    """A value as JSON can say it; what is bytes goes to the end of `blob`."""
+    """Encode a value as JSON; binary data are appended to `blob`."""
     value = value.item() if isinstance(value, np.generic) else value
     if value is None or isinstance(value, bool | str | int | float):
         return value

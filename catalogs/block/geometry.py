@@ -1,4 +1,4 @@
-"""The geometry that a block file names: its frame, the buildings in it, and the streets between them."""
+"""Geometry that a block file names: frame, buildings, streets and ground."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from catalogs.block.block_file import BlockFile
 from catalogs.block.ground import block_ground
 from catalogs.block.keys import BlockKeys
 from catalogs.block.likely_shops import likely_shops
-from catalogs.block.streets import block_streets, followed
+from catalogs.block.streets import block_streets, clip_centrelines
 from catalogs.buildings.assembly import BlockBuildings, assemble_buildings
 from catalogs.buildings.extents import Bounds, BuildingSource, check_area_span, locate_boxes, reject_stray_buildings
 from catalogs.crs import (
@@ -51,9 +51,17 @@ SWAPPED_AXES_NOTE = "latitudes come first there"
 
 @dataclass(frozen=True)
 class BlockGeometry:
-    """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings;
-    shops: where a map has some within it, and where its streets make some likely, (x, y) in the frame, None where no map
-    tells; entrances: where a map has some."""
+    """Geometry of a block.
+
+    Attributes
+    ----------
+    crs : metric frame.
+    extent : (xmin, ymin, xmax, ymax) around the buildings and their surroundings.
+    notes : remarks for the user.
+    faults : broken units.
+    shops : (x, y) of mapped shops and of likely ones; None without a map.
+    entrances : (x, y) of mapped entrances.
+    """
 
     crs: CRS
     buildings: BlockBuildings
@@ -67,14 +75,27 @@ class BlockGeometry:
 
 
 def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockGeometry:
-    """Read the buildings and streets. Raises BlockFileError where nothing that can be used is left of either."""
+    """Read the buildings, streets and ground that a block file names.
+
+    Parameters
+    ----------
+    keys : checked keys of the block file.
+    files : dotted key -> paths.
+    file : block file, for messages.
+
+    Raises
+    ------
+    BlockFileError : no usable building or street is left.
+    """
     sources = _read_building_sources(keys, files, file)
     centrelines = _read_centrelines(keys, files, sources, file) if keys.streets else None
     if keys.area:
         file.call_reader("area", check_area_span, keys.area)
     sources, bounds = file.call_reader("buildings.path", reject_stray_buildings, sources, keys.area, centrelines)
     if not any(source.items for source in sources):
-        raise _empty_error("buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file)
+        raise _empty_error(
+            "buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file
+        )
     frame, area, notes = _choose_frame(keys, sources, bounds, file)
     built = assemble_buildings(sources, frame, area=area, floor_height=keys.storey)
     if not built.items:
@@ -95,7 +116,7 @@ def read_geometry(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> BlockG
 
 
 def _read_building_sources(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> list[BuildingSource]:
-    """What each building file holds, where the block file says that it lies."""
+    """Read each building file, with the frame and offset that the block file states."""
     sources: list[BuildingSource] = []
     for path in files["buildings.path"]:
         source = file.call_reader("buildings.path", read_buildings, path, keys.buildings.lod)
@@ -111,7 +132,9 @@ def _read_building_sources(keys: BlockKeys, files: NamedFiles, file: BlockFile) 
     return sources
 
 
-def _read_centrelines(keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile) -> Centrelines:
+def _read_centrelines(
+    keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile
+) -> Centrelines:
     assert keys.streets is not None
     source = file.call_reader("streets.path", read_centrelines, *files["streets.path"])
     faults = tuple(_name_file_in_fault(fault, files["streets.path"][0]) for fault in source.faults)
@@ -122,8 +145,10 @@ def _read_centrelines(keys: BlockKeys, files: NamedFiles, sources: Sequence[Buil
     return _select_named_streets(source, keys.streets.names, file) if keys.streets.names else source
 
 
-def _read_ground_sources(keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile) -> list[Centrelines]:
-    """What the files of the ground hold, where the block file says that it lies."""
+def _read_ground_sources(
+    keys: BlockKeys, files: NamedFiles, sources: Sequence[BuildingSource], file: BlockFile
+) -> list[Centrelines]:
+    """Read each ground file, with the frame that the block file states."""
     if keys.ground is None:
         return []
     found = [file.call_reader("ground.path", read_ground, path) for path in files["ground.path"]]
@@ -136,7 +161,7 @@ def _read_ground_sources(keys: BlockKeys, files: NamedFiles, sources: Sequence[B
 def _choose_frame(
     keys: BlockKeys, sources: Sequence[BuildingSource], bounds: Bounds | None, file: BlockFile
 ) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
-    """The metric frame, the area in it, and a note where the frame was chosen."""
+    """Return the metric frame, the area in it, and notes about the choice."""
     west, south, east, north = keys.area or bounds or (0.0, 0.0, 0.0, 0.0)
     middle = (((west + east) / 2 + 180.0) % 360.0 - 180.0, (south + north) / 2)
     notes: tuple[str, ...] = ()
@@ -152,7 +177,7 @@ def _choose_frame(
 
 
 def _frame_notes(frame: CRS, given: str | None) -> tuple[str, ...]:
-    """What to say of a frame that a block file leaves open: nothing where it is the one that it gives for the buildings."""
+    """Return the note about a frame that the block file does not name; none if it is the frame given for the buildings."""
     shown = f"{frame.to_string()} ({frame.name})"
     if given is None:
         return (f"crs not given: {shown} chosen",)
@@ -173,9 +198,9 @@ def _read_streets(
     extent: tuple[float, float, float, float],
     file: BlockFile,
 ) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
-    """The streets, notes on what the reader says of some and on those that lead away from the block, and the broken ones."""
+    """Return the streets, notes about remarks and cut-off streets, and broken streets."""
     around = shapely.box(*extent).buffer(MAX_STREET_DISTANCE_M - SURROUNDINGS_MARGIN_M, join_style="mitre")
-    near, cut = file.call_reader("streets.path", followed, centrelines, frame, around, area)
+    near, cut = file.call_reader("streets.path", clip_centrelines, centrelines, frame, around, area)
     streets, faults = block_streets(near, frame, area=area)
     if not streets and not cut:
         raise _empty_error("streets", keys, files, _lonlat_bounds(centrelines), faults, file)
@@ -195,7 +220,7 @@ def _read_streets(
 def _shops_and_entrances(
     files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float]
 ) -> tuple[tuple[tuple[float, float], ...] | None, tuple[tuple[float, float], ...]]:
-    """Where the map that the buildings are from has shops, (x, y) in the frame, None where none is a map; and entrances."""
+    """Return mapped shops and entrances as (x, y) in the frame; shops are None if no source is a map."""
     maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
     found = [places for places in map(read_points_of_interest, maps) if places is not None]
     if not found:
@@ -218,7 +243,7 @@ def _lonlat_bounds(centrelines: Centrelines) -> Bounds | None:
 def _empty_error(
     key: str, keys: BlockKeys, files: NamedFiles, bounds: Bounds | None, faults: Sequence[Fault], file: BlockFile
 ) -> BlockFileError:
-    """Why a block is left without buildings or streets."""
+    """Return the error for a block without usable buildings or streets."""
     path = ", ".join(map(str, files[f"{key}.path"]))
     if faults:
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
@@ -237,7 +262,7 @@ def _empty_error(
 
 
 def _name_file_in_fault(fault: Fault, path: Path) -> Fault:
-    """A fault whose reason names the file."""
+    """Add the file's name to the reason of a fault."""
     return fault if path.name in fault.reason else replace(fault, reason=f"{path.name}: {fault.reason}")
 
 
@@ -252,6 +277,11 @@ def _select_named_streets(source: Centrelines, names: list[str], file: BlockFile
 
 
 def buildings_extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
-    """The buildings' surroundings in the frame: (xmin, ymin, xmax, ymax)."""
+    """Return (xmin, ymin, xmax, ymax) of the buildings and their surroundings."""
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
-    return xmin - SURROUNDINGS_MARGIN_M, ymin - SURROUNDINGS_MARGIN_M, xmax + SURROUNDINGS_MARGIN_M, ymax + SURROUNDINGS_MARGIN_M
+    return (
+        xmin - SURROUNDINGS_MARGIN_M,
+        ymin - SURROUNDINGS_MARGIN_M,
+        xmax + SURROUNDINGS_MARGIN_M,
+        ymax + SURROUNDINGS_MARGIN_M,
+    )

@@ -1,4 +1,4 @@
-"""From what a map states of the ground to ways and areas in the block's frame: tags understood, defaults by class."""
+"""Ways and areas of the ground in the block's frame, from OpenStreetMap tags with defaults by class."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ _TAG_VALUES_BY_SURFACE = {
     "gravel": "gravel fine_gravel compacted unpaved ground dirt earth sand pebblestone woodchips mud",
     "grass": "grass grass_paver artificial_turf",
 }
-SURFACE_BY_TAG_VALUE = {value: surface for surface, values in _TAG_VALUES_BY_SURFACE.items() for value in values.split()}
+SURFACE_BY_TAG_VALUE = {
+    value: surface for surface, values in _TAG_VALUES_BY_SURFACE.items() for value in values.split()
+}
 # What an area is made of by its tags, the first that fits; None: by its `surface`, slabs where it states none.
 AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
     (
@@ -84,10 +86,17 @@ MAX_CROSSING_REACH_M, MAX_CROSSING_OFFSET_M = 15.0, 1.0
 
 
 def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
-    """Ways and areas in the metric frame as far as they lie in a polygon in it; outline: where the block ends.
+    """Build the ways and areas that lie within a polygon.
 
-    Tags are OpenStreetMap's. What a tunnel or a bridge's underside would be is left out. A feature that is broken is left out
-    here: as a street it is a fault. Of features of one id, which two sources may have, the second is numbered.
+    Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a fault. If two
+    sources have a feature of the same id, the second is numbered.
+
+    Parameters
+    ----------
+    sources : centreline sources with the ground features that they state.
+    crs : metric frame of the block.
+    around : polygon in `crs` that features are clipped to.
+    outline : where the block ends, None if unknown.
     """
     ways: list[Way] = []
     street: dict[str, str] = {}
@@ -128,8 +137,7 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
 
 
 def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
-    """A line as the ways that its tags make it: a road with the cycle tracks beside it, a path, tracks, a crossing; none where
-    it is nothing on the ground."""
+    """Build the ways of a line from its tags: a road with its cycle tracks, a path, a tram track or a crossing."""
     if tags.get("railway") in ("tram", "light_rail"):
         gauge = _length_tag(tags, "gauge", 1435.0) or 1435.0
         return [Way(id, line, "tram", min(max(gauge, 600.0), 1700.0) / 1000, "asphalt")]
@@ -169,7 +177,9 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
     tracks = []
     for side, name_of in ((1.0, "left"), (-1.0, "right")):
         if _side_tag(tags, "cycleway", name_of) == "track":
-            beside = shapely.offset_curve(line, side * (width / 2 + VERGE_WIDTH_M + CYCLE_TRACK_WIDTH_M / 2), join_style="mitre")
+            beside = shapely.offset_curve(
+                line, side * (width / 2 + VERGE_WIDTH_M + CYCLE_TRACK_WIDTH_M / 2), join_style="mitre"
+            )
             for index, part in enumerate(shapely.get_parts(beside)):
                 if part.length > 0:
                     tracks.append(Way(f"{id}-{name_of}-{index}", part, "cycle", CYCLE_TRACK_WIDTH_M, "track"))
@@ -177,7 +187,7 @@ def _road_ways(id: str, line: LineString, name: str, tags: Mapping[str, str]) ->
 
 
 def area_surface(geometry: Any, tags: Mapping[str, str]) -> str | None:
-    """What a closed outline's ground is made of; None where it is no area of ground."""
+    """Return the surface of a closed outline, or None if it is no area of ground."""
     closed = "Polygon" in geometry.geom_type or (
         geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
     )
@@ -195,8 +205,7 @@ def area_surface(geometry: Any, tags: Mapping[str, str]) -> str | None:
 
 
 def _equalise_widths(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
-    """The ways, roads of one name and class as wide as most of their length is, so that the kerb of a street runs on where its
-    tags, such as those of parking, change from piece to piece."""
+    """Give roads of one name and class their most common width, so that kerbs run on where tags such as parking change."""
     lengths: dict[str, dict[float, float]] = {}
     for way in ways:
         if way.kind == "road":
@@ -216,7 +225,7 @@ def _equalise_widths(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way
 
 
 def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | None:
-    """A crossing that is mapped as a node: a line across its road."""
+    """Return a crossing that is mapped as a node, as a line across its road."""
     if not roads:
         return None
     away = shapely.distance([way.line for way in roads], node)
@@ -239,11 +248,15 @@ def _project_features(source: Centrelines, crs: CRS) -> np.ndarray:
     flat = np.empty(len(source.ground), dtype=object)
     flat[:] = [feature.geometry for feature in source.ground]
     flat = shapely.force_2d(flat)
-    return flat if source.crs is None else shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
+    return (
+        flat
+        if source.crs is None
+        else shapely.transform(flat, coordinate_transform(source.crs, crs), interleaved=False)
+    )
 
 
 def _is_hidden(tags: Mapping[str, str]) -> bool:
-    """Whether a thing lies under the ground, in a building or above it."""
+    """Return whether a feature is underground, covered or inside a building."""
     try:
         under = float(tags.get("layer", "0")) < 0 and tags.get("natural") != "water"
     except ValueError:
@@ -282,7 +295,7 @@ def _side_tag(tags: Mapping[str, str], key: str, side: str) -> str | None:
 
 
 def _pavement_width(tags: Mapping[str, str], side: str, name: str) -> float:
-    """Metres of pavement on a side of a road."""
+    """Return metres of pavement on one side of a road."""
     stated = tags.get(f"sidewalk:{side}", tags.get("sidewalk:both"))
     if stated is None and "sidewalk" in tags:
         both = tags["sidewalk"]
@@ -293,11 +306,13 @@ def _pavement_width(tags: Mapping[str, str], side: str, name: str) -> float:
     if stated in ("no", "none"):
         return 0.0
     widths = (f"sidewalk:{side}:width", "sidewalk:both:width", "sidewalk:width")
-    return next((found for key in widths if (found := _length_tag(tags, key, 15.0)) is not None), DEFAULT_PAVEMENT_WIDTH_M)
+    return next(
+        (found for key in widths if (found := _length_tag(tags, key, 15.0)) is not None), DEFAULT_PAVEMENT_WIDTH_M
+    )
 
 
 def _parking_width(tags: Mapping[str, str], side: str) -> float:
-    """Metres that parked cars take on a side of a road's carriageway."""
+    """Return metres of carriageway that parked cars take on one side of a road."""
     stated = _side_tag(tags, "parking", side)
     if stated in ("lane", "street_side"):
         both = tags.get("parking:both:orientation", tags.get("parking:orientation", "parallel"))

@@ -1,4 +1,4 @@
-"""The keys of a block file: their types, defaults and ranges, and one line for each way to get them wrong."""
+"""Keys of a block file: types, defaults and ranges, and one line for each way to get them wrong."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _int_range(low: int, high: int) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class MaterialSettings:
-    """A picture of a material, seen straight on."""
+    """Picture of a material, seen straight on."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -48,7 +48,7 @@ class MaterialSettings:
 
 @dataclass(frozen=True, slots=True)
 class SunSettings(Sun):
-    """The sun within the ranges that a block file may state."""
+    """Position of the sun within the ranges that a block file may state."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -58,7 +58,7 @@ class SunSettings(Sun):
 
 @dataclass(frozen=True, slots=True)
 class TextureSettings:
-    """How a block is textured; lengths in metres, panorama_width in pixels. The README says what each key means."""
+    """Texture settings of a block: lengths in metres, panorama_width in pixels; the README documents each key."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -138,7 +138,7 @@ MAX_NAME_LENGTH = 80
 
 
 class BlockKeys(_Keys):
-    """A block file as written, checked key by key; no file has been looked at."""
+    """Keys of a block file after validation, before any file is opened."""
 
     name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{MAX_NAME_LENGTH - 1}}}$")]
     crs: str | None = None
@@ -158,7 +158,7 @@ class BlockKeys(_Keys):
 
 
 def allowed_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
-    """Every key in dotted form with its range ("1 to 100"), "" where it has none."""
+    """Return every dotted key with its range ("1 to 100"), or "" if it has none."""
     found: dict[str, str] = {}
     for name, hint in get_type_hints(model, include_extras=True).items():
         if name.startswith("_") or name == "model_config":
@@ -171,7 +171,12 @@ def allowed_ranges(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
 
 
 def check_keys(values: Any) -> BlockKeys:
-    """Validate the content of a block file; ValueError with one line "key: problem; remedy" for the first fault."""
+    """Validate the content of a block file.
+
+    Raises
+    ------
+    ValueError : one line "key: problem; remedy" for the first fault.
+    """
     if not isinstance(values, Mapping):
         raise ValueError("holds no keys; write at least name and buildings")
     try:
@@ -237,12 +242,12 @@ def _format_fault(fault: Mapping[str, Any]) -> str:
 
 
 def _range_text(key: str) -> str:
-    """The range of a key, or of the entries of a list."""
+    """Return the range of a key, or of the entries of a list."""
     return allowed_ranges().get(key) or "up to 100 000 km either way"
 
 
 def key_path(loc: Sequence[str | int]) -> str:
-    """("area", 1) -> area[1]; ("texture", "walls") -> texture.walls"""
+    """Join the location of a fault: ("area", 1) -> area[1]; ("texture", "walls") -> texture.walls."""
     end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic goes on with which of text and list it tried
     parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
@@ -262,7 +267,7 @@ def _suggest_key(key: str) -> str:
 
 
 def _alternatives(hint: Any) -> list[Any]:
-    """A hint without its Optional and Annotated wrapping, as a list of the alternatives."""
+    """Return the alternatives of a type hint without Optional and Annotated."""
     if get_origin(hint) is Annotated:
         return _alternatives(get_args(hint)[0])
     if get_origin(hint) in (Union, types.UnionType):

@@ -1,4 +1,4 @@
-"""Shops on streets whose class suggests them, at buildings where the map has none: few, by the building's id."""
+"""Likely shops on roads whose class suggests them, at buildings where the map has none; drawn by building id."""
 
 from __future__ import annotations
 
@@ -23,8 +23,18 @@ FRONT_TOLERANCE_M = 3.0
 def likely_shops(
     buildings: Sequence[Building], ways: Sequence[Way], places: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Where shops are likely beside those at `places`: (x, y) in the middle of a building's front. What a building has depends
-    on it, on the road nearest to it and on whether a place is its own."""
+    """Choose buildings that are likely to have a shop.
+
+    The choice depends only on the building, the road nearest to it, and whether a mapped shop is its own.
+
+    Parameters
+    ----------
+    places : (x, y) of mapped shops in the frame.
+
+    Returns
+    -------
+    (x, y) of the middle of the front of each chosen building.
+    """
     roads = [way for way in ways if way.kind == "road"]
     if not roads or not buildings:
         return []
@@ -39,7 +49,11 @@ def likely_shops(
     for building, nearest in zip(buildings, road.tolist(), strict=True):
         way = roads[nearest]
         low = building.raised > 0 or building.height < MIN_SHOP_HEIGHT_M or building.footprint.area < MIN_SHOP_AREA_M2
-        if low or building.whole_id in houses or _hash_fraction(building.whole_id) >= SHOP_SHARE_BY_RANK.get(way.rank, 0.0):
+        if (
+            low
+            or building.whole_id in houses
+            or _hash_fraction(building.whole_id) >= SHOP_SHARE_BY_RANK.get(way.rank, 0.0)
+        ):
             continue
         front = _front_midpoint(building, way)
         if front is not None:
@@ -48,7 +62,7 @@ def likely_shops(
 
 
 def _front_midpoint(building: Building, way: Way) -> tuple[float, float] | None:
-    """The middle of a building's front on a road; None where it stands back from it."""
+    """Return the middle of a building's front on a road, or None if the building is set back."""
     rings = [np.asarray(part.exterior.coords)[:, :2] for part in shapely.get_parts(building.footprint).tolist()]
     ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
     middles = ends.mean(axis=1)
@@ -61,6 +75,6 @@ def _front_midpoint(building: Building, way: Way) -> tuple[float, float] | None:
 
 
 def _hash_fraction(id: str) -> float:
-    """A number from 0 to 1 that an id always has."""
+    """Return a number from 0 to 1 that depends only on the id."""
     digest = blake2b(id.encode(errors="surrogatepass"), digest_size=4, person=b"shop").digest()
     return int.from_bytes(digest, "big") / 2**32

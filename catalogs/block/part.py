@@ -1,4 +1,4 @@
-"""A block that is a part of a city: of all that the city's files hold, what is its own, and as much around it as it reads."""
+"""Part of a city as a block: its own buildings and streets, and the surroundings that it reads."""
 
 from __future__ import annotations
 
@@ -29,11 +29,14 @@ PART_GROUND_MARGIN_M, MAX_PICTURE_DISTANCE_M = 120.0, 150.0
 
 @dataclass(frozen=True)
 class CityPart:
-    """What of a block is its own where it is a part of a city; all else in it is context, which is seen and not textured.
+    """Own buildings and streets of a block that is a part of a city; other contents of the block are seen but not textured.
 
-    buildings, streets: ids. beyond: buildings farther away, before whose choice of an exemplar none of the block's own can be
-    made. fronts: the name of the street next to each of the block's own buildings, then of those beyond; shops: which of
-    these have a shop (1, 0; -1 where no map tells), likewise.
+    Attributes
+    ----------
+    buildings, streets : ids of the own ones.
+    distant_buildings : buildings farther away whose exemplar must be chosen before one of the block's own.
+    front_streets : name of the nearest street of each own building, then of each distant one.
+    shop_flags : 1 if the building has a shop, 0 if not, -1 without a map; in the same order.
     """
 
     buildings: tuple[str, ...]
@@ -45,8 +48,14 @@ class CityPart:
 
 @dataclass(frozen=True)
 class PartSelection:
-    """What of a city is of a block, by ids: its own buildings and segments of streets; context and passing, those around it;
-    beyond, buildings before whose choice of an exemplar none of its own can be made."""
+    """Ids of a city's buildings and street segments that belong to one block.
+
+    Attributes
+    ----------
+    buildings, streets : the block's own.
+    halo_buildings, halo_streets : those around it.
+    distant_buildings : buildings whose exemplar must be chosen before one of the block's own.
+    """
 
     buildings: tuple[str, ...]
     streets: tuple[str, ...]
@@ -56,10 +65,13 @@ class PartSelection:
 
 
 class CityIndex:
-    """A city that is read as one block, and what is looked up in it for every part: worked out once.
+    """City read as one block, with the look-ups that every part needs, computed once.
 
-    segments: its streets cut at junctions; fronts: the name of the street next to each building, shops: as of `Part`, both in
-    the order of its buildings.
+    Attributes
+    ----------
+    segments : streets cut at junctions.
+    front_streets : name of the street nearest to each building.
+    shop_flags : as in `CityPart`, in the order of the buildings.
     """
 
     def __init__(self, block: Block) -> None:
@@ -79,7 +91,7 @@ class CityIndex:
         self._areas = shapely.STRtree([area.outline for area in block.ground.areas])
 
     def extract_part(self, selection: PartSelection) -> Block:
-        """The part of the city that is chosen."""
+        """Build the block of one part of the city."""
         block = self.block
         own = sorted(self._building[one] for one in selection.buildings)
         mine = [block.buildings[i] for i in own]
@@ -132,7 +144,7 @@ class CityIndex:
 def _select_textures(
     buildings: Sequence[Building], textures: tuple[Path, ...]
 ) -> tuple[list[Building], tuple[Path, ...]]:
-    """Buildings whose shells count only the pictures that they have, and these."""
+    """Return the used textures, and the buildings with texture indices renumbered to them."""
     shells = [one.shell.texture for one in buildings if one.shell is not None]
     used = np.unique(np.concatenate([*shells, np.empty(0, np.int32)]))
     used = used[used >= 0]
@@ -150,7 +162,7 @@ def _select_textures(
 
 
 def nearest_street_names(buildings: Sequence[Building], streets: Sequence[Street]) -> list[str]:
-    """The name, else the id, of the street that is nearest to each building."""
+    """Return the name, or else the id, of the street nearest to each building."""
     if not streets:
         return [""] * len(buildings)
     tree = shapely.STRtree([street.line for street in streets])
@@ -162,7 +174,7 @@ def nearest_street_names(buildings: Sequence[Building], streets: Sequence[Street
 
 
 def _shop_flags(buildings: Sequence[Building], places: Sequence[tuple[float, float]] | None) -> list[int]:
-    """Whether each building of a city has a shop: 1, or 0; -1 where no map tells."""
+    """Return 1 for each building with a shop and 0 for others; -1 without a map."""
     if places is None:
         return [-1] * len(buildings)
     tree = shapely.STRtree([building.footprint for building in buildings])

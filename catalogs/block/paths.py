@@ -1,4 +1,4 @@
-"""The paths that a block file names: where they lie, and one line for each that is not there."""
+"""Paths that a block file names, resolved and checked."""
 
 from __future__ import annotations
 
@@ -16,9 +16,13 @@ FOLDER_KEYS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoram
 
 
 def resolve_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
-    """Dotted key -> the paths it names, relative to the block file, all of which exist.
+    """Return dotted key -> existing paths, relative to the block file.
 
-    `${NAME}` in a path stands for an environment variable. Raises ValueError, "key: problem; remedy".
+    `${NAME}` in a path is replaced with the environment variable.
+
+    Raises
+    ------
+    ValueError : "key: problem; remedy" for the first path that cannot be used.
     """
     named = {"buildings.path": _as_list(keys.buildings.path)}
     if keys.ground:
@@ -60,7 +64,9 @@ def _resolve_path(key: str, text: str, block: Path) -> Path:
         remedy = f"did you mean {close}?" if close else "paths are relative to the block file"
         raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
     except OSError as error:  # a name that is too long, links in a circle, a folder that may not be entered
-        raise ValueError(f"{key}: {shorten_path(path)} cannot be opened ({error.strerror}); name another path") from error
+        raise ValueError(
+            f"{key}: {shorten_path(path)} cannot be opened ({error.strerror}); name another path"
+        ) from error
     except ValueError as error:  # a name that no file can have
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
     if key not in FOLDER_KEYS and not stat.S_ISREG(kind):
@@ -70,13 +76,13 @@ def _resolve_path(key: str, text: str, block: Path) -> Path:
 
 
 def shorten_path(path: Path, limit: int = 240) -> str:
-    """A path in a message: its end where it is so long that nobody reads it."""
+    """Return the end of a path that is too long for a message."""
     text = str(path)
     return text if len(text) <= limit else f"...{text[-limit:]}"
 
 
 def suggest_name(path: Path) -> str | None:
-    """The name of what the folder of a missing file holds instead; of the first thousand of its files."""
+    """Return the most similar file name in the folder of a missing file; the first thousand files are compared."""
     try:
         near = [found.name for found in islice(path.parent.iterdir(), 1000)]
     except OSError:

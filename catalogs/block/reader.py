@@ -1,4 +1,4 @@
-"""Reading a block file: the YAML, the files it names, and what they hold, as one frozen value."""
+"""Reader of block files: the YAML, the files that it names, and their contents."""
 
 from __future__ import annotations
 
@@ -40,18 +40,28 @@ Material = tuple[Path, float]
 
 @dataclass(frozen=True)
 class Block:
-    """One city block, ready to be textured.
+    """City block, ready to be textured.
 
-    crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
-    streets they are derived from the gaps between the buildings when the block is ingested. ground: what a map says of it;
-    shops: where some are or are likely, (x, y), None where none tells; entrances: where a map has some. photos: facade id ->
-    file, as taken from the street unless photos_rectified; privacy: what is kept of things in front; textures: the pictures
-    that the buildings' own texture indices count; aerial: the block from straight above; roof_material: a picture of one, and
-    its metres per pixel; materials: pictures whose grain takes the place of what is shipped. notes says what was left out or
-    assumed, one line each; faults are the units that are broken. corrections: what people corrected, of the file beside the
-    block file. part: what is its own where it is a part of a city. models: those that it
-    names in place of what is shipped. digest is the sha256 of all of that: of what was read, not
-    of files, their names or dates.
+    Attributes
+    ----------
+    crs : horizontal, projected, in metres (x east, y north); all geometry is in it.
+    streets : if empty, derived at ingest from the gaps between buildings.
+    shops : (x, y) of mapped and likely shops, None without a map.
+    entrances : (x, y) of mapped entrances.
+    ground : ways and areas that a map states.
+    photos : facade id -> file; unrectified street photos unless `photos_rectified`.
+    privacy : treatment of people and vehicles in pictures.
+    textures : pictures that the texture indices of shells refer to.
+    aerial : orthophoto of the block.
+    roof_material : picture of a roof material, and its metres per pixel.
+    materials : pictures that replace shipped materials.
+    storey : metres per storey.
+    notes : what was left out or assumed, one line each.
+    faults : units that are broken.
+    digest : sha256 of all values read; independent of file names and dates.
+    corrections : corrections of people, from the file next to the block file.
+    part : the block's own part of a city, None if it is not a part.
+    models : model files that replace shipped ones.
     """
 
     name: str
@@ -87,8 +97,11 @@ class Block:
 def read_block(path: Path | str) -> Block:
     """Read and check a block file; the README of this package documents its keys.
 
-    Raises BlockFileError: one line with the block file, the key, the file concerned and the remedy. A unit that is broken
-    (a building, a street, a picture) is no reason to raise: it is in `faults`.
+    A broken unit (building, street, picture) is no error: it is listed in `faults`.
+
+    Raises
+    ------
+    BlockFileError : one line with the block file, the key, the file concerned and the remedy.
     """
     file = BlockFile(Path(path))
     try:
@@ -101,7 +114,12 @@ def read_block(path: Path | str) -> Block:
 
 
 def build_block(keys: BlockKeys, file: BlockFile) -> Block:
-    """The block of keys that were read of a file, as its sources state it, without a digest. Raises as `read_block`."""
+    """Build a block from checked keys, without corrections and digest.
+
+    Raises
+    ------
+    BlockFileError : as `read_block`.
+    """
     try:
         files = resolve_paths(keys, file.path)
     except ValueError as error:
@@ -124,7 +142,9 @@ def build_block(keys: BlockKeys, file: BlockFile) -> Block:
         from catalogs.readers.pictures.panoramas import read_panoramas
 
         poses = files.get("imagery.panoramas.poses", (None,))[0]
-        found = file.call_reader("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
+        found = file.call_reader(
+            "imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent
+        )
         panoramas, broken_panoramas = found.items, found.faults
         far = notes_by_reason(ids_by_reason(found.remarks))
     return Block(
@@ -158,7 +178,7 @@ def build_block(keys: BlockKeys, file: BlockFile) -> Block:
 
 
 def part_values(part: Block, whole: Block) -> dict[str, Any]:
-    """What the file of a part of a city holds, which `part` of a block file names: as `catalogs.block.extract` keeps it."""
+    """Return the values that the file of a part of a city holds (see `catalogs.block.extract`)."""
     return {
         "crs": part.crs.to_string(),
         "extent": buildings_extent(whole.buildings),
@@ -167,7 +187,7 @@ def part_values(part: Block, whole: Block) -> dict[str, Any]:
 
 
 def _read_part(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
-    """The part of a city that a block file names, with the settings of that."""
+    """Read the part of a city that a block file names, with the settings of the block file."""
     from catalogs.block.extract import read_extract
 
     values = file.call_reader("part.path", read_extract, *files["part.path"])
@@ -195,13 +215,15 @@ def _read_part(keys: BlockKeys, files: NamedFiles, file: BlockFile) -> Block:
 
 
 def _flat_terrain_notes(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:
-    """A note where nothing tells how high the ground is: a hill looks like any other place then."""
+    """Return a note if no source states the height of the ground."""
     if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
         return ()
     return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
 
 
-def _read_terrain(files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:
+def _read_terrain(
+    files: NamedFiles, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile
+) -> Elevation | None:
     if "terrain.path" not in files:
         return None
     from catalogs.readers.pictures.elevation import read_elevation
@@ -220,7 +242,7 @@ def _model_files(files: NamedFiles) -> ModelFiles:
 
 
 def set_digest(block: Block, file: BlockFile) -> Block:
-    """A block with the digest of all that it is."""
+    """Return the block with its digest."""
     return replace(block, digest=file.call_reader("imagery", block_digest, block))
 
 
@@ -239,11 +261,15 @@ def _read_pictures(
         photos, absent = file.call_reader("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
         faults += absent
     if keys.texture.walls == "exemplar" and not exemplars:
-        raise file.make_error("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
+        raise file.make_error(
+            "imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}"
+        )
     return exemplars, photos, faults
 
 
-def _read_aerial(keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFile) -> Aerial | None:
+def _read_aerial(
+    keys: BlockKeys, files: NamedFiles, frame: CRS, buildings: Iterable[Building], file: BlockFile
+) -> Aerial | None:
     if keys.imagery.aerial is None:
         return None
     from catalogs.readers.pictures.aerial import read_aerial

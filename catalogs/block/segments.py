@@ -1,4 +1,4 @@
-"""Streets cut at junctions: a city is cut along its streets, and viewpoints stand where they do however it is cut."""
+"""Streets cut at junctions, so that viewpoints do not depend on the partition of a city."""
 
 from __future__ import annotations
 
@@ -17,8 +17,11 @@ MIN_SEGMENT_LENGTH_M = 60.0
 
 
 def segment_streets(streets: Sequence[Street]) -> tuple[Street, ...]:
-    """Streets cut where others meet them, from each one's start on; a segment's id is its street's with .0, .1, ... where there
-    are several. Which junctions those are depends on the streets that meet there alone."""
+    """Cut streets at junctions, each from its start.
+
+    The junctions used depend only on the streets that meet there. A segment's id is its street's, with .0, .1, ... if there are
+    several.
+    """
     met = Counter(place for street in streets for place in _vertices(street))
     return tuple(segment for street in streets for segment in _split_street(street, met))
 

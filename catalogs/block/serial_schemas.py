@@ -42,8 +42,8 @@ def _pairs(names: str, attributes: Mapping[str, str] | None = None) -> FieldPair
     return tuple((name, (attributes or {}).get(name, name)) for name in names.split())
 
 
-def _schema(tag: str, names: str) -> SerialSchema:
-    return SerialSchema(tag, _pairs(names))
+def _schema(tag: str, names: str, attributes: Mapping[str, str] | None = None) -> SerialSchema:
+    return SerialSchema(tag, _pairs(names, attributes))
 
 
 SCHEMAS: Mapping[type, SerialSchema] = {
@@ -56,7 +56,11 @@ SCHEMAS: Mapping[type, SerialSchema] = {
     Fault: _schema("Fault", "id kind reason place"),
     Finish: _schema("Finish", "wall_colour roof_colour wall_material roof_material"),
     Ground: _schema("Ground", "ways areas outline"),
-    CityPart: _schema("Part", "buildings streets beyond fronts shops"),
+    CityPart: _schema(
+        "Part",
+        "buildings streets beyond fronts shops",
+        {"beyond": "distant_buildings", "fronts": "front_streets", "shops": "shop_flags"},
+    ),
     Pose: _schema("Pose", "x y z heading pitch roll view"),
     PosedPanorama: _schema("PosedPanorama", "id path pose captured"),
     Roof: _schema("Roof", "shape height direction across pitch confidence"),

@@ -1,4 +1,4 @@
-"""What a block file's data come from, and under which licence where that is known."""
+"""Sources of a block's data and their licences."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from catalogs.stac.facts import SourceFact
 from facade_core.core.errors import InputError
 
 # Who took pictures of one licence are named, so many of them; poses.json beside the pictures names all.
-NAMED = 8
+MAX_NAMED_AUTHORS = 8
 OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 
 
 def block_sources(block_file: Path) -> tuple[SourceFact, ...]:
-    """The files and folders that a block file names. The licence of a file is known where it is one that `streetloom fetch`
-    brings, by its checksum, or an extract of OpenStreetMap; of a folder of fetched pictures each of theirs is one.
-    None of them where the block file cannot be read any more."""
+    """Return the files and folders that a block file names, with licences as far as they are known.
+
+    A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. A folder of
+    fetched pictures gives one source per licence. Returns nothing if the block file cannot be read any more.
+    """
     try:
         paths = resolve_paths(check_keys(read_yaml(block_file)), block_file)
         return tuple(
@@ -44,7 +46,7 @@ def _file_licence(path: Path) -> str | None:
 
 
 def _picture_licences(folder: Path) -> tuple[str | None, ...]:
-    """Who took the fetched pictures of a folder, and their licence, for each licence; of another folder nothing is known."""
+    """Return authors and licence of a folder of fetched pictures, one text per licence; (None,) for other folders."""
     if not is_fetched(folder):
         return (None,)
     authors: dict[str, list[str]] = {}
@@ -55,7 +57,7 @@ def _picture_licences(folder: Path) -> tuple[str | None, ...]:
 
 
 def _most_frequent_names(names: list[str]) -> str:
-    """The names that stand there most often, no more than NAMED."""
+    """Return the most frequent names, MAX_NAMED_AUTHORS at most."""
     counted = [name.replace(",", " ").replace(":", " ") for name, _ in Counter(sorted(names)).most_common()]
-    more = f" and {len(counted) - NAMED} others" if len(counted) > NAMED else ""
-    return "; ".join(counted[:NAMED]) + more
+    more = f" and {len(counted) - MAX_NAMED_AUTHORS} others" if len(counted) > MAX_NAMED_AUTHORS else ""
+    return "; ".join(counted[:MAX_NAMED_AUTHORS]) + more

@@ -1,4 +1,4 @@
-"""A key added to a block file that somebody wrote: its lines, comments and order stay."""
+"""Add a key to a user's block file without changing its other lines, comments or order."""
 
 from __future__ import annotations
 
@@ -17,14 +17,18 @@ _INDENTED_LINE = re.compile(r"^( +)\S", re.MULTILINE)
 
 
 def format_imagery_entry(kind: str, values: Mapping[str, Any]) -> str:
-    """What names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
+    """Return the line that names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
     held = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
     return f"{kind}: {held.strip()}"
 
 
 def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
-    """Have a block file without pictures of a kind name some; False, and nothing is written, where its `imagery` is not
-    written in lines of its own."""
+    """Add pictures of a kind to a block file that names none.
+
+    Returns
+    -------
+    False if `imagery` is not written on lines of its own; the file is unchanged then.
+    """
     path = path.resolve()  # of a link, the file that it leads to
     before = read_yaml(path)
     text = path.read_bytes().decode()

@@ -1,4 +1,4 @@
-"""YAML files, read so that every slip in them is named with its line."""
+"""Strict YAML reader whose errors name the line."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from pathlib import Path
 from typing import Any
 
 # A block file names data and does not hold any: one of a list of a thousand files has 100 kB.
-LARGEST = 256_000  # bytes
-DEEPEST = 20  # levels of keys and lists
+MAX_FILE_BYTES = 256_000  # bytes
+MAX_NESTING = 20  # levels of keys and lists
 # Digits of a whole number: what is longer is no setting, and Python refuses to read some of it.
-MOST_DIGITS = 40
+MAX_DIGITS = 40
 # Characters that no value has on purpose: they break lines of messages, or cannot be written down at all.
-_UNWANTED = {"Cc": "a control character", "Cs": "half a character", "Zl": "a line break", "Zp": "a line break"}
+_FORBIDDEN_CATEGORIES = {
+    "Cc": "a control character",
+    "Cs": "half a character",
+    "Zl": "a line break",
+    "Zp": "a line break",
+}
 # Plain values by their look, as YAML 1.2's core schema reads them. In YAML 1.1 `no` is false, 1:30 is 90 and 010 is 8.
-_CORE = (
+_CORE_SCHEMA = (
     ("null", r"~|null|Null|NULL|", "~nN\0"),
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
     ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
@@ -31,42 +36,47 @@ _OCTAL = re.compile(r"[-+]?0[0-9]+")
 
 
 def read_yaml(path: Path) -> Any:
-    """The content of a YAML file; ValueError in one line, with the line number where YAML itself is at fault.
+    """Read a YAML file with the YAML 1.2 core schema.
 
-    Plain values are read as in YAML 1.2 (core schema). Anchors, aliases, tags and twins of a key are refused, and so are
-    files of more than LARGEST bytes or of more than DEEPEST levels.
+    Anchors, aliases, tags, duplicate keys, files over MAX_FILE_BYTES and nesting over MAX_NESTING are rejected.
+
+    Raises
+    ------
+    ValueError : one line, with the line number for errors of syntax.
     """
     import yaml
 
-    text = _text(path)
+    text = _read_text(path)
     try:
         return yaml.load(text, Loader=_loader())
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
         raise ValueError(
-            f"{_place(error, text)}not valid YAML ({' '.join(str(problem).split())}); mend that line"
+            f"{_error_location(error, text)}not valid YAML ({' '.join(str(problem).split())}); mend that line"
         ) from error
 
 
-def _text(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise ValueError("is no file; name a block file")
         with path.open("rb") as file:
-            content = file.read(LARGEST + 1)
+            content = file.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
         raise ValueError("no such block file; check the path") from None
     except OSError as error:
         raise ValueError(f"cannot be read ({error.strerror}); name a block file") from error
-    if len(content) > LARGEST:
-        raise ValueError(f"has more than {LARGEST // 1000} kB, and a block file only names data; name a block file")
+    if len(content) > MAX_FILE_BYTES:
+        raise ValueError(
+            f"has more than {MAX_FILE_BYTES // 1000} kB, and a block file only names data; name a block file"
+        )
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError("is not UTF-8 text; a block file is YAML") from None
 
 
-def _place(error: Any, text: str) -> str:
+def _error_location(error: Any, text: str) -> str:
     if mark := getattr(error, "problem_mark", None) or getattr(error, "context_mark", None):
         return f"line {mark.line + 1}, column {mark.column + 1}: "
     position = getattr(error, "position", None)  # of a character that YAML does not allow
@@ -92,8 +102,8 @@ def _loader() -> type:
             if event.tag is not None:
                 tag = ascii(event.tag.replace("tag:yaml.org,2002:", "!!"))[:60]
                 raise ValueError(f"line {line}: {tag} is a tag, and tags are not read; leave it out")
-            if self.depth >= DEEPEST:
-                raise ValueError(f"line {line}: more than {DEEPEST} levels of lists or keys; no key takes as many")
+            if self.depth >= MAX_NESTING:
+                raise ValueError(f"line {line}: more than {MAX_NESTING} levels of lists or keys; no key takes as many")
             self.depth += 1
             try:
                 return super().compose_node(parent, index)
@@ -116,7 +126,7 @@ def _loader() -> type:
     def text(loader: Any, node: Any) -> str:
         value = loader.construct_scalar(node)
         for character in value:
-            if what := _UNWANTED.get(unicodedata.category(character)):
+            if what := _FORBIDDEN_CATEGORIES.get(unicodedata.category(character)):
                 line = node.start_mark.line + 1
                 raise ValueError(f"line {line}: {ascii(value)[:60]} holds {what}; write it without")
         return str(value)
@@ -126,10 +136,10 @@ def _loader() -> type:
         if _OCTAL.fullmatch(value) and value.strip("+-0"):
             plain = value[0].strip("0123456789+") + value.lstrip("+-0")
             raise ValueError(
-                f"line {line}: {value[:MOST_DIGITS]} begins with 0, which some read as octal; write {plain[:MOST_DIGITS]}, "
+                f"line {line}: {value[:MAX_DIGITS]} begins with 0, which some read as octal; write {plain[:MAX_DIGITS]}, "
                 "or in quotes where it is text"
             )
-        if len(value) > MOST_DIGITS:
+        if len(value) > MAX_DIGITS:
             raise ValueError(f"line {line}: a number of {len(value)} digits; write one that is meant")
         return int(value, 0) if value[:2] in ("0o", "0x") else int(value)
 
@@ -138,7 +148,7 @@ def _loader() -> type:
         return float(value.replace(".inf", "inf").replace(".nan", "nan"))
 
     Loader.yaml_implicit_resolvers = {}
-    for name, pattern, first in _CORE:
+    for name, pattern, first in _CORE_SCHEMA:
         tag = f"tag:yaml.org,2002:{name}"
         resolver = (tag, re.compile(rf"(?:{pattern})\Z"))
         for letter in first:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -24,6 +24,7 @@ from facade_core.core.types import Building
 
 if TYPE_CHECKING:
     from pyproj import CRS
+    from shapely.geometry.base import BaseGeometry
 
 MIN_FOOTPRINT_M2 = 10.0  # m2; smaller outlines are kiosks, masts or mapping errors
 MIN_PART_M2 = 4.0  # m2; of building parts
@@ -94,7 +95,7 @@ def assemble_buildings(
     found: list[_Candidate] = []
     around: list[_Candidate] = []
     textures: list[Path] = []
-    stated: dict[str, list[Any]] = defaultdict(list)
+    stated: dict[str, list[BaseGeometry]] = defaultdict(list)
     for source in sources:
         assert source.crs is not None, "the block gives a frame to every source"
         places = _project([remark.geometry for remark in source.remarks], source.crs, crs)
@@ -225,7 +226,7 @@ def _model_candidates(
 def _drop_duplicates(
     candidates: list[_Candidate],
     earlier: list[_Candidate],
-    stated: dict[str, list[Any]],
+    stated: dict[str, list[BaseGeometry]],
     reasons: dict[str, list[str]],
 ) -> list[_Candidate]:
     """Return the candidates that no earlier feature duplicates, each with a unique id.
@@ -254,7 +255,7 @@ def _drop_duplicates(
     return kept
 
 
-def _overlap(outline: Any, other: Any) -> bool:
+def _overlap(outline: BaseGeometry, other: BaseGeometry) -> bool:
     return bool(outline.intersection(other).area > MAX_NEIGHBOUR_OVERLAP * min(outline.area, other.area))
 
 
@@ -318,20 +319,20 @@ def _stated_height(footprint: Footprint, floor_height: float) -> tuple[float | N
     return None, "default"
 
 
-def _project(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
+def _project(outlines: Sequence[BaseGeometry | None], source: str, crs: CRS) -> np.ndarray:
     flat = np.empty(len(outlines), dtype=object)
     flat[:] = outlines
     return shapely.transform(shapely.force_2d(flat), coordinate_transform(source, crs), interleaved=False)
 
 
-def _may_intersect(outline: Any, area: Polygon | None) -> bool:
+def _may_intersect(outline: BaseGeometry | None, area: Polygon | None) -> bool:
     """Return True where an outline, however broken, may intersect the area; an outline without a location counts."""
     if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
         return True
     return bool(shapely.box(*outline.bounds).intersects(area))
 
 
-def _without_stray_holes(outline: Any) -> Any:
+def _without_stray_holes(outline: BaseGeometry) -> BaseGeometry:
     """Return an outline without holes outside its shell, which make it invalid."""
     if not shapely.is_valid_reason(outline).startswith("Hole lies outside shell"):
         return outline
@@ -343,7 +344,7 @@ def _without_stray_holes(outline: Any) -> Any:
     return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
 
 
-def _find_defect(outline: Any) -> str | None:
+def _find_defect(outline: BaseGeometry) -> str | None:
     """Return the defect and the remedy of an outline; None where it is valid or can be repaired."""
     if not np.isfinite(shapely.get_coordinates(outline)).all():
         return "a corner of its footprint is not a number; mend or remove it"
@@ -357,7 +358,7 @@ def _find_defect(outline: Any) -> str | None:
     return None
 
 
-def _repair(outline: Any) -> Any:
+def _repair(outline: BaseGeometry) -> BaseGeometry:
     return outline if outline.is_valid else shapely.make_valid(outline, method="structure", keep_collapsed=False)
 
 

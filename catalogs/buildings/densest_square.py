@@ -14,7 +14,7 @@ _STEPS_PER_SIDE = 4  # positions of the square per side
 
 
 def square_bounds(longitude: float, latitude: float, size: float) -> Bounds:
-    """Return (west, south, east, north) in degrees of a square of `size` metres around a point.
+    """Return (west, south, east, north) in degrees of a square around a point.
 
     Parameters
     ----------

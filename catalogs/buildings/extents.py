@@ -53,11 +53,19 @@ class BoxLocations:
         return np.isfinite(self.size)
 
     def mean_lonlat(self, mask: np.ndarray) -> tuple[float, float]:
-        """Return the mean (longitude, latitude) of the selected boxes, degrees."""
+        """Return the mean (longitude, latitude) of the selected boxes, degrees.
+
+        Parameters
+        ----------
+        mask : (n,) flags, or indices.
+        """
         return _point_lonlat(self.centre[mask].mean(axis=0))
 
     def lonlat_bounds(self, mask: np.ndarray) -> Bounds:
-        """Return (west, south, east, north) of the selected boxes, degrees; east exceeds 180 across the date line."""
+        """Return (west, south, east, north) of the selected boxes, degrees.
+
+        East exceeds 180 across the date line.
+        """
         corners = self.corners[mask].reshape(-1, 2)
         middle = self.mean_lonlat(mask)[0]
         longitude = middle + (corners[:, 0] - middle + 180.0) % 360.0 - 180.0

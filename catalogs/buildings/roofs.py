@@ -73,7 +73,7 @@ ATTACHED_DISTANCE_M = 0.3
 
 
 def add_assumed_roofs(buildings: Sequence[Building], footprints: Sequence[Footprint | None]) -> tuple[Building, ...]:
-    """Add a roof to the buildings without one, except models and buildings of unknown height (0).
+    """Add a roof to buildings without one, except models and unknown heights (0).
 
     A stated height reaches to the ridge, so the assumed roof is subtracted. Assumed heights and those from floor counts
     reach to the eaves, so the roof is added on top. The roof depends on the building and on whether it has neighbours; the

@@ -1,1 +1,1 @@
-"""Cities: their files, and how they are cut into blocks."""
+"""City files, and the partition of cities into blocks."""

@@ -1,4 +1,4 @@
-"""The keys of a city file: those of a block file, and how it is cut; or a folder of block files."""
+"""Keys of a city file: those of a block file and the partition, or a folder of block files."""
 
 from __future__ import annotations
 
@@ -21,8 +21,15 @@ CUT_KEY, BLOCKS_KEY, TILES_KEY = "cut", "blocks", "tiles"
 
 @dataclass(frozen=True)
 class CityKeys:
-    """A city that is cut: its keys as a block's, `values` as they would be written for one, metres of a block's side, and the
-    indexes of tiles that were asked which files there are."""
+    """Checked keys of a city that is to be partitioned.
+
+    Attributes
+    ----------
+    block_keys : keys of the city as one block.
+    values : the same keys as written in a block file.
+    block_size : side of a block in metres.
+    tile_indexes : indexes of tiles that the buildings were found in.
+    """
 
     block_keys: BlockKeys
     values: Mapping[str, Any]
@@ -31,21 +38,27 @@ class CityKeys:
 
 
 def uses_default_partition(path: Path) -> bool:
-    """Whether a city's file says nothing of how it is cut, as a block's file would not. Raises ValueError as `check_city`."""
+    """Return whether a city file has no keys of its own, like a block file. Raises ValueError as `check_city`."""
     values = read_yaml(path)
     return isinstance(values, Mapping) and not {CUT_KEY, BLOCKS_KEY} & set(values)
 
 
 def read_city_name(path: Path) -> str:
-    """The name of a city. Raises ValueError as `check_city`."""
+    """Read the name of a city. Raises ValueError as `check_city`."""
     values = read_yaml(path)
     return str(values.get("name", path.stem)) if isinstance(values, Mapping) else path.stem
 
 
 def check_city(values: Any, path: Path) -> CityKeys | str:
-    """The keys of the city in the file `path`, or the folder of its block files.
+    """Validate the content of a city file.
 
-    Raises ValueError with one line "key: problem; remedy".
+    Returns
+    -------
+    Keys of the city, or the folder of its block files.
+
+    Raises
+    ------
+    ValueError : one line "key: problem; remedy".
     """
     if not isinstance(values, Mapping):
         raise ValueError("holds no keys; write the keys of a block file, or name and blocks: {path: FOLDER}")
@@ -72,7 +85,11 @@ def check_city(values: Any, path: Path) -> CityKeys | str:
         )
     side = values.get(CUT_KEY, {})
     metres = side.get("metres", DEFAULT_BLOCK_SIZE_M) if isinstance(side, Mapping) and set(side) <= {"metres"} else None
-    if not isinstance(metres, int | float) or isinstance(metres, bool) or not MIN_BLOCK_SIZE_M <= metres <= MAX_BLOCK_SIZE_M:
+    if (
+        not isinstance(metres, int | float)
+        or isinstance(metres, bool)
+        or not MIN_BLOCK_SIZE_M <= metres <= MAX_BLOCK_SIZE_M
+    ):
         raise ValueError(
             f"{CUT_KEY}: {side!r} is not understood; write {CUT_KEY}: {{metres: 400}}, {MIN_BLOCK_SIZE_M:g} to {MAX_BLOCK_SIZE_M:.0f}"
         )
@@ -80,7 +97,7 @@ def check_city(values: Any, path: Path) -> CityKeys | str:
 
 
 def _resolve_tile_index(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
-    """Values with the files that an index of tiles names in its place, relative to the city file, and the index."""
+    """Replace an index of tiles in the values with the files that it names, relative to the city file; return the index too."""
     buildings = values.get("buildings")
     if not isinstance(buildings, Mapping) or TILES_KEY not in buildings:
         return values, ()

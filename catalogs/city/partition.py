@@ -1,5 +1,8 @@
-"""A city cut into blocks along its streets: every building and every segment of a street is of one block, and what lies around
-that is read is its context. All of it is a function of place: a change here leaves the blocks elsewhere as they are."""
+"""Partition of a city into blocks along its streets: each building and street segment belongs to one block.
+
+The surroundings that a block reads are its halo. Everything here is a function of location, so a local change leaves blocks
+elsewhere unchanged.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +25,14 @@ GridCell = tuple[int, int]
 
 @dataclass(frozen=True)
 class CityCell:
-    """A block of a city: its name; ids of its own buildings and of its segments of streets; context and passing, those around
-    it, likewise. All in the city's order."""
+    """Block of a city, as ids in the city's order.
+
+    Attributes
+    ----------
+    name : name of the block.
+    buildings, streets : its own buildings and street segments.
+    halo_buildings, halo_streets : those around it.
+    """
 
     name: str
     buildings: tuple[str, ...]
@@ -33,7 +42,7 @@ class CityCell:
 
 
 def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float:
-    """How far around a block its context lies, metres."""
+    """Return how far around a block its halo reaches, in metres."""
     return max(
         MIN_HALO_M,
         2 * visibility_range + 40,
@@ -45,10 +54,16 @@ def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float
 def partition_city(
     buildings: Sequence[Building], segments: Sequence[Street], *, block_size: float, halo: float
 ) -> tuple[CityCell, ...]:
-    """The blocks of a city, by name: squares of `metres` of its frame, each drawn to the streets next to it.
+    """Partition a city into grid cells whose borders follow the nearest streets; returns blocks ordered by cell.
 
-    What streets enclose is of the square in which it lies, and so are all buildings in it; a segment is of the block next to
-    its middle.
+    All buildings inside a face of the street network belong to the cell that holds the face. A segment belongs to the block of
+    the building nearest to its middle.
+
+    Parameters
+    ----------
+    segments : streets cut at junctions.
+    block_size : side of a grid cell in metres.
+    halo : radius of the halo in metres.
     """
     squares = _building_cells(buildings, segments, block_size)
     own: dict[GridCell, list[int]] = defaultdict(list)
@@ -79,7 +94,7 @@ def partition_city(
 
 
 def _building_cells(buildings: Sequence[Building], segments: Sequence[Street], block_size: float) -> list[GridCell]:
-    """The square of each building: of the face of the streets' network that it stands in, else its own."""
+    """Return the grid cell of each building: of the street network's face around it, otherwise its own."""
     places = [building.footprint.representative_point() for building in buildings]
     found = [_grid_cell(place, block_size) for place in places]
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all([street.line for street in segments])]))
@@ -100,7 +115,7 @@ def _grid_cell(place: shapely.Point, block_size: float) -> GridCell:
 
 
 def _nearest_buildings(lines: Sequence[shapely.LineString], buildings: Sequence[Building]) -> list[int]:
-    """The building that is nearest to the middle of each line; of several the first by its id."""
+    """Return the building nearest to the middle of each line; of several the first by id."""
     order = sorted(range(len(buildings)), key=lambda i: buildings[i].id)
     tree = shapely.STRtree([buildings[i].footprint for i in order])
     middles = shapely.line_interpolate_point(np.array(lines, object), 0.5, normalized=True)

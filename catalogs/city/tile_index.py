@@ -1,6 +1,6 @@
-"""An index of tiles as a city's source: STAC, or outlines in GeoParquet, GeoPackage or GeoJSON with each one's path.
+"""Index of tiles as the source of a city: STAC, or outlines with paths in GeoParquet, GeoPackage or GeoJSON.
 
-Paths in it are relative to the file that states them. Nothing is fetched: what is not on this machine is named.
+Paths are relative to the file that states them. Nothing is downloaded.
 """
 
 from __future__ import annotations
@@ -23,9 +23,15 @@ LonLatBox = tuple[float, float, float, float]
 
 
 def tile_files(index: Path, area: Sequence[float] | None) -> list[Path]:
-    """The files of an index's tiles, ordered, of those alone that meet `area` (west, south, east, north in degrees).
+    """Return the files of an index's tiles that meet an area, sorted.
 
-    Raises InputError, one line with the remedy, where the index cannot be read, names no tile there, or one that is missing.
+    Parameters
+    ----------
+    area : (west, south, east, north) in degrees; None for all tiles.
+
+    Raises
+    ------
+    InputError : one line with the remedy, if the index cannot be read, names no tile there, or names a missing file.
     """
     if not index.is_file():
         raise InputError(f"{index} does not exist; paths are relative to the city file")
@@ -52,7 +58,9 @@ def _is_stac(index: Path) -> bool:
         said = json.loads(index.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{index} is no JSON ({error}); give an index of tiles") from error
-    return isinstance(said, dict) and ("stac_version" in said or any("stac_version" in one for one in _feature_list(said)))
+    return isinstance(said, dict) and (
+        "stac_version" in said or any("stac_version" in one for one in _feature_list(said))
+    )
 
 
 def _feature_list(said: dict[str, Any]) -> list[dict[str, Any]]:
@@ -61,7 +69,7 @@ def _feature_list(said: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
-    """The tiles of a STAC catalogue, collection, item, or collection of items."""
+    """Read the tiles of a STAC catalogue, collection, item or item collection."""
     import pystac
     from pystac.stac_io import DefaultStacIO
 
@@ -88,13 +96,13 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
 
 
 def _drop_heights(box: tuple[float, ...]) -> LonLatBox:
-    """A box without heights."""
+    """Return a box without heights."""
     half = len(box) // 2
     return box[0], box[1], box[half], box[half + 1]
 
 
 def _data_asset(item: pystac.Item, index: Path) -> pystac.Asset:
-    """The asset that is the tile: the one with the role `data`, else the only one."""
+    """Return the asset with the role `data`, or else the only asset."""
     assets = list(item.assets.values())
     data = [asset for asset in assets if "data" in (asset.roles or ())] or assets
     if len(data) != 1:
@@ -103,7 +111,7 @@ def _data_asset(item: pystac.Item, index: Path) -> pystac.Asset:
 
 
 def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
-    """The tiles of a table of outlines."""
+    """Read the tiles of a table of outlines."""
     import geopandas as gpd
 
     try:
@@ -123,7 +131,7 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
 
 
 def _local_path(href: str, folder: Path) -> Path:
-    """The file that a link names. Raises InputError for one that is elsewhere."""
+    """Return the file that a link names. Raises InputError for a link to another machine."""
     said = urlparse(href)
     if said.scheme in ("", "file"):
         return (folder / (unquote(said.path) if said.scheme else href)).resolve()

@@ -1,1 +1,1 @@
-"""The example blocks, and the public data that they are made of."""
+"""Example blocks and their public data."""

@@ -1,4 +1,4 @@
-"""Public data of the example blocks: where each file is published, its checksum and its licence."""
+"""Public data of the example blocks: address, checksum and licence of each file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _AMSTERDAM_PICTURES = {
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:
-    """A published file: where it goes below the data folder, its address and its sha256."""
+    """Published file: path below the data folder, address and sha256."""
 
     path: str
     url: str
@@ -45,7 +45,14 @@ class SourceFile:
 
 @dataclass(frozen=True, slots=True)
 class ExampleSource:
-    """What a block is made from. facts: files of `blocks/` that go along, by their place below the data folder."""
+    """Data that an example block is made from.
+
+    Attributes
+    ----------
+    licence : words that name the giver and the licence.
+    files : files to download.
+    companion_files : (path below the data folder, file in `blocks/`) of files that are copied along.
+    """
 
     licence: str
     files: tuple[SourceFile, ...]
@@ -99,9 +106,15 @@ EXAMPLE_SOURCES = {
 
 
 def download_source(source: ExampleSource, folder: Path, on_file: Callable[[], None]) -> None:
-    """Fetch a source's files into `folder`, checked against their checksums; those that are there already stay.
+    """Download a source's files into a folder and verify their checksums; existing files stay.
 
-    `arrived` is called once per file. Raises InputError naming the file and its address where it cannot be had as it was.
+    Parameters
+    ----------
+    on_file : called after each file.
+
+    Raises
+    ------
+    InputError : names the file and its address, if it cannot be downloaded or has changed.
     """
     import pooch
     import requests

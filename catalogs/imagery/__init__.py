@@ -1,4 +1,4 @@
-"""Services and folders that have street pictures: what they offer of a place, and fetching it."""
+"""Services and folders of street pictures: search and download."""
 
 # How services know who asks.
 USER_AGENT = "streetloom"

@@ -1,4 +1,4 @@
-"""Searches of boxes: what answers are cut off at a number of pictures is asked by quarters."""
+"""Search of boxes by quarters, for services that limit the number of pictures in an answer."""
 
 from __future__ import annotations
 
@@ -18,8 +18,15 @@ MAX_QUARTERING_DEPTH = 8
 def search_quarters(
     boxes: Iterable[LonLatBox], search: Callable[[LonLatBox], Iterator[Mapping[str, Any] | Fault]]
 ) -> Iterator[Mapping[str, Any] | Fault]:
-    """All that a search finds in boxes (west, south, east, north in degrees), each once by its id: where an answer has a
-    round number of records there may be more, and the quarters of its box are searched too."""
+    """Yield all results of a search in boxes, each id once.
+
+    If an answer has a multiple of LIMIT_MULTIPLE records, it may be incomplete: the quarters of its box are searched too.
+
+    Parameters
+    ----------
+    boxes : (west, south, east, north) in degrees.
+    search : yields records, and faults for those that cannot be used.
+    """
     known: set[str] = set()
     for one in chain.from_iterable(_search_box(box, search, 0) for box in boxes):
         identifier = one.id if isinstance(one, Fault) else str(one.get("id") or "")

@@ -1,4 +1,4 @@
-"""A folder of fetched pictures: the account of each, a line as it arrives, and the poses file that block files name."""
+"""Folder of fetched pictures: a log with one JSON line per picture, and the poses file that block files name."""
 
 from __future__ import annotations
 
@@ -22,8 +22,18 @@ PARTIAL_FOLDER = ".arriving"
 
 @dataclass(frozen=True, slots=True)
 class FetchedPicture:
-    """A picture that was fetched. file: its name; of one that cannot be used, or is there already under another name, empty,
-    and `rejected_buildings` says why. The rest is what its service says of it, and the sha256 and number of its bytes."""
+    """Picture that was fetched, as its service describes it.
+
+    Attributes
+    ----------
+    source, id : service, and id there.
+    file : name of the file; empty if the picture was rejected or is a duplicate.
+    sha256, bytes : digest and size of the file.
+    lon, lat, z : degrees (WGS 84), metres.
+    heading, pitch, roll : degrees, heading from true north.
+    captured : day, such as "2024-05-17".
+    refused : why the picture cannot be used, None if it can.
+    """
 
     source: str
     id: str
@@ -83,14 +93,14 @@ POSES_KEYS = (
 
 @dataclass
 class FetchLog:
-    """What was fetched into a folder, by source and id; of two lines of one picture the later counts."""
+    """Log of the pictures in a folder, by source and id; the later of two lines of one picture wins."""
 
     folder: Path
     pictures: dict[tuple[str, str], FetchedPicture]
     _lock: Lock = field(default_factory=Lock)
 
     def find_picture(self, source: str, identifier: str) -> FetchedPicture | None:
-        """A picture that is there, as long as its file is of the size that arrived; or one that was refused."""
+        """Return a picture whose file is present at its logged size, or a rejected one; otherwise None."""
         found = self.pictures.get((source, identifier))
         if found is None or found.refused:
             return found
@@ -100,7 +110,7 @@ class FetchLog:
             return None
 
     def append(self, picture: FetchedPicture) -> None:
-        """A line more, on the disk when this returns."""
+        """Append a line, flushed to disk before this returns."""
         line = json.dumps(_picture_values(picture, FETCH_LOG_KEYS), ensure_ascii=False)
         with self._lock:
             with (self.folder / FETCH_LOG_NAME).open("a", encoding="utf-8") as file:
@@ -110,13 +120,13 @@ class FetchLog:
             self.pictures[picture.source, picture.id] = picture
 
     def choose_stem(self, source: str, offer: RemotePanorama) -> str:
-        """The name of a picture's file without suffix: its id, where that is one on every system and no other source's."""
+        """Return the file stem of a picture: its id, made safe for file systems and distinct from other sources' stems."""
         others = {Path(one.file).stem for one in self.pictures.values() if one.source != source}
         stem = file_stem(offer.id)
         return stem if stem not in others else file_stem(f"{source} {offer.id}")
 
     def write_poses(self) -> Path:
-        """The poses file of what is there, in one step."""
+        """Write the poses file of the pictures that are present, atomically."""
         there = sorted((one for one in self.pictures.values() if not one.refused), key=lambda one: one.file)
         poses = {one.file: _picture_values(one, POSES_KEYS) for one in there if (self.folder / one.file).is_file()}
         path = self.folder / POSES_NAME
@@ -134,14 +144,16 @@ def _picture_values(picture: FetchedPicture, keys: Iterable[str]) -> dict[str, A
 
 
 def is_fetched(folder: Path) -> bool:
-    """Whether pictures were fetched into a folder."""
+    """Return whether a folder has a fetch log."""
     return (folder / FETCH_LOG_NAME).is_file()
 
 
 def read_fetch_log(folder: Path) -> FetchLog:
-    """The account of a folder, which is made where there is none; a last line that a kill cut off is dropped.
+    """Read the log of a folder, or start one; an incomplete last line is dropped.
 
-    Raises InputError for a folder with pictures of another's, and where a line is none of an account.
+    Raises
+    ------
+    InputError : the folder holds other files, or a line is invalid.
     """
     path = folder / FETCH_LOG_NAME
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Fetching what was chosen: several pictures at once, each looked at before it is kept, none twice."""
+"""Concurrent download of panoramas; each is checked before it is kept, and none is downloaded twice."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pathlib import Path
 
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
-from catalogs.imagery.fetch_log import PARTIAL_FOLDER, FetchLog, FetchedPicture
-from catalogs.imagery.http_client import ServiceUnavailable, RequestRejected
+from catalogs.imagery.fetch_log import PARTIAL_FOLDER, FetchedPicture, FetchLog
+from catalogs.imagery.http_client import RequestRejected, ServiceUnavailable
 from catalogs.imagery.remote_panorama import RemotePanorama, panorama_fault
 from catalogs.readers.pictures.decoding import open_picture
 from catalogs.readers.pictures.folders import check_picture
@@ -33,12 +33,29 @@ PictureCheck = Callable[[Path], None]
 
 
 def fetch_panoramas(
-    source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog, download: Downloader, check: PictureCheck, on_fetched: Callable[[bool], None]
+    source: str,
+    panoramas: Sequence[RemotePanorama],
+    fetch_log: FetchLog,
+    download: Downloader,
+    check: PictureCheck,
+    on_fetched: Callable[[bool], None],
 ) -> list[Fault]:
-    """Fetch pictures into an account's folder; those that are there, or were refused for what they are, are not asked for.
+    """Download panoramas into the folder of a fetch log; those present or rejected before are skipped.
 
-    arrived: told of each that is done, and whether it can be used. Returns a fault for each that cannot, in their order.
-    Raises Away where the service does not answer any more.
+    Parameters
+    ----------
+    source : name of the service, as logged.
+    download : writes a panorama's bytes into a file and returns their sha256.
+    check : raises InputError if a complete picture is no panorama.
+    on_fetched : called for each panorama with whether it can be used.
+
+    Returns
+    -------
+    Faults of the panoramas that cannot be used, in the given order.
+
+    Raises
+    ------
+    ServiceUnavailable : the service stopped answering.
     """
     stems = _file_stems(source, panoramas, fetch_log)
     arriving = fetch_log.folder / PARTIAL_FOLDER
@@ -53,7 +70,9 @@ def fetch_panoramas(
         problem = found.refused if found else None
         if found is None:
             try:
-                problem = _fetch_panorama(source, offer, stems[offer.id], fetch_log, arriving / stems[offer.id], download, check)
+                problem = _fetch_panorama(
+                    source, offer, stems[offer.id], fetch_log, arriving / stems[offer.id], download, check
+                )
                 lost.clear()
             except ServiceUnavailable as error:
                 lost.append(error)
@@ -75,7 +94,7 @@ def fetch_panoramas(
 
 
 def _drop_duplicates(source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog) -> list[Fault]:
-    """Drop the pictures of which the same bytes are there already: once all are, as threads come in any order."""
+    """Drop pictures whose bytes are present under another id; runs last, since threads finish in any order."""
     asked = {(source, offer.id) for offer in panoramas}
     first = {one.sha256: one for key, one in fetch_log.pictures.items() if key not in asked and not one.refused}
     faults = []
@@ -93,7 +112,7 @@ def _drop_duplicates(source: str, panoramas: Sequence[RemotePanorama], fetch_log
 
 
 def _file_stems(source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog) -> dict[str, str]:
-    """A name for each picture; of two whose ids are one name where letters' case does not count, the second has its digest."""
+    """Return a file stem for each panorama; stems that differ only in case get a digest."""
     stems: dict[str, str] = {}
     taken: set[str] = set()
     for offer in panoramas:
@@ -105,12 +124,22 @@ def _file_stems(source: str, panoramas: Sequence[RemotePanorama], fetch_log: Fet
     return stems
 
 
-def _fetch_panorama(source: str, panorama: RemotePanorama, stem: str, fetch_log: FetchLog, part: Path, download: Downloader, check: PictureCheck) -> str | None:
-    """Fetch one picture, or take what arrived before a kill could be accounted for; why it is refused for what it is, or None.
+def _fetch_panorama(
+    source: str,
+    panorama: RemotePanorama,
+    stem: str,
+    fetch_log: FetchLog,
+    part: Path,
+    download: Downloader,
+    check: PictureCheck,
+) -> str | None:
+    """Download one panorama, or adopt a file whose log line was lost; return why it is rejected, or None.
 
-    Raises Refused, Away and InputError for what another run may find mended.
+    Raises RequestRejected, ServiceUnavailable and InputError for problems that a later run may not have.
     """
-    there = next((path for path in (fetch_log.folder / f"{stem}{s}" for s in _SUFFIX_BY_FORMAT.values()) if path.is_file()), None)
+    there = next(
+        (path for path in (fetch_log.folder / f"{stem}{s}" for s in _SUFFIX_BY_FORMAT.values()) if path.is_file()), None
+    )
     if there is not None:
         os.replace(there, part)
     try:
@@ -153,7 +182,7 @@ def _fetch_panorama(source: str, panorama: RemotePanorama, stem: str, fetch_log:
 
 
 def _check_format(part: Path, check: PictureCheck) -> tuple[str, str | None]:
-    """The suffix of a picture's file, and why it is no panorama that can be used."""
+    """Return the suffix of a picture's file, and why it is no usable panorama."""
     try:
         with open_picture(part) as image:
             kind = str(image.format)

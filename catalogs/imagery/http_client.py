@@ -1,4 +1,4 @@
-"""What is asked of services over HTTP: bounded in time and size, asked again where they say so, a token for its host alone."""
+"""HTTP client with limits on time and size, retries, and a token that is sent to its host only."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _PIECE_BYTES = 1 << 16
 
 
 class RequestRejected(InputError):
-    """An answer that another try would not change: a picture that is gone, too large, or not to be had without a token."""
+    """Answer that a retry would not change: missing, too large, or forbidden."""
 
 
 class ServiceUnavailable(InputError):
-    """A service that did not answer, whatever was tried: a later run may find it."""
+    """Service that did not answer after all retries; a later run may succeed."""
 
 
 @dataclass(frozen=True)
 class ServiceToken:
-    """What a service knows its user by: sent in a header to `host` (with its port) alone, and never shown."""
+    """Token of a user: sent in a header to `host` (with its port) only, and never shown."""
 
     host: str
     header: str = field(repr=False)
@@ -55,7 +55,7 @@ class ServiceToken:
 
 @dataclass
 class HttpClient:
-    """Requests of one service, from any thread. sleep: how a pause is made."""
+    """Requests to one service, from any thread; `sleep` makes a pause."""
 
     token: ServiceToken | None = None
     sleep: Callable[[float], None] = time.sleep
@@ -64,7 +64,12 @@ class HttpClient:
     _lock: Lock = field(default_factory=Lock)
 
     def fetch_text(self, url: str, *, params: Mapping[str, Any] | None = None, body: Any = None) -> str:
-        """An answer as text: of GET, or of POST where there is a body, as JSON. Raises Refused, Away."""
+        """Return the text of an answer to GET, or to POST if there is a JSON body.
+
+        Raises
+        ------
+        RequestRejected, ServiceUnavailable : see there.
+        """
 
         def read(response: Response) -> str:
             return b"".join(_read_pieces(response, MAX_PAGE_BYTES, url)).decode("utf-8", "replace")
@@ -72,7 +77,12 @@ class HttpClient:
         return self._request(url, read, params=params, json=body)
 
     def download(self, url: str, path: Path) -> str:
-        """Write a picture to `path`, which is there whole or not at all; its sha256. Raises Refused, Away."""
+        """Write a picture to `path` atomically, and return its sha256.
+
+        Raises
+        ------
+        RequestRejected, ServiceUnavailable : see there.
+        """
         part = path.with_name(f".{path.name}.part")
 
         def write(response: Response) -> str:
@@ -110,7 +120,9 @@ class HttpClient:
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
                 problem, wait = f"cannot be read ({_error_name(error)})", None
             except requests.TooManyRedirects:
-                raise RequestRejected(f"{where} leads to another address {MAX_REDIRECTS} times over; tell its service") from None
+                raise RequestRejected(
+                    f"{where} leads to another address {MAX_REDIRECTS} times over; tell its service"
+                ) from None
             except requests.RequestException as error:
                 raise RequestRejected(f"{where} cannot be asked ({_error_name(error)}); check the address") from None
             if wait is not None and wait > MAX_WAIT_S:
@@ -147,20 +159,20 @@ class HttpClient:
             self._not_before = max(self._not_before, time.monotonic() + seconds)
 
     def _wait_until_allowed(self) -> None:
-        """Whoever asks too much waits with all its threads."""
+        """Wait out a pause that the service asked for; all threads wait."""
         left = self._not_before - time.monotonic()
         if left > 0:
             self.sleep(left)
 
 
 def display_url(url: str) -> str:
-    """An address as messages have it: without the query, which may hold a signature, and without a user's name."""
+    """Return an address for messages, without query (it may hold a signature) and user name."""
     parts = urlsplit(url)
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"[:120]
 
 
 def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes]:
-    """The bytes of an answer, no more than `max_chart_side` and for no longer than WHOLE_S."""
+    """Yield the bytes of an answer, up to `max_bytes` and TOTAL_TIMEOUT_S."""
     import requests
 
     ends, total = time.monotonic() + TOTAL_TIMEOUT_S, 0
@@ -182,7 +194,7 @@ def _read_pieces(response: Response, max_bytes: int, url: str) -> Iterator[bytes
 
 
 def _parse_retry_after(header: str | None) -> float | None:
-    """The seconds of a Retry-After, which are a number or a date; None where there is none."""
+    """Return the seconds of a Retry-After header, a number or a date; None if there is none."""
     if header is None:
         return None
     if header.strip().isdecimal():
@@ -204,7 +216,7 @@ def _remedy(status: int, url: str, token: ServiceToken | None) -> str:
 
 
 def _error_name(error: Exception) -> str:
-    """What an error of a request is, without its address."""
+    """Return the kind of a request's error, without its address."""
     text = str(error)
     known = (("refused", "connection refused"), ("resolve", "unknown host"), ("timed out", "timed out"),
              ("too slow", "too slow"), ("bytes", "cut off"), ("IncompleteRead", "cut off"))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Panoramas of Mapillary's Graph API (version 4): a token of the user, and pictures of one licence for all."""
+"""Panoramas of Mapillary's Graph API (version 4), which needs a user's token; all its pictures have one licence."""
 
 from __future__ import annotations
 
@@ -10,8 +10,16 @@ from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_quarters
-from catalogs.imagery.http_client import RequestRejected, HttpClient, display_url
-from catalogs.imagery.remote_panorama import LonLatBox, RemotePanorama, ImageryQuery, panorama_fault, resolve_licence, finite_number, parse_pose
+from catalogs.imagery.http_client import HttpClient, RequestRejected, display_url
+from catalogs.imagery.remote_panorama import (
+    ImageryQuery,
+    LonLatBox,
+    RemotePanorama,
+    finite_number,
+    panorama_fault,
+    parse_pose,
+    resolve_licence,
+)
 from catalogs.readers.pictures.poses import camera_angles
 from facade_core.core.errors import InputError
 
@@ -28,9 +36,11 @@ _FULL_SPHERE_TYPES = ("spherical", "equirectangular")
 
 
 def search_mapillary(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
-    """What Mapillary has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
+    """Yield Mapillary's panoramas for a query, and a fault for each that cannot be used; flat pictures are skipped.
 
-    Raises InputError without a token, or where the API does not answer as it should.
+    Raises
+    ------
+    InputError : no token, or an invalid answer.
     """
     if client.token is None:
         raise InputError("Mapillary wants a token: set STREETLOOM_IMAGERY_TOKEN to one of your own account's (MLY|...)")
@@ -41,7 +51,7 @@ def search_mapillary(client: HttpClient, api: str, query: ImageryQuery) -> Itera
 
 
 def _split_box(box: LonLatBox) -> Iterator[LonLatBox]:
-    """Boxes of SIDE at most."""
+    """Split a box into boxes of at most MAX_BOX_SIDE_DEG."""
     west, south, east, north = box
     across, up = max(1, -int(-(east - west) // MAX_BOX_SIDE_DEG)), max(1, -int(-(north - south) // MAX_BOX_SIDE_DEG))
     for row in range(up):
@@ -54,7 +64,9 @@ def _split_box(box: LonLatBox) -> Iterator[LonLatBox]:
             )
 
 
-def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | None) -> Iterator[Mapping[str, Any] | Fault]:
+def _search_pages(
+    client: HttpClient, api: str, box: LonLatBox, dates: str | None
+) -> Iterator[Mapping[str, Any] | Fault]:
     first, last = _time_span(dates)
     asked = {
         "bbox": ",".join(f"{value:.7f}" for value in box),
@@ -72,7 +84,9 @@ def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | Non
         records = [one for one in content["data"] if isinstance(one, Mapping)]
         fresh = [one for one in records if str(one.get("id")) not in known]
         if page > MAX_MAPILLARY_PAGES or (records and not fresh):
-            yield panorama_fault(display_url(api), f"pages without end (page {page} brings nothing new); what came before is used")
+            yield panorama_fault(
+                display_url(api), f"pages without end (page {page} brings nothing new); what came before is used"
+            )
             return
         known |= {str(one.get("id")) for one in fresh}
         yield from fresh
@@ -82,7 +96,7 @@ def _search_pages(client: HttpClient, api: str, box: LonLatBox, dates: str | Non
 
 
 def _strip_token(url: str) -> str:
-    """An address of a next page without the token that it repeats: addresses are logged, and the header says it."""
+    """Remove the token from the address of a next page: addresses are logged, and the header carries the token."""
     parts = urlsplit(url)
     asked = [(name, value) for name, value in parse_qsl(parts.query) if name != "access_token"]
     return urlunsplit(parts._replace(query=urlencode(asked)))
@@ -99,7 +113,7 @@ def _parse_answer(text: str, api: str) -> dict[str, Any]:
 
 
 def _time_span(dates: str | None) -> tuple[str | None, str | None]:
-    """The first and the last moment of a span of days; None of an open end."""
+    """Return the first and last moment of a span of days; None for an open end."""
     first, _, last = (dates or "../..").partition("/")
     return (None if first == ".." else f"{first}T00:00:00Z"), (None if last == ".." else f"{last}T23:59:59Z")
 

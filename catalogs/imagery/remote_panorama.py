@@ -1,4 +1,4 @@
-"""A picture that a service or a folder has, as it says, before it is fetched."""
+"""Panorama that a service or a folder offers, before it is fetched."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ _MANUAL_POSE_REMEDY = "give its pose in a poses file, and fetch it from a folder
 
 @dataclass(frozen=True, slots=True)
 class ImageryQuery:
-    """What a service is asked for.
+    """Query for panoramas.
 
-    Args:
-        box: where.
-        dates: from when to when, as STAC writes it: "2023-01-01/2024-12-31", ".." for an open end; None whenever.
-        licence: of pictures that state none, where whoever fetches them knows it.
-        frame: of places that a folder's poses file gives without one.
+    Attributes
+    ----------
+    box : (west, south, east, north) in degrees.
+    dates : span as STAC writes it, such as "2023-01-01/2024-12-31", ".." for an open end; None for any time.
+    licence : of pictures that state none, if the user knows it.
+    frame : CRS of places that a folder's poses file states without one.
     """
 
     box: LonLatBox
@@ -46,7 +47,9 @@ class ImageryQuery:
                 f"--bbox {said}: is no box; give WEST SOUTH EAST NORTH in degrees, west < east, south < north"
             )
         ends = [] if self.dates is None else self.dates.split("/")
-        if self.dates is not None and not (len(ends) == 2 and all(end == ".." or parse_day(end) == end for end in ends)):
+        if self.dates is not None and not (
+            len(ends) == 2 and all(end == ".." or parse_day(end) == end for end in ends)
+        ):
             raise InputError(
                 f"--dates {self.dates}: is no span; give FROM/TO such as 2023-01-01/2024-12-31 or 2025-01-01/.."
             )
@@ -54,18 +57,19 @@ class ImageryQuery:
 
 @dataclass(frozen=True, slots=True)
 class RemotePanorama:
-    """An equirectangular panorama with a pose and a licence.
+    """Equirectangular panorama with a pose and a licence.
 
-    Args:
-        id: of its service.
-        url: where its bytes are; of a folder the file's path.
-        pose: place in degrees (WGS 84), heading from true north.
-        captured: the day, as "2024-05-17"; None where that is not told.
-        author: who took it, where told.
-        licence: its identifier or words; None only of a folder's.
-        licence_url: where its text is, where told.
-        size: rows and columns, where told.
-        sha256: of its bytes, where told.
+    Attributes
+    ----------
+    id : id in its service.
+    url : address of its bytes; path of a folder's file.
+    pose : place in degrees (WGS 84), heading from true north.
+    captured : day, such as "2024-05-17", if stated.
+    author : photographer, if stated.
+    licence : identifier or words; None only for a folder's pictures.
+    licence_url : address of the licence text, if stated.
+    size : (rows, columns), if stated.
+    sha256 : of its bytes, if stated.
     """
 
     id: str
@@ -80,21 +84,28 @@ class RemotePanorama:
 
 
 def panorama_fault(identifier: str, reason: str) -> Fault:
-    """A picture that is left out, in one line with the remedy."""
+    """Return the fault of a panorama that is left out; one line with the remedy."""
     return Fault(single_line(identifier)[:80] or "unnamed", "panorama", single_line(reason)[:200])
 
 
 def finite_number(value: Any) -> float | None:
-    """A finite number, or None."""
+    """Return a value as float if it is a finite number, otherwise None."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     return float(value)
 
 
 def parse_pose(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None) -> SourcePose:
-    """The pose of a GeoJSON point and angles in degrees; ValueError says what is missing of it, with the remedy."""
+    """Parse a GeoJSON point and angles in degrees into a pose.
+
+    Raises
+    ------
+    ValueError : names the missing or invalid value, with the remedy.
+    """
     point = geometry.get("coordinates") if isinstance(geometry, Mapping) else None
-    lon, lat = [finite_number(value) for value in point[:2]] if isinstance(point, list) and len(point) >= 2 else (None, None)
+    lon, lat = (
+        [finite_number(value) for value in point[:2]] if isinstance(point, list) and len(point) >= 2 else (None, None)
+    )
     if lon is None or lat is None:
         raise ValueError(f"states no place; {_MANUAL_POSE_REMEDY}")
     looks = finite_number(heading)
@@ -109,8 +120,12 @@ def parse_pose(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None)
 
 
 def resolve_licence(stated: Any, text_url: str | None, user_licence: str | None) -> str:
-    """The licence of a service's picture: as stated, with the address of its text where there is one, else as given by whoever
-    fetches it. ValueError says why the picture may not be used, with the remedy."""
+    """Return the licence of a picture: the stated one, the address of its text, or the one the user knows.
+
+    Raises
+    ------
+    ValueError : why the picture may not be used, with the remedy.
+    """
     licence = stated if isinstance(stated, str) else ""
     if licence.lower() in _UNSPECIFIC_LICENCES and not text_url:
         if user_licence:

@@ -1,4 +1,4 @@
-"""Where pictures are fetched from, by the word on the command line: a known service, the address of a STAC API, a folder."""
+"""Sources of pictures by their word on the command line: a known service, a STAC API's address, or a folder."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.imagery.fetch_log import POSES_NAME, is_fetched, read_fetch_log
 from catalogs.imagery.fetching import Downloader
-from catalogs.imagery.http_client import RequestRejected, ServiceToken, HttpClient, display_url
+from catalogs.imagery.http_client import HttpClient, RequestRejected, ServiceToken, display_url
 from catalogs.imagery.mapillary import MAPILLARY_API as MAPILLARY
 from catalogs.imagery.mapillary import search_mapillary
-from catalogs.imagery.remote_panorama import RemotePanorama, ImageryQuery
+from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
 from catalogs.imagery.stac import search_stac
 from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
 from catalogs.readers.pictures.poses import LONLAT, SourcePose
@@ -31,7 +31,14 @@ Search = Callable[[ImageryQuery], Iterator[RemotePanorama | Fault]]
 
 @dataclass(frozen=True)
 class ImageryService:
-    """Whom to ask: name, as accounts and messages have it; search and get."""
+    """Source of pictures.
+
+    Attributes
+    ----------
+    name : as in logs and messages.
+    search : yields panoramas of a query.
+    download : writes a panorama into a file.
+    """
 
     name: str
     search: Search
@@ -39,9 +46,15 @@ class ImageryService:
 
 
 def resolve_service(source: str, poses: Path | None = None) -> ImageryService:
-    """The service that a word names. poses: of the pictures of a folder.
+    """Return the service that a word names; its token is read from the environment.
 
-    The token is read from the environment; raises InputError where the word names nothing that is known.
+    Parameters
+    ----------
+    poses : poses file of a folder's pictures.
+
+    Raises
+    ------
+    InputError : the word names no known service or folder.
     """
     if source == "mapillary" or "://" in source or source == "panoramax":
         if poses is not None:
@@ -58,19 +71,23 @@ def resolve_service(source: str, poses: Path | None = None) -> ImageryService:
 
 
 def stac_service(api: str) -> ImageryService:
-    """A STAC API at an address."""
+    """Return the service of a STAC API at an address."""
     web = HttpClient(_read_token(api, "Bearer"))
-    return ImageryService(display_url(api), partial(search_stac, web, api), lambda offer, path: web.download(offer.url, path))
+    return ImageryService(
+        display_url(api), partial(search_stac, web, api), lambda offer, path: web.download(offer.url, path)
+    )
 
 
 def mapillary_service(api: str) -> ImageryService:
-    """Mapillary's Graph API at an address."""
+    """Return the service of Mapillary's Graph API at an address."""
     web = HttpClient(_read_token(api, "OAuth"))
-    return ImageryService(display_url(api), partial(search_mapillary, web, api), lambda offer, path: web.download(offer.url, path))
+    return ImageryService(
+        display_url(api), partial(search_mapillary, web, api), lambda offer, path: web.download(offer.url, path)
+    )
 
 
 def _read_token(api: str, kind: str) -> ServiceToken | None:
-    """The token of the environment, for the host of an API. Raises InputError where others could read it on its way."""
+    """Read the token for an API's host from the environment. Raises InputError if it would be sent unencrypted."""
     secret = os.environ.get(TOKEN_VARIABLE, "").strip()
     if not secret:
         return None
@@ -117,7 +134,7 @@ def folder_service(folder: Path, poses: Path | None) -> ImageryService:
 
 
 def _default_poses_file(folder: Path) -> Path | None:
-    """The poses file that lies with the pictures, as this writes one."""
+    """Return the poses file in the folder of the pictures, if there is one."""
     return folder / POSES_NAME if (folder / POSES_NAME).is_file() else None
 
 

@@ -1,4 +1,4 @@
-"""Panoramas of a STAC API, such as Panoramax's: items with a point, view:azimuth and a field of view of perspective imagery."""
+"""Panoramas of a STAC API such as Panoramax: items with a point, view:azimuth and perspective imagery's field of view."""
 
 from __future__ import annotations
 
@@ -9,8 +9,17 @@ from typing import Any
 
 from catalogs.features import Fault
 from catalogs.imagery.box_search import search_quarters
-from catalogs.imagery.http_client import RequestRejected, HttpClient, display_url
-from catalogs.imagery.remote_panorama import FULL_TURN_DEG, LonLatBox, RemotePanorama, ImageryQuery, panorama_fault, resolve_licence, finite_number, parse_pose
+from catalogs.imagery.http_client import HttpClient, RequestRejected, display_url
+from catalogs.imagery.remote_panorama import (
+    FULL_TURN_DEG,
+    ImageryQuery,
+    LonLatBox,
+    RemotePanorama,
+    finite_number,
+    panorama_fault,
+    parse_pose,
+    resolve_licence,
+)
 from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.poses import parse_day
 from facade_core.core.errors import InputError
@@ -22,16 +31,19 @@ _FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
 
 
 def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
-    """What a STAC API has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
+    """Yield a STAC API's panoramas for a query, and a fault for each that cannot be used; flat pictures are skipped.
 
-    A search that may have been cut off is asked again by quarters of its box. Raises InputError where the API cannot be
-    searched.
+    Searches that may be incomplete are repeated by quarters of the box.
+
+    Raises
+    ------
+    InputError : the API cannot be searched.
     """
     import pystac_client
 
     try:
-        client = pystac_client.Client.open(api, stac_io=_stac_io(client))
-        search = _box_search(client, query.dates)
+        stac_client = pystac_client.Client.open(api, stac_io=_stac_io(client))
+        search = _box_search(stac_client, query.dates)
         for item in search_quarters([query.box], search):
             found = _parse_item(item, query.licence)
             if found is not None:
@@ -47,7 +59,7 @@ def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[R
 
 
 def _box_search(client: Any, dates: str | None) -> Any:
-    """A search of a box: its items, by pages; endless paging ends with a fault."""
+    """Return a function that searches a box page by page; endless paging ends with a fault."""
 
     def search(box: LonLatBox) -> Iterator[Mapping[str, Any] | Fault]:
         known: set[str] = set()
@@ -57,7 +69,11 @@ def _box_search(client: Any, dates: str | None) -> Any:
             items = [item for item in page.get("features") or () if isinstance(item, Mapping)]
             fresh = [item for item in items if str(item.get("id")) not in known]
             if number_of_page > MAX_STAC_PAGES or (items and not fresh):
-                reason = f"page {number_of_page} brings nothing new" if not fresh else f"there are over {MAX_STAC_PAGES} pages"
+                reason = (
+                    f"page {number_of_page} brings nothing new"
+                    if not fresh
+                    else f"there are over {MAX_STAC_PAGES} pages"
+                )
                 yield panorama_fault(display_url(client.get_self_href() or ""), f"pages without end ({reason}); what came before "
                             "is used: fetch smaller boxes, and tell its service")  # fmt: skip
                 return
@@ -68,7 +84,7 @@ def _box_search(client: Any, dates: str | None) -> Any:
 
 
 def _parse_item(item: Mapping[str, Any] | Fault, licence: str | None) -> RemotePanorama | Fault | None:
-    """An item as an offer; a fault where it is a panorama that cannot be used, None where it is none."""
+    """Parse an item; a fault if the panorama cannot be used, None if the picture is no panorama."""
     if isinstance(item, Fault):
         return item
     properties = item.get("properties")
@@ -104,7 +120,7 @@ def _parse_item(item: Mapping[str, Any] | Fault, licence: str | None) -> RemoteP
 
 
 def _parse_heading(properties: Mapping[str, Any]) -> Any:
-    """view:azimuth, which GeoVisio rounds to whole degrees; the EXIF tag that it gives beside, where that is the one."""
+    """Return view:azimuth, which GeoVisio rounds to degrees, or the exact EXIF tag if both agree."""
     heading, exif = properties.get("view:azimuth"), properties.get("exif")
     tag = exif.get("Exif.GPSInfo.GPSImgDirection") if isinstance(exif, Mapping) else None
     told = finite_number(heading)
@@ -118,7 +134,7 @@ def _parse_heading(properties: Mapping[str, Any]) -> Any:
 
 
 def _image_size(dimensions: Any) -> tuple[int, int] | None:
-    """Rows and columns of [columns, rows]."""
+    """Return (rows, columns) from [columns, rows]."""
     found = [finite_number(value) for value in dimensions] if isinstance(dimensions, list) else []
     if len(found) != 2 or not found[0] or not found[1]:
         return None
@@ -126,7 +142,7 @@ def _image_size(dimensions: Any) -> tuple[int, int] | None:
 
 
 def _picture_asset(assets: Any) -> Mapping[str, Any]:
-    """The asset with the picture at its full size; ValueError where there is none."""
+    """Return the asset of the picture at full size. Raises ValueError if there is none."""
     all_of = assets.items() if isinstance(assets, Mapping) else ()
     named = [(name, asset) for name, asset in all_of if isinstance(asset, Mapping) and asset.get("href")]
     pictures = [(n, a) for n, a in named if str(a.get("type", "image/")).startswith("image/")]
@@ -148,7 +164,7 @@ def _provider_names(item: Mapping[str, Any], properties: Mapping[str, Any]) -> s
 
 
 def _checksum_sha256(checksum: Any) -> str | None:
-    """Of a multihash in hexadecimal digits that is sha2-256; None of another."""
+    """Return the digest of a hexadecimal sha2-256 multihash; None for other hashes."""
     found = re.fullmatch(r"1220([0-9a-f]{64})", checksum) if isinstance(checksum, str) else None
     return found[1] if found else None
 

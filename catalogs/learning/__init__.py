@@ -1,1 +1,1 @@
-"""Recipes of data sets that models are trained on and measured with."""
+"""Recipes of data sets for training and evaluation."""

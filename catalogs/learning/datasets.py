@@ -1,4 +1,4 @@
-"""Labelled photo sets: where their files lie and what their label ids say in terms of the seven classes."""
+"""Labelled photo sets: folders, and the meaning of their label ids in terms of the seven classes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,15 @@ from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 
 @dataclass(frozen=True, slots=True)
 class LabelledFacade:
-    """A labelled photo: image (H, W, 3) uint8 RGB and four (H, W) uint8 maps.
+    """Labelled photo.
 
-    labels: class ids, UNKNOWN where the set does not tell one. possible: bit i is set where class i may be; all bits
-    where nothing is told. occluder: 1 where something stands in front of the facade, 0 where not, else UNKNOWN. outside: 1
-    where sky, street or neighbours are seen beside the facade, 0 where the facade is, or is behind, else UNKNOWN.
+    Attributes
+    ----------
+    image : (H, W, 3) uint8 RGB.
+    labels : (H, W) uint8 class ids, UNKNOWN where the set does not state one.
+    possible : (H, W) uint8; bit i is set where class i may be, all bits where nothing is stated.
+    occluder : (H, W) uint8; 1 in front of the facade, 0 not, else UNKNOWN.
+    outside : (H, W) uint8; 1 on sky, street or neighbours, 0 on or behind the facade, else UNKNOWN.
     """
 
     name: str
@@ -34,8 +38,14 @@ class LabelledFacade:
 
 @dataclass(frozen=True, slots=True)
 class LabelMeaning:
-    """What a set's id says of its pixels: the classes they may be (none: not told), whether they show something in front of
-    the facade (None: not told), and whether what is beside it; what has classes does not, but for the sky."""
+    """Meaning of a set's label id.
+
+    Attributes
+    ----------
+    classes : classes that its pixels may have; empty if not stated.
+    occluder : whether its pixels show something in front of the facade; None if not stated.
+    outside : whether its pixels show something next to the facade; implied by the class sky.
+    """
 
     classes: tuple[int, ...] = ()
     occluder: bool | None = None
@@ -43,7 +53,7 @@ class LabelMeaning:
 
     @property
     def map_values(self) -> tuple[int, int, int, int]:
-        """The values of LabelledFacade's labels, possible, occluder and outside."""
+        """Return the values of LabelledFacade's labels, possible, occluder and outside."""
         label = self.classes[0] if len(self.classes) == 1 else UNKNOWN
         possible = sum(1 << number for number in self.classes or range(len(CLASSES)))
         outside = 1 if self.outside or self.classes == (FacadeClass.SKY,) else 0 if self.classes else UNKNOWN
@@ -52,10 +62,14 @@ class LabelMeaning:
 
 @dataclass(frozen=True, slots=True)
 class DatasetRecipe:
-    """A set of images and label maps that share file stems.
+    """Set of images and label maps that share file stems.
 
-    classes says what the set's ids mean; ids that a file shows and the table lacks are an error. may_train says
-    whether the licence lets weights trained on the set be shipped.
+    Attributes
+    ----------
+    name : name of the set.
+    images, labels : folders.
+    classes : meaning of each id; ids that a file holds and the table lacks are an error.
+    may_train : whether the licence allows shipping weights trained on the set.
     """
 
     name: str
@@ -69,8 +83,8 @@ def _visible_classes(*classes: int) -> LabelMeaning:
     return LabelMeaning(classes, occluder=False)
 
 
-_NOTHING, _IN_FRONT = LabelMeaning(), LabelMeaning(occluder=True)
-_PARIS: dict[int, LabelMeaning] = {
+_UNLABELLED, _OCCLUDER = LabelMeaning(), LabelMeaning(occluder=True)
+_PARIS_LABELS: dict[int, LabelMeaning] = {
     **{
         number: _visible_classes(number)
         for number in (
@@ -84,13 +98,17 @@ _PARIS: dict[int, LabelMeaning] = {
         )
     },
     7: _visible_classes(FacadeClass.ROOF),  # chimneys
-    255: _NOTHING,
+    255: _UNLABELLED,
 }
 
-ECP = DatasetRecipe("ecp", "images", "labels", _PARIS, may_train=True)
+ECP = DatasetRecipe("ecp", "images", "labels", _PARIS_LABELS, may_train=True)
 # Its labels run straight through trees and cars: what stands in front of the facade is not told.
 ARTDECO = DatasetRecipe(
-    "artdeco", "images", "labels", {number: LabelMeaning(told.classes) for number, told in _PARIS.items()}, may_train=False
+    "artdeco",
+    "images",
+    "labels",
+    {number: LabelMeaning(told.classes) for number, told in _PARIS_LABELS.items()},
+    may_train=False,
 )
 # Facades of many styles, without classes for sky and roof; ornament is wall, shutters and cornices may be either.
 CMP = DatasetRecipe(
@@ -118,7 +136,7 @@ RUEMONGE = DatasetRecipe(
     "images",
     "labels",
     {
-        0: _NOTHING,
+        0: _UNLABELLED,
         **{
             n + 1: _visible_classes(label)
             for n, label in enumerate(
@@ -141,7 +159,7 @@ LABELMEFACADE = DatasetRecipe(
     "images",
     "labels",
     {
-        0: _NOTHING,
+        0: _UNLABELLED,
         1: _visible_classes(
             FacadeClass.WALL,
             FacadeClass.WINDOW,
@@ -150,12 +168,12 @@ LABELMEFACADE = DatasetRecipe(
             FacadeClass.ROOF,
             FacadeClass.SHOP,
         ),
-        2: _IN_FRONT,  # cars
+        2: _OCCLUDER,  # cars
         3: _visible_classes(FacadeClass.DOOR),
         4: LabelMeaning(occluder=False, outside=True),  # pavement
         5: LabelMeaning(occluder=False, outside=True),  # road
         6: _visible_classes(FacadeClass.SKY),
-        7: _IN_FRONT,  # vegetation
+        7: _OCCLUDER,  # vegetation
         8: _visible_classes(FacadeClass.WINDOW),
     },
     may_train=False,
@@ -164,44 +182,48 @@ LABELMEFACADE = DatasetRecipe(
 RECIPES = {recipe.name: recipe for recipe in (ECP, ARTDECO, CMP, RUEMONGE, LABELMEFACADE)}
 
 # The Swiss street photos come as polygons with a category. Of what no polygon covers most is sky.
-_SWISS = {
+_SWISS_CATEGORIES = {
     "facade": _visible_classes(FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.DOOR),
     "window": _visible_classes(FacadeClass.WINDOW),
     "balcony-fence": _visible_classes(FacadeClass.BALCONY),
     "shop": _visible_classes(FacadeClass.SHOP),
     "street": LabelMeaning(occluder=False, outside=True),
-    "non-building-infrastructure": _NOTHING,
-    "vegetation": _IN_FRONT,
-    "car": _IN_FRONT,
-    "fence": _IN_FRONT,
-    "traffic-infrastructure": _IN_FRONT,
+    "non-building-infrastructure": _UNLABELLED,
+    "vegetation": _OCCLUDER,
+    "car": _OCCLUDER,
+    "fence": _OCCLUDER,
+    "traffic-infrastructure": _OCCLUDER,
 }
-_SWISS_REST = LabelMeaning(occluder=False, outside=True)
+_SWISS_BACKGROUND = LabelMeaning(occluder=False, outside=True)
 
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
 def read_ecp(folder: str | Path) -> Iterator[LabelledFacade]:
-    """The 83 Haussmann facades of the ECP set; chimneys count as roof."""
+    """Read the 83 Haussmann facades of the ECP set; chimneys count as roof."""
     return read_dataset(ECP, folder)
 
 
 def read_artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
-    """The 63 Art-Deco facades (Gadde et al. 2016), for evaluation only: no licence is stated."""
+    """Read the 63 Art-Deco facades (Gadde et al. 2016), for evaluation only: no licence is stated."""
     return read_dataset(ARTDECO, folder)
 
 
 def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
-    """Street photos with annotations.coco.json beside them, in the order of that file.
+    """Read street photos with polygons from annotations.coco.json, in the order of that file.
 
-    Smaller polygons lie over larger ones; where a part of a facade lies over a tree or a car, which of both is in
-    front is not told. Raises InputError for a file that is not such a list and ImageError for a photo that is missing.
+    Smaller polygons are drawn over larger ones. Where a part of a facade overlaps a tree or a car, their order is unknown.
+
+    Raises
+    ------
+    InputError : the file is no list of polygons.
+    ImageError : a photo is missing.
     """
     folder = Path(folder)
     path = folder / "annotations.coco.json"
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
-        meaning = {category["id"]: _SWISS[category["name"]] for category in record["categories"]}
+        meaning = {category["id"]: _SWISS_CATEGORIES[category["name"]] for category in record["categories"]}
         polygons: dict[int, list[dict[str, Any]]] = {photo["id"]: [] for photo in record["images"]}
         for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):
             polygons[polygon["image_id"]].append(polygon)
@@ -209,15 +231,17 @@ def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
         raise InputError(f"{path}: not the polygons of the swiss set ({error!r}); fetch the file again") from error
     for photo in record["images"]:
         image = _read_image(folder / photo["file_name"], "RGB")
-        maps = _draw(path, polygons[photo["id"]], meaning, image.shape[:2])
+        maps = _draw_polygons(path, polygons[photo["id"]], meaning, image.shape[:2])
         yield LabelledFacade(Path(photo["file_name"]).stem, image, *maps)
 
 
 def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[LabelledFacade]:
     """Read a set in the order of its file names.
 
-    Raises InputError for a folder without the set's files and ImageError for a file that does not fit, both when the
-    facade is reached.
+    Raises
+    ------
+    InputError : the folder lacks files of the set.
+    ImageError : a file does not fit; raised when its facade is reached.
     """
     folder = Path(folder)
     images = {path.stem: path for path in _image_files(folder / recipe.images)}
@@ -232,8 +256,10 @@ def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[Labelled
         yield LabelledFacade(name, image, *_map_labels(recipe, labels[name], label_map, image.shape[:2]))
 
 
-def split(facades: Sequence[LabelledFacade], every: int = 5) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
-    """The fixed division for measuring: (training, held out), every fifth facade held out from the first on."""
+def split_facades(
+    facades: Sequence[LabelledFacade], every: int = 5
+) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
+    """Return (training, held out): the fixed division for evaluation, with every fifth facade held out from the first on."""
     held_out = list(facades[::every])
     return [facade for index, facade in enumerate(facades) if index % every], held_out
 
@@ -263,12 +289,12 @@ def _map_labels(recipe: DatasetRecipe, path: Path, label_map: np.ndarray, size: 
     return [table[:, part][label_map] for part in range(4)]
 
 
-def _draw(
+def _draw_polygons(
     path: Path, polygons: Sequence[Mapping[str, Any]], meaning: Mapping[int, LabelMeaning], size: tuple[int, ...]
 ) -> list[np.ndarray]:
     import cv2
 
-    labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_REST.map_values)
+    labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_BACKGROUND.map_values)
     for polygon in polygons:
         try:
             corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Facade layouts as JSON lines: one facade a line, with its size and its labelled rectangles."""
+"""Facade layouts as JSON lines: one facade per line, with its size and labelled rectangles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 
 # What layout files call their rectangles, in terms of facade_core.core.labels; all else is dropped and counted.
-LABELS: Mapping[str, str] = {
+LAYOUT_LABELS: Mapping[str, str] = {
     "window": "window",
     "balcony": "balcony",
     "balcony-fence": "balcony",
@@ -24,18 +24,19 @@ LABELS: Mapping[str, str] = {
     "store": "shop",
 }
 # Rectangles of this label are the facade itself, where a file has them: the domain is what they span together.
-_FACADE = "facade"
+_FACADE_LABEL = "facade"
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutRecord:
-    """One facade, in the file's unit, y down.
+    """Layout of one facade, in the file's unit, y down.
 
-    Args:
-        name: the picture's or the source's, and the number of the line.
-        elements: those inside the domain.
-        domain: the facade itself, (x0, y0, x1, y1).
-        dropped: (label, count) of what has no class, no area or lies outside.
+    Attributes
+    ----------
+    name : picture or source, and line number.
+    elements : rectangles inside the domain.
+    domain : the facade, (x0, y0, x1, y1).
+    dropped : (label, count) of rectangles without a class or an area, or outside.
     """
 
     name: str
@@ -45,9 +46,11 @@ class LayoutRecord:
 
 
 def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
-    """The facades of a file, in its order, named by image or source and line number.
+    """Yield the facades of a file in its order.
 
-    Raises InputError for a file that is missing and for a line that is no layout.
+    Raises
+    ------
+    InputError : the file is missing, or a line is no layout.
     """
     path = Path(path)
     try:
@@ -57,7 +60,7 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
     for number, line in enumerate(lines, 1):
         if line.strip():
             try:
-                yield _record(json.loads(line), number)
+                yield _parse_record(json.loads(line), number)
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(f"{path}: line {number} is no layout ({error!r}); correct or remove it") from error
 
@@ -65,19 +68,19 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
 def split_layouts(
     layouts: Sequence[LayoutRecord], fold: int = 0, every: int = 5
 ) -> tuple[list[LayoutRecord], list[LayoutRecord]]:
-    """The fixed division for measuring: (training, held out), every fifth layout held out, counted from number `fold` on."""
+    """Return (training, held out): the fixed division for evaluation, with every fifth layout held out from number `fold` on."""
     held_out = list(layouts[fold::every])
     return [layout for index, layout in enumerate(layouts) if index % every != fold], held_out
 
 
-def _record(record: Mapping[str, Any], number: int) -> LayoutRecord:
+def _parse_record(record: Mapping[str, Any], number: int) -> LayoutRecord:
     width, height = float(record["width"]), float(record["height"])
     things = [
         (str(o["label"]), (float(o["x0"]), float(o["y0"]), float(o["x1"]), float(o["y1"]))) for o in record["objects"]
     ]
     if not np.isfinite([width, height, *(side for _, sides in things for side in sides)]).all():
         raise ValueError("numbers must be finite")
-    walls = [sides for label, sides in things if label == _FACADE] or [(0.0, 0.0, width, height)]
+    walls = [sides for label, sides in things if label == _FACADE_LABEL] or [(0.0, 0.0, width, height)]
     x0, y0 = min(w[0] for w in walls), min(w[1] for w in walls)
     x1, y1 = max(w[2] for w in walls), max(w[3] for w in walls)
     if not (x0 < x1 and y0 < y1):
@@ -85,11 +88,11 @@ def _record(record: Mapping[str, Any], number: int) -> LayoutRecord:
     dropped: Counter[str] = Counter()
     elements: dict[Element, None] = {}
     for label, (a0, b0, a1, b1) in things:
-        if label == _FACADE:
+        if label == _FACADE_LABEL:
             continue
         inside = x0 <= (a0 + a1) / 2 <= x1 and y0 <= (b0 + b1) / 2 <= y1
-        if label in LABELS and a0 < a1 and b0 < b1 and inside:
-            elements[Element(LABELS[label], a0, b0, a1, b1)] = None
+        if label in LAYOUT_LABELS and a0 < a1 and b0 < b1 and inside:
+            elements[Element(LAYOUT_LABELS[label], a0, b0, a1, b1)] = None
         else:
             dropped[label] += 1
     name = f"{record.get('image') or record.get('source') or 'layout'}#{number}"

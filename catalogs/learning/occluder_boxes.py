@@ -1,6 +1,6 @@
-"""What a detector found before photos that are trained on: vehicles and people.
+"""Detected vehicles and people in front of the facades of training photos.
 
-The labels of ECP and CMP say nothing of them. in_front.json keeps the boxes, in_front.md says where they come from.
+The labels of ECP and CMP do not state them. in_front.json holds the boxes, in_front.md their origin.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import NamedTuple
 
 Box = tuple[int, int, int, int]
 
-_BOXES = Path(__file__).with_name("in_front.json")
+_BOXES_FILE = Path(__file__).with_name("in_front.json")
 
 
-class Looked(NamedTuple):
-    """Boxes (x0, y0, x1, y1) in pixels of a photo, half-open: of what a detector found, and of what may be something."""
+class OccluderBoxes(NamedTuple):
+    """Boxes (x0, y0, x1, y1) in pixels of a photo, half-open: detections, and doubtful ones."""
 
     found: Sequence[Box]
     doubtful: Sequence[Box] = ()
 
 
-def looked_in_front() -> dict[str, Looked]:
-    """What the detector says, by set and photo, as "ecp/monge_101"; every photo that it looked at has an entry."""
-    photos = json.loads(_BOXES.read_text(encoding="utf-8"))
+def read_occluder_boxes() -> dict[str, OccluderBoxes]:
+    """Return the boxes of each examined photo, by set and photo such as "ecp/monge_101"."""
+    photos = json.loads(_BOXES_FILE.read_text(encoding="utf-8"))
     return {
-        name: Looked(*([tuple(box) for box in told[kind]] for kind in ("found", "doubtful")))
+        name: OccluderBoxes(*([tuple(box) for box in told[kind]] for kind in ("found", "doubtful")))
         for name, told in photos.items()
     }

@@ -1,1 +1,1 @@
-"""Folders of published runs, on this machine and in buckets: their tables and their report."""
+"""Published runs in folders or buckets: their tables and reports."""

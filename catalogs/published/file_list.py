@@ -1,4 +1,4 @@
-"""What was published is still there: every file's size and digest, written with the snapshot it is of."""
+"""List of the files of a published snapshot with size and digest, to detect damage."""
 
 from __future__ import annotations
 
@@ -8,90 +8,99 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from catalogs.published.folders import Folder, at, put, sizes_in
+from catalogs.published.folders import Folder, file_sizes, join_path, write_atomically
 
-FILES = "files.json"
+FILE_LIST_NAME = "files.json"
 # What queries and summaries are read from is compared by content each time, all else by size.
-READ = ("items.parquet", "summary.json")
+HASHED_FILES = ("items.parquet", "summary.json")
 
 # A file's size in bytes, and its digest.
-Listed: TypeAlias = tuple[int, str]
+SizeAndDigest: TypeAlias = tuple[int, str]
 
 
-def write_files(
+def write_file_list(
     folder: Path,
     predecessor: str | None,
     tags: Iterable[str],
     *,
-    made: Mapping[str, str] | None = None,
-    known: Mapping[str, Listed] | None = None,
-    failed: Mapping[str, str] | None = None,
+    source_digests: Mapping[str, str] | None = None,
+    known: Mapping[str, SizeAndDigest] | None = None,
+    failures: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the list of all files in the folder of a snapshot that is complete, which snapshot was published before it, and
-    which tags the store has of the streets in it.
+    """Write the list of the files of a complete snapshot.
 
-    made: of some files, what they are made of, so that a later snapshot may link them; known: size and digest of some, which
-    are not read. failed: what could not be published, and why.
+    Parameters
+    ----------
+    predecessor : snapshot that was published before.
+    tags : tags of the streets in the snapshot.
+    source_digests : path -> digest of what a file is made from, so that a later snapshot may link it.
+    known : path -> size and digest of files that need not be read.
+    failures : what could not be published -> why.
     """
     paths = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
     listed = {
-        name: list((known or {}).get(name) or (path.stat().st_size, digest_of(path))) for name, path in paths.items()
+        name: list((known or {}).get(name) or (path.stat().st_size, content_digest(path)))
+        for name, path in paths.items()
     }
     held: dict[str, Any] = {"predecessor": predecessor, "tags": sorted(tags), "files": listed}
-    _write(folder, held | {"made": dict(made or {}), "failed": dict(failed or {})})
+    _write_json(folder, held | {"made": dict(source_digests or {}), "failed": dict(failures or {})})
 
 
-def amiss(folder: Folder, *, thorough: bool = False) -> str | None:
-    """What is wrong with a published folder, such as "block.glb is missing"; None where nothing is.
+def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
+    """Return the first damage of a published folder, such as "block.glb is missing", or None.
 
-    thorough: every file is read. Only the snapshot that is current is as it was written: older ones are marked as such.
+    Only the current snapshot is unchanged; older ones are marked as superseded.
+
+    Parameters
+    ----------
+    thorough : whether to compare every file's digest, not only those in HASHED_FILES.
     """
-    held = listed_in(folder)
+    held = read_file_list(folder)
     if held is None:
-        return f"{FILES} is missing or cannot be read"
+        return f"{FILE_LIST_NAME} is missing or cannot be read"
     for what, why in held["failed"].items():
         return f"{what} could not be published: {why}"
-    there = sizes_in(folder)
+    there = file_sizes(folder)
     for name, (size, digest) in held["files"].items():
         if name not in there:
             return f"{name} is missing"
         if there[name] != size:
             return f"{name} has {there[name]} bytes of {size}"
         try:
-            if (thorough or name in READ) and digest_of(at(folder, name)) != digest:
+            if (thorough or name in HASHED_FILES) and content_digest(join_path(folder, name)) != digest:
                 return f"{name} is not as it was written"
         except OSError as error:
             return f"{name}: {error.strerror}"
     return None
 
 
-def note_changed(folder: Folder, names: Iterable[str]) -> None:
-    """Note of files in a published folder, by their paths in it, that they were changed since; the others are as they were."""
-    held = listed_in(folder)
+def update_file_list(folder: Folder, names: Iterable[str]) -> None:
+    """Update the entries of files, by path, that were changed in a published folder."""
+    held = read_file_list(folder)
     if held is None:
         return
-    there = sizes_in(folder)
+    there = file_sizes(folder)
     for name in names:
-        held["files"][name] = [there[name], digest_of(at(folder, name))]
-    _write(folder, held)
+        held["files"][name] = [there[name], content_digest(join_path(folder, name))]
+    _write_json(folder, held)
 
 
-def tags_of(folder: Folder) -> list[str]:
-    """The tags of the streets in a published snapshot, as its folder says."""
-    held = listed_in(folder)
+def read_street_tags(folder: Folder) -> list[str]:
+    """Return the tags of the streets in a published snapshot."""
+    held = read_file_list(folder)
     return held["tags"] if held else []
 
 
-def predecessor_of(folder: Folder) -> str | None:
-    """The snapshot that was published before that of a folder; None where there was none, or the folder does not say."""
-    held = listed_in(folder)
+def read_predecessor(folder: Folder) -> str | None:
+    """Return the snapshot that was published before; None if there was none, or the list cannot be read."""
+    held = read_file_list(folder)
     return held["predecessor"] if held else None
 
 
-def listed_in(folder: Folder) -> dict[str, Any] | None:
-    """What the list in a published folder says, None where it cannot be read: `files` (path -> Listed) among it."""
+def read_file_list(folder: Folder) -> dict[str, Any] | None:
+    """Read the list of a published folder, with `files` as path -> size and digest; None if it cannot be read."""
     try:
-        held = json.loads((folder / FILES).read_text())
+        held = json.loads((folder / FILE_LIST_NAME).read_text())
         return {
             "predecessor": held["predecessor"],
             "tags": list(map(str, held["tags"])),
@@ -103,12 +112,12 @@ def listed_in(folder: Folder) -> dict[str, Any] | None:
         return None
 
 
-def _write(folder: Folder, held: dict[str, Any]) -> None:
-    put(folder / FILES, json.dumps(held, indent=1).encode())
+def _write_json(folder: Folder, held: dict[str, Any]) -> None:
+    write_atomically(folder / FILE_LIST_NAME, json.dumps(held, indent=1).encode())
 
 
-def digest_of(path: Folder) -> str:
-    """Digest of a file, hexadecimal."""
+def content_digest(path: Folder) -> str:
+    """Return the hexadecimal digest of a file's bytes."""
     if not isinstance(path, Path):
         return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
     with path.open("rb") as file:

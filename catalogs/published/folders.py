@@ -1,4 +1,4 @@
-"""Where a run lies: a folder of this machine, or one in a bucket. What publishing asks of either is here."""
+"""Folder of a run, on this machine or in a bucket, and the file operations of publishing."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def each(act: Callable[[T], R], items: Iterable[T], place: Folder) -> list[R]:
-    """What comes of each item, in their order; what asks a bucket is under way many at a time."""
+def map_concurrently(function: Callable[[T], R], items: Iterable[T], place: Folder) -> list[R]:
+    """Apply a function to items and keep their order; calls for a bucket run concurrently."""
     if isinstance(place, Path):
-        return list(map(act, items))
-    with ThreadPoolExecutor(object_store.AT_ONCE) as threads:
-        return list(threads.map(act, items))
+        return list(map(function, items))
+    with ThreadPoolExecutor(object_store.MAX_CONCURRENT_REQUESTS) as threads:
+        return list(threads.map(function, items))
 
 
-def put(path: Folder, data: bytes) -> None:
-    """Write a file in one step: a reader sees the old one or the new one."""
+def write_atomically(path: Folder, data: bytes) -> None:
+    """Write a file atomically."""
     if isinstance(path, S3Folder):
-        object_store.put(path.path, data)
+        object_store.upload_object(path.path, data)
         return
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
     try:
@@ -42,23 +42,23 @@ def put(path: Folder, data: bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def sizes_in(folder: Folder) -> dict[str, int]:
-    """The files below a folder, by their paths in it, with their sizes in bytes; none where it is not there."""
+def file_sizes(folder: Folder) -> dict[str, int]:
+    """Return path -> size in bytes of the files below a folder; empty if it does not exist."""
     if isinstance(folder, S3Folder):
         return folder.sizes()
     files = (path for path in folder.rglob("*") if path.is_file())
     return {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
 
 
-def at(folder: F, name: str) -> F:
-    """A file below a folder, by its path in it."""
+def join_path(folder: F, name: str) -> F:
+    """Return the file below a folder at a relative path."""
     for part in name.split("/"):
         folder = folder / part  # type: ignore[assignment]
     return folder
 
 
-def remove(path: Folder) -> None:
-    """Remove a file, or a folder with all that is in it."""
+def remove_path(path: Folder) -> None:
+    """Remove a file, or a folder with its contents."""
     if isinstance(path, S3Folder):
         path.remove()
         path.unlink()
@@ -68,29 +68,35 @@ def remove(path: Folder) -> None:
         path.unlink(missing_ok=True)
 
 
-def move(folder: F, to: F) -> None:
-    """Move a folder, over what is there. In a bucket object by object, the pointer that readers follow first to go."""
-    if isinstance(folder, Path) and isinstance(to, Path):
-        shutil.rmtree(to, ignore_errors=True)
-        to.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(folder, to)
-    elif isinstance(folder, S3Folder) and isinstance(to, S3Folder):
-        to.remove()
-        each(lambda name: object_store.copy(f"{folder.path}/{name}", f"{to.path}/{name}"), folder.sizes(), folder)
+def move_folder(folder: F, target: F) -> None:
+    """Move a folder over another. In a bucket objects are copied one by one, and the pointer `current` is removed first."""
+    if isinstance(folder, Path) and isinstance(target, Path):
+        shutil.rmtree(target, ignore_errors=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(folder, target)
+    elif isinstance(folder, S3Folder) and isinstance(target, S3Folder):
+        target.remove()
+        map_concurrently(
+            lambda name: object_store.copy_object(f"{folder.path}/{name}", f"{target.path}/{name}"),
+            folder.sizes(),
+            folder,
+        )
         (folder / "current").unlink()
         folder.remove()
 
 
-def size_of(path: Folder) -> int | None:
-    """The bytes of a file; None where there is none."""
+def file_size(path: Folder) -> int | None:
+    """Return the size of a file in bytes, or None if it does not exist."""
     if isinstance(path, S3Folder):
         return path.size()
     return path.stat().st_size if path.is_file() else None
 
 
-def local_side(place: Folder) -> Path:
-    """The folder of this machine in which a run has what no other machine asks for: log, the server's records, what is being
-    written. Of a bucket's it lies in the user's cache ($XDG_CACHE_HOME)."""
+def local_folder(place: Folder) -> Path:
+    """Return the folder on this machine for files that no other machine needs: log, server records, partial files.
+
+    For a run in a bucket it is in the user's cache ($XDG_CACHE_HOME).
+    """
     if isinstance(place, Path):
         return place
     caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

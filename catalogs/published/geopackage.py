@@ -1,4 +1,4 @@
-"""The catalogue as a GeoPackage, for QGIS."""
+"""Catalogue as a GeoPackage, for QGIS."""
 
 from __future__ import annotations
 

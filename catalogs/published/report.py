@@ -1,5 +1,4 @@
-"""The static report of a published snapshot: an index, and pages for each street with its facades stage by stage. Plain HTML,
-no network."""
+"""Static report of a published snapshot: an index and one page per street, as plain HTML without network access."""
 
 from __future__ import annotations
 
@@ -16,28 +15,36 @@ from markupsafe import Markup
 
 from catalogs.features import file_stem, natural_sort_key
 from catalogs.printable_text import escape_invisible
-from catalogs.published.items import ASSUMED
+from catalogs.published.items import ASSUMED_HEIGHT
 from facade_core.core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 # Facades on a page at most, and of those that somebody should look at.
-ON_PAGE = 40
-LOOKED_AT = 60
+MAX_FACADES_PER_PAGE = 40
+MAX_REVIEW_FACADES = 60
 # Those that changed most, with their pictures.
-CHANGES = 24
+MAX_CHANGES = 24
 
 
 class StreetPages(NamedTuple):
-    """The facades of a street on pages: its name, the rows of each page, and where each page lies in the report's folder."""
+    """Facades of a street on pages.
+
+    Attributes
+    ----------
+    name : name of the street.
+    rows : rows of each page.
+    paths : path of each page in the report's folder.
+    """
 
     name: str
     rows: tuple[Sequence[Mapping[str, Any]], ...]
     paths: tuple[str, ...]
 
     @property
-    def every(self) -> list[Mapping[str, Any]]:
+    def all_rows(self) -> list[Mapping[str, Any]]:
+        """Return the rows of all pages."""
         return [row for rows in self.rows for row in rows]
 
 
@@ -91,7 +98,7 @@ def write_report(folder: Path, content: ReportContent) -> None:
     if content.exemplars:
         page = environment.get_template("report_exemplars.html.j2").render(
             summary=content.summary,
-            exemplars=[{**one, "pictures": _linked("images", one["pictures"])} for one in content.exemplars],
+            exemplars=[{**one, "pictures": _picture_links("images", one["pictures"])} for one in content.exemplars],
         )
         (folder / "exemplars.html").write_text(page, encoding="utf-8")
     _write_index(folder, pages, content, environment)
@@ -105,7 +112,8 @@ def _write_street(folder: Path, street: StreetPages, content: ReportContent, env
             number=number,
             pages=[Path(one).name for one in street.paths],
             facades=[
-                _facade(row, content.records.get(row["id"], {}), content.sheets.get(row["id"], ())) for row in rows
+                _facade_entry(row, content.records.get(row["id"], {}), content.sheets.get(row["id"], ()))
+                for row in rows
             ],
             textures_only=sum(row["id"] in content.textures_only for row in rows),
         )
@@ -121,21 +129,21 @@ def _write_index(folder: Path, pages: Sequence[StreetPages], content: ReportCont
         for path, shown in zip(street.paths, street.rows, strict=True)
         for row in shown
     }
-    doubtful = to_look_at(rows)
+    doubtful = facades_to_review(rows)
     changed = sorted(
         (row for row in rows if (row["changed"] or 0) >= content.min_change),
         key=lambda row: (-row["changed"], row["id"]),
     )
     page = environment.get_template("report.html.j2").render(
         summary=content.summary,
-        index=[_line(street) for street in pages],
+        index=[_index_entry(street) for street in pages],
         doubtful=len(doubtful),
-        assumed=sum(row["quality"] == ASSUMED for row in rows),
+        assumed=sum(row["quality"] == ASSUMED_HEIGHT for row in rows),
         total=len(rows),
-        most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
+        most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:MAX_REVIEW_FACADES]],
         changed=[
-            _changed(row, content.records.get(row["id"], {}), content.sheets, content.before, links)
-            for row in changed[:CHANGES]
+            _change_entry(row, content.records.get(row["id"], {}), content.sheets, content.before, links)
+            for row in changed[:MAX_CHANGES]
         ],
         changes=len(changed),
         compared=sum(row["changed"] is not None for row in rows),
@@ -153,36 +161,35 @@ def _write_index(folder: Path, pages: Sequence[StreetPages], content: ReportCont
     (folder / "index.html").write_text(page, encoding="utf-8")
 
 
-def to_look_at(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The facades of which something is amiss beside an assumed height, first those that are most doubtful where most of them
-    is seen (`look_first`)."""
+def facades_to_review(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return facades with a doubt other than an assumed height, most urgent first (`look_first`)."""
     return sorted(
-        (row for row in rows if row.get("quality") not in (None, "good", ASSUMED)),
+        (row for row in rows if row.get("quality") not in (None, "good", ASSUMED_HEIGHT)),
         key=lambda row: (-row.get("look_first", 0.0), row["id"]),
     )
 
 
 def street_pages(rows: Sequence[Mapping[str, Any]]) -> list[StreetPages]:
-    """The facades by the streets that see them, in their natural order, ON_PAGE to a page."""
+    """Group facades by the street that sees them, in natural order, MAX_FACADES_PER_PAGE to a page."""
     by_street: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
         by_street.setdefault(row["street"], []).append(row)
     found = []
     for name in sorted(by_street, key=natural_sort_key):
         own = by_street[name]
-        parts = tuple(own[start : start + ON_PAGE] for start in range(0, len(own), ON_PAGE))
+        parts = tuple(own[start : start + MAX_FACADES_PER_PAGE] for start in range(0, len(own), MAX_FACADES_PER_PAGE))
         stem = file_stem(name)
         found.append(StreetPages(name, parts, tuple(f"streets/{stem}/{n}.html" for n in range(1, len(parts) + 1))))
     return found
 
 
 def _environment() -> Environment:
-    """The templates, with the style that all pages have."""
+    """Return the templates with the style that all pages share."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     here = Path(__file__).parent
     environment = Environment(
-        loader=FileSystemLoader(here), autoescape=True, finalize=_shown, undefined=StrictUndefined
+        loader=FileSystemLoader(here), autoescape=True, finalize=_escape_invisible, undefined=StrictUndefined
     )
     style = (here / "report.css").read_text(encoding="utf-8")
     environment.globals["style"] = Markup(style)
@@ -191,14 +198,14 @@ def _environment() -> Environment:
     return environment
 
 
-def _shown(value: Any) -> Any:
-    """What stands in the page for a value, before it is escaped."""
+def _escape_invisible(value: Any) -> Any:
+    """Return a value as it is shown, before HTML escaping."""
     return escape_invisible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _line(street: StreetPages) -> dict[str, Any]:
-    """A street in the index."""
-    every = street.every
+def _index_entry(street: StreetPages) -> dict[str, Any]:
+    """Return a street's entry in the index."""
+    every = street.all_rows
     return {
         "name": street.name,
         "links": [quote(path) for path in street.paths],
@@ -208,18 +215,20 @@ def _line(street: StreetPages) -> dict[str, Any]:
     }
 
 
-def _facade(row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    return {"row": row, "pictures": _linked("../../images", sheets), "seconds": record.get("seconds", {})}
+def _facade_entry(
+    row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]
+) -> dict[str, Any]:
+    return {"row": row, "pictures": _picture_links("../../images", sheets), "seconds": record.get("seconds", {})}
 
 
-def _changed(
+def _change_entry(
     row: Mapping[str, Any],
     record: Mapping[str, Any],
     sheets: Mapping[str, Sequence[tuple[str, str]]],
     before: Mapping[str, str],
     links: Mapping[str, str],
 ) -> dict[str, Any]:
-    """A facade that changed: its row, how it was and is, and where that differs: (x, y, tenths), None where hidden."""
+    """Return a changed facade: its row, pictures before and after, and cells (x, y, tenths), None where hidden."""
     own = sheets.get(row["id"], ())
     now = [name for name, _ in own if name.endswith(("-rectified.webp", "-hidden.webp"))] or [name for name, _ in own]
     cells = record.get("change_map", [])
@@ -235,12 +244,12 @@ def _changed(
     }
 
 
-def _linked(folder: str, pictures: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
+def _picture_links(folder: str, pictures: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
     return [{"path": f"{folder}/{quote(name)}", "title": title} for name, title in pictures]
 
 
 def _timings(kind: str, records: Any) -> Iterator[dict[str, Any]]:
-    """Median and total seconds of every stage over the records of one kind of unit."""
+    """Yield median and total seconds of every stage over the records of one kind of unit."""
     by_stage: dict[str, list[float]] = {}
     for record in records:
         for stage, seconds in record.get("seconds", {}).items():

@@ -1,4 +1,4 @@
-"""Files of a snapshot that is being published: what one published before has of the same is linked, not made again."""
+"""Reuse of files of an earlier snapshot: files made from the same inputs are linked instead of written again."""
 
 from __future__ import annotations
 
@@ -7,56 +7,60 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from catalogs.published.file_list import Listed, digest_of, listed_in
-from catalogs.published.folders import Folder, at
+from catalogs.published.file_list import SizeAndDigest, content_digest, read_file_list
+from catalogs.published.folders import Folder, join_path
 
 
 @dataclass
-class Made:
-    """The files that are put into the folder of a snapshot, and what each is made of.
+class SnapshotFiles:
+    """Files of a snapshot that is being published, with digests of their inputs.
 
-    earlier: the folder of a snapshot whose files may be linked, or fetched where it is in a bucket, None where there is none;
-    doubted: whether they are to be read and compared with their digests before that, as sizes do not show everything.
-    of: path -> what a file is made of, as a digest: the same, the same bytes. linked: size and digest of those that are linked.
+    Attributes
+    ----------
+    folder : folder of the snapshot.
+    earlier : folder of a snapshot to link from, or to copy from in a bucket; None if there is none.
+    verify_digests : whether to compare the digests of earlier files before they are linked, not only their sizes.
+    source_digests : path -> digest of the inputs of a file; equal digests mean equal bytes.
+    linked : path -> size and digest of files that were linked.
     """
 
     folder: Path
     earlier: Folder | None = None
-    doubted: bool = False
-    of: dict[str, str] = field(default_factory=dict)
-    linked: dict[str, Listed] = field(default_factory=dict)
-    _before: dict[str, Listed] = field(init=False)
-    _made_of: dict[str, str] = field(init=False)
+    verify_digests: bool = False
+    source_digests: dict[str, str] = field(default_factory=dict)
+    linked: dict[str, SizeAndDigest] = field(default_factory=dict)
+    _earlier_files: dict[str, SizeAndDigest] = field(init=False)
+    _earlier_digests: dict[str, str] = field(init=False)
 
     def __post_init__(self) -> None:
-        held = listed_in(self.earlier) if self.earlier else None
-        self._before, self._made_of = (held["files"], held["made"]) if held else ({}, {})
+        held = read_file_list(self.earlier) if self.earlier else None
+        self._earlier_files, self._earlier_digests = (held["files"], held["made"]) if held else ({}, {})
 
-    def put(self, path: str, of: str, data: Callable[[], bytes]) -> Path:
-        """Put a file in the folder: that of the earlier snapshot where it is made `of` the same, else one with this data."""
-        return self.put_written(path, of, lambda file: file.write_bytes(data()))
+    def add_file(self, path: str, source_digest: str, data: Callable[[], bytes]) -> Path:
+        """Add a file: link the earlier one if its inputs are the same, otherwise write `data()`."""
+        return self.add_written_file(path, source_digest, lambda file: file.write_bytes(data()))
 
-    def put_written(self, path: str, of: str, write: Callable[[Path], object]) -> Path:
-        """The same for a file that is not in memory as a whole: `write` writes it."""
+    def add_written_file(self, path: str, source_digest: str, write: Callable[[Path], object]) -> Path:
+        """Add a file like `add_file`, written by `write` instead of from memory."""
         target = self.folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
-        if not self._link(path, of, target):
+        if not self._link(path, source_digest, target):
             write(target)
-        self.of[path] = of
+        self.source_digests[path] = source_digest
         return target
 
-    def _link(self, path: str, of: str, target: Path) -> bool:
-        if self.earlier is None or self._made_of.get(path) != of or path not in self._before:
+    def _link(self, path: str, source_digest: str, target: Path) -> bool:
+        if self.earlier is None or self._earlier_digests.get(path) != source_digest or path not in self._earlier_files:
             return False
-        source, (size, digest) = at(self.earlier, path), self._before[path]
+        source, (size, digest) = join_path(self.earlier, path), self._earlier_files[path]
         try:
             if not isinstance(source, Path):
                 target.write_bytes(source.read_bytes())
-                if target.stat().st_size != size or digest_of(target) != digest:
+                if target.stat().st_size != size or content_digest(target) != digest:
                     return False
                 self.linked[path] = (size, digest)
                 return True
-            if source.stat().st_size != size or (self.doubted and digest_of(source) != digest):
+            if source.stat().st_size != size or (self.verify_digests and content_digest(source) != digest):
                 return False
             os.link(source, target)
         except OSError:  # it is gone, or the file system knows no links: then it is written

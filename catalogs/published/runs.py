@@ -1,4 +1,4 @@
-"""Runs that have published, in a folder on this machine or in a bucket."""
+"""Published runs in a folder on this machine or in a bucket."""
 
 from __future__ import annotations
 
@@ -6,42 +6,45 @@ from dataclasses import dataclass
 from typing import Generic, cast
 
 from catalogs.features import natural_sort_key
-from catalogs.published.folders import F, Folder, each
+from catalogs.published.folders import F, Folder, map_concurrently
 from facade_core.core.errors import InputError
 
 # In a city's folder, from its first minute on: of which blocks it is.
-CITY = "city.json"
+CITY_FILE_NAME = "city.json"
 
 
 @dataclass(frozen=True)
-class Run(Generic[F]):
-    """A run's folder and its name: relative to the folder of runs that was asked for, else the folder's own."""
+class PublishedRun(Generic[F]):
+    """Folder of a run, and its name: relative to the folder of runs that was asked for, or the folder's own."""
 
     folder: F
     name: str
 
 
-def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
-    """The runs that have published, and a line about each that has not: `folder` itself, else those at most two levels down.
+def find_runs(folder: F) -> tuple[list[PublishedRun[F]], list[str]]:
+    """Find the published runs, and describe runs that have not published: `folder` itself, or those at most two levels down.
 
-    A run is known by its `current`, or by its store before it has published, and is not searched for others. Raises
-    InputError where there is no run that has published.
+    A run is recognised by its `current`, or by its store before it has published; its folder is not searched further.
+
+    Raises
+    ------
+    InputError : no run has published.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; {publishes(folder, 'makes it')}")
+        raise InputError(f"{folder}: no such folder; {publish_hint(folder, 'makes it')}")
     if (folder / "current").is_file():
-        return [Run(folder, folder.resolve().name)], []
-    runs: list[Run[F]] = []
+        return [PublishedRun(folder, folder.resolve().name)], []
+    runs: list[PublishedRun[F]] = []
     left_out: list[str] = []
     waiting = [folder]
     while waiting:
         parent = waiting.pop()
         try:
-            children = sorted(_folders(parent), key=str)
-            for child, holds in zip(children, each(_holds, children, folder), strict=True):
+            children = sorted(_subfolders(parent), key=str)
+            for child, holds in zip(children, map_concurrently(_run_marker, children, folder), strict=True):
                 name = str(child)[len(str(folder)) :].strip("/")
                 if holds == "current":
-                    runs.append(Run(child, name))
+                    runs.append(PublishedRun(child, name))
                 elif holds == "store":
                     left_out.append(f"{name} is left out: nothing is published there yet")
                 elif parent == folder:
@@ -49,40 +52,42 @@ def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
         except OSError as error:
             left_out.append(f"{parent} is left out: {error.strerror}")
     if not runs:
-        raise InputError(f"{folder}: nothing is published there; {publishes(folder, 'finishes and publishes')}")
+        raise InputError(f"{folder}: nothing is published there; {publish_hint(folder, 'finishes and publishes')}")
     runs.sort(key=lambda run: natural_sort_key(run.name))
     return runs, sorted(left_out, key=natural_sort_key)
 
 
-def stores_in(folder: F) -> dict[str, F]:
-    """The runs that have a store, published or not, by name: `folder` itself, else those at most two levels down."""
+def find_stores(folder: F) -> dict[str, F]:
+    """Return name -> folder of the runs that have a store: `folder` itself, or those at most two levels down."""
     if (folder / "store").is_dir():
         return {folder.resolve().name: folder}
     found: dict[str, F] = {}
-    waiting = _folders(folder) if folder.is_dir() else []
+    waiting = _subfolders(folder) if folder.is_dir() else []
     while waiting:
-        with_store = each(lambda one: (one / "store").is_dir(), waiting, folder)
+        with_store = map_concurrently(lambda one: (one / "store").is_dir(), waiting, folder)
         found |= {
             str(one)[len(str(folder)) :].strip("/"): cast(F, one)
             for one, is_run in zip(waiting, with_store, strict=True)
             if is_run
         }
         without = [one for one, is_run in zip(waiting, with_store, strict=True) if not is_run]
-        waiting = [child for one in without if one.parent == folder for child in _folders(one)]
+        waiting = [child for one in without if one.parent == folder for child in _subfolders(one)]
     return dict(sorted(found.items(), key=lambda one: natural_sort_key(one[0])))
 
 
-def _holds(folder: Folder) -> str | None:
-    """By what a run is known, as far as it has come."""
+def _run_marker(folder: Folder) -> str | None:
+    """Return the entry by which a folder is recognised as a run, or None."""
     if (folder / "current").is_file():
         return "current"
     return "store" if (folder / "store").is_dir() else None
 
 
-def _folders(parent: F) -> list[F]:
+def _subfolders(parent: F) -> list[F]:
     return [cast(F, path) for path in parent.iterdir() if not path.name.startswith(".") and path.is_dir()]
 
 
-def publishes(folder: Folder, what: str) -> str:
-    """What to do where a folder lacks what a run, or that of a city, publishes."""
-    return f"`streetloom {'city CITY' if (folder / CITY).is_file() else 'run BLOCK'}.yaml --out {folder}` {what}"
+def publish_hint(folder: Folder, what: str) -> str:
+    """Return the command that publishes what a folder lacks."""
+    return (
+        f"`streetloom {'city CITY' if (folder / CITY_FILE_NAME).is_file() else 'run BLOCK'}.yaml --out {folder}` {what}"
+    )

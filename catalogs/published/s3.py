@@ -1,4 +1,4 @@
-"""Folders of runs in a bucket: s3://bucket/prefix, on AWS or any store that speaks its protocol."""
+"""Folders of runs in a bucket: s3://bucket/prefix, on AWS or any compatible store."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
     import icechunk
     from pyarrow.fs import S3FileSystem
 
-SCHEME = "s3://"
-_UNREACHABLE_S = 20.0
+S3_SCHEME = "s3://"
+_CONNECT_TIMEOUT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class S3Folder:
-    """A folder or object in a bucket, with as much of pathlib's interface as runs need. path: bucket/prefix.
+    """Folder or object in a bucket, with the part of pathlib's interface that runs need; path: bucket/prefix.
 
-    Credentials, region and address are the environment's, as for every tool of AWS: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
-    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL; of a profile who writes takes keys only. Methods that read raise
-    InputError where the bucket does not answer, those that write what `objects` raises.
+    Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ..., AWS_REGION,
+    AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Writing takes only keys from a profile. Methods that read raise InputError if the
+    bucket does not answer; those that write raise the errors of `object_store`.
     """
 
     path: str
 
     def __str__(self) -> str:
-        return SCHEME + self.path
+        return S3_SCHEME + self.path
 
     def __truediv__(self, name: str) -> S3Folder:
         return S3Folder(f"{self.path}/{name}")
@@ -67,58 +67,58 @@ class S3Folder:
     def iterdir(self) -> Iterator[S3Folder]:
         from pyarrow.fs import FileSelector
 
-        with reached(self):
-            found = filesystem().get_file_info(FileSelector(self.path))
+        with translate_errors(self):
+            found = s3_filesystem().get_file_info(FileSelector(self.path))
         return iter([S3Folder(one.path) for one in found])
 
     def read_bytes(self) -> bytes:
-        """Raises FileNotFoundError where there is no such object."""
+        """Return the bytes of the object. Raises FileNotFoundError if it does not exist."""
         try:
-            with filesystem().open_input_stream(self.path) as stream:
+            with s3_filesystem().open_input_stream(self.path) as stream:
                 return bytes(stream.read())
         except FileNotFoundError:
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self)) from None
         except OSError as error:
-            raise _unreached(self, error) from error
+            raise _unreachable_error(self, error) from error
 
     def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
         return self.read_bytes().decode(encoding, errors)
 
     def write_text(self, text: str, encoding: str = "utf-8") -> None:
-        object_store.put(self.path, text.encode(encoding))
+        object_store.upload_object(self.path, text.encode(encoding))
 
     def touch(self) -> None:
-        object_store.put(self.path, b"")
+        object_store.upload_object(self.path, b"")
 
     def unlink(self, missing_ok: bool = False) -> None:
-        object_store.delete([self.path])
+        object_store.delete_objects([self.path])
 
     def sizes(self) -> dict[str, int]:
-        """The objects below this folder, by their paths in it, with their sizes in bytes."""
-        return {name: one.size for name, one in object_store.listed(self.path).items()}
+        """Return path -> size in bytes of the objects below this folder."""
+        return {name: one.size for name, one in object_store.list_objects(self.path).items()}
 
     def size(self) -> int | None:
-        """The bytes of this object; None where there is none."""
-        with reached(self):
-            return filesystem().get_file_info(self.path).size
+        """Return the size of this object in bytes, or None if it does not exist."""
+        with translate_errors(self):
+            return s3_filesystem().get_file_info(self.path).size
 
     def remove(self) -> None:
-        """Remove all that is below this folder."""
-        object_store.delete(f"{self.path}/{name}" for name in object_store.listed(self.path))
+        """Remove all objects below this folder."""
+        object_store.delete_objects(f"{self.path}/{name}" for name in object_store.list_objects(self.path))
 
     def _kind(self) -> str:
-        with reached(self):
-            return filesystem().get_file_info(self.path).type.name
+        with translate_errors(self):
+            return s3_filesystem().get_file_info(self.path).type.name
 
     def icechunk_storage(self) -> icechunk.Storage:
-        """This folder as where an Icechunk repository lies."""
+        """Return this folder as the storage of an Icechunk repository."""
         import icechunk
 
-        endpoint = object_store.endpoint()
+        endpoint = object_store.endpoint_url()
         return icechunk.s3_storage(
             bucket=self.bucket,
             prefix=self.prefix,
-            region=filesystem().region,
+            region=s3_filesystem().region,
             endpoint_url=endpoint,
             allow_http=bool(endpoint and endpoint.startswith("http://")),
             force_path_style=endpoint is not None,
@@ -127,7 +127,12 @@ class S3Folder:
 
 
 def folder_at(place: str | Path | S3Folder) -> Path | S3Folder:
-    """A folder on this machine, or the one in a bucket that `s3://bucket/prefix` names. Raises InputError without a bucket."""
+    """Return the folder on this machine, or the one in a bucket that `s3://bucket/prefix` names.
+
+    Raises
+    ------
+    InputError : no bucket is named.
+    """
     if isinstance(place, S3Folder) or not str(place).startswith(("s3:/", "S3:/")):
         return place if isinstance(place, S3Folder) else Path(place)
     path = str(place)[3:].strip("/")
@@ -136,21 +141,23 @@ def folder_at(place: str | Path | S3Folder) -> Path | S3Folder:
     return S3Folder(path)
 
 
-def filesystem() -> S3FileSystem:
-    """The buckets that the environment leads to."""
-    return _filesystem(object_store.endpoint(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"))
+def s3_filesystem() -> S3FileSystem:
+    """Return the file system of the buckets at the environment's address."""
+    return _open_filesystem(
+        object_store.endpoint_url(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION")
+    )
 
 
 @contextmanager
-def reached(folder: S3Folder) -> Iterator[None]:
-    """What the bucket answers with instead of data, in one line with the remedy."""
+def translate_errors(folder: S3Folder) -> Iterator[None]:
+    """Convert errors of a bucket into one line with the remedy."""
     try:
         yield
     except OSError as error:
-        raise _unreached(folder, error) from error
+        raise _unreachable_error(folder, error) from error
 
 
-def _unreached(folder: S3Folder, error: OSError) -> InputError:
+def _unreachable_error(folder: S3Folder, error: OSError) -> InputError:
     said = " ".join(str(error).split()).partition(" (Request ID")[0]
     return InputError(
         f"{folder}: cannot be reached ({said[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
@@ -158,12 +165,12 @@ def _unreached(folder: S3Folder, error: OSError) -> InputError:
 
 
 @lru_cache(maxsize=2)
-def _filesystem(endpoint: str | None, region: str | None) -> S3FileSystem:
+def _open_filesystem(endpoint: str | None, region: str | None) -> S3FileSystem:
     from pyarrow.fs import S3FileSystem
 
     return S3FileSystem(
         endpoint_override=endpoint,
         region=region,
-        connect_timeout=_UNREACHABLE_S,
+        connect_timeout=_CONNECT_TIMEOUT_S,
         allow_delayed_open=True,  # a small file is one request
     )

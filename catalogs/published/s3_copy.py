@@ -1,4 +1,4 @@
-"""Copying a run into a bucket, so that who reads there meanwhile sees the old snapshot or the new one."""
+"""Copy of a run into a bucket; concurrent readers see the old snapshot or the new one."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from catalogs.published.s3 import S3Folder, filesystem, reached
+from catalogs.published.s3 import S3Folder, s3_filesystem, translate_errors
 from facade_core.core.errors import InputError
 
 # Requests under way at once: they wait for the network, and for little else.
-AT_ONCE = 16
+MAX_CONCURRENT_REQUESTS = 16
 # What names the rest; it arrives when the rest is there.
 _REFERENCES, _POINTERS = "store/refs", ("current", "catalog.json")
 # Everything else is never written twice under one name, but for these.
 _REWRITTEN = (".json", ".yaml")
 
 
-def put_object(place: S3Folder, name: str, data: bytes) -> None:
-    """Write an object of a folder in a bucket. Raises InputError where the bucket refuses."""
+def put_object(folder: S3Folder, name: str, data: bytes) -> None:
+    """Write an object of a folder in a bucket. Raises InputError if the bucket rejects it."""
     try:
-        with reached(place), filesystem().open_output_stream(f"{place.path}/{name}") as stream:
+        with translate_errors(folder), s3_filesystem().open_output_stream(f"{folder.path}/{name}") as stream:
             stream.write(data)
     except InputError as error:
         raise InputError(str(error).replace("cannot be reached", f"{name} cannot be written", 1)) from error
@@ -29,29 +29,33 @@ def put_object(place: S3Folder, name: str, data: bytes) -> None:
 def copy_run(
     run: Path,
     target: S3Folder,
-    arrived: Callable[[int, int], None] = lambda done, total: None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
     put: Callable[[S3Folder, str, bytes], None] = put_object,
 ) -> int:
-    """Copy the store and all that is published of the run in folder `run`; returns how many files were sent.
+    """Copy the store and all published files of a run, and return the number of files sent.
 
-    What is there already is not sent again: chunks and pictures are never written twice under one name. The store's
-    references come after its data, then `current`, and catalog.json last. Nothing in the bucket is removed. The run must not
-    go on meanwhile.
+    Files that are present are skipped: chunks and pictures are never written twice under one name. The store's references follow
+    its data, then `current`, and catalog.json last. Nothing in the bucket is removed. The run must not go on meanwhile.
 
-    Args:
-        arrived: is told of files done and in all.
-        put: writes an object of a folder in a bucket.
+    Parameters
+    ----------
+    on_progress : called with the numbers of files done and in total.
+    put : writes an object of a folder in a bucket.
 
-    Raises InputError where the bucket refuses.
+    Raises
+    ------
+    InputError : the bucket rejects a file.
     """
-    references = {path: path.read_bytes() for path in _files(run / _REFERENCES)}
-    data = [path for path in (*_files(run / "store"), *_files(run / "published")) if path not in references]
-    sizes = _sizes(target)
-    due = [path for path in data if _is_due(path, sizes.get(path.relative_to(run).as_posix()))]
-    with ThreadPoolExecutor(AT_ONCE) as threads:
+    references = {path: path.read_bytes() for path in _visible_files(run / _REFERENCES)}
+    data = [
+        path for path in (*_visible_files(run / "store"), *_visible_files(run / "published")) if path not in references
+    ]
+    sizes = _object_sizes(target)
+    due = [path for path in data if _needs_copy(path, sizes.get(path.relative_to(run).as_posix()))]
+    with ThreadPoolExecutor(MAX_CONCURRENT_REQUESTS) as threads:
         sent = threads.map(lambda path: put(target, path.relative_to(run).as_posix(), path.read_bytes()), due)
         for number, _ in enumerate(sent, 1):
-            arrived(number, len(due))
+            on_progress(number, len(due))
         list(threads.map(lambda path: put(target, path.relative_to(run).as_posix(), references[path]), references))
     for name in _POINTERS:
         put(target, name, (run / name).read_bytes())
@@ -59,26 +63,26 @@ def copy_run(
 
 
 def copy_catalog(folder: Path, target: S3Folder) -> None:
-    """Copy folder/catalog.json, that of a folder of runs, which must be there already."""
+    """Copy folder/catalog.json of a folder of runs."""
     put_object(target, "catalog.json", (folder / "catalog.json").read_bytes())
 
 
-def _files(folder: Path) -> Iterator[Path]:
-    """The files below a folder, but for what is being written."""
+def _visible_files(folder: Path) -> Iterator[Path]:
+    """Yield the files below a folder, except those that are being written."""
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts):
             yield path
 
 
-def _sizes(target: S3Folder) -> dict[str, int]:
-    """The files below a folder in a bucket, by their paths in it, with their sizes."""
+def _object_sizes(target: S3Folder) -> dict[str, int]:
+    """Return path -> size of the files below a folder in a bucket."""
     from pyarrow.fs import FileSelector, FileType
 
-    with reached(target):
+    with translate_errors(target):
         selector = FileSelector(target.path, allow_not_found=True, recursive=True)
-        found: Iterable = filesystem().get_file_info(selector)
+        found: Iterable = s3_filesystem().get_file_info(selector)
     return {one.path[len(target.path) + 1 :]: one.size for one in found if one.type == FileType.File}
 
 
-def _is_due(path: Path, size: int | None) -> bool:
+def _needs_copy(path: Path, size: int | None) -> bool:
     return size != path.stat().st_size or path.suffix in _REWRITTEN

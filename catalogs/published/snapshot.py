@@ -1,4 +1,4 @@
-"""A published snapshot, opened: which one `current` names, where its files lie, and that it stays while somebody reads it."""
+"""Published snapshot: the pointer `current`, the paths of its files, and the lock that protects it from pruning."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, cast
 
 from catalogs.published import object_store
 from catalogs.published.folders import F, Folder
-from catalogs.published.runs import publishes
+from catalogs.published.runs import publish_hint
 from catalogs.published.s3 import S3Folder
 from facade_core.core.errors import InputError, MachineError, StoreError
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Snapshot(Generic[F]):
-    """A snapshot in its folder OUT/published/ID, on this machine or in a bucket, or in the one in which it is being written."""
+    """Snapshot in its folder OUT/published/ID, on this machine or in a bucket, or in the folder in which it is being written."""
 
     folder: F
 
@@ -34,7 +34,7 @@ class Snapshot(Generic[F]):
 
     @property
     def out(self) -> F:
-        """The folder of the run."""
+        """Return the folder of the run."""
         return cast(F, self.folder.parent.parent)
 
     @property
@@ -47,21 +47,21 @@ class Snapshot(Generic[F]):
 
     @property
     def overview(self) -> F:
-        """The small model of the block."""
+        """Return the path of the block's small model."""
         return self._file("overview.glb")
 
     @property
     def tiles(self) -> F:
-        """The list of the block's tiles."""
+        """Return the path of the list of tiles."""
         return cast(F, self._file("tiles") / "index.json")
 
     def tile(self, path: str) -> F:
-        """The model of a tile, by the path of its cell."""
+        """Return the path of a tile's model, by the path of its cell."""
         return cast(F, self._file("tiles") / f"{path}.glb")
 
     @property
     def report(self) -> F:
-        """The report's folder, in which index.html and images/ are."""
+        """Return the report's folder, with index.html and images/."""
         return self._file("report")
 
     @property
@@ -69,7 +69,7 @@ class Snapshot(Generic[F]):
         return self._file("summary.json")
 
     @property
-    def masked(self) -> F:
+    def masked_file(self) -> F:
         return self._file("masked.json")
 
     @property
@@ -77,15 +77,15 @@ class Snapshot(Generic[F]):
         return self._file("stac")
 
     def page(self, number: int) -> F:
-        """A page of the atlas, filled."""
+        """Return the path of a filled page of the atlas."""
         return cast(F, self._file("pages") / f"{number:04}.jpg")
 
     def _file(self, name: str) -> F:
         return cast(F, self.folder / name)
 
     @contextmanager
-    def being_read(self) -> Iterator[Snapshot[F]]:
-        """Keep the folder from being pruned, until the process ends, however it does; any number may."""
+    def hold_for_reading(self) -> Iterator[Snapshot[F]]:
+        """Hold a shared lock that keeps the folder from being pruned, at most until the process ends."""
         if isinstance(self.folder, S3Folder):
             yield self
             return
@@ -102,8 +102,8 @@ class Snapshot(Generic[F]):
             os.close(handle)
 
     @contextmanager
-    def alone(self) -> Iterator[bool]:
-        """Whether nobody reads the folder, and nobody can as long as the block lasts. Who reads a bucket is not known there."""
+    def lock_exclusively(self) -> Iterator[bool]:
+        """Yield whether nobody reads the folder, and keep readers out meanwhile. Readers of a bucket are unknown."""
         if isinstance(self.folder, S3Folder):
             yield True
             return
@@ -118,14 +118,14 @@ class Snapshot(Generic[F]):
         finally:
             os.close(handle)
 
-    def session(self) -> icechunk.Session:
-        """The run's store as it was at this snapshot. Raises StoreError where it does not hold that."""
+    def open_session(self) -> icechunk.Session:
+        """Open the run's store at this snapshot. Raises StoreError if the store does not hold it."""
         import icechunk
 
         icechunk.set_logs_filter("off")  # it warns of writers at every opening
         store: Folder = self.out / "store"
         if isinstance(store, Path) and not store.is_dir():  # Icechunk would make it
-            raise self.unreadable("there is none")
+            raise self.store_error("there is none")
         try:
             if isinstance(store, S3Folder):
                 repository = icechunk.Repository.open(store.icechunk_storage())
@@ -133,10 +133,10 @@ class Snapshot(Generic[F]):
                 repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(store)))
             return repository.readonly_session(snapshot_id=self.id)
         except (icechunk.IcechunkError, OSError, ValueError) as error:
-            raise self.unreadable(error) from error
+            raise self.store_error(error) from error
 
-    def unreadable(self, error: object) -> StoreError:
-        """What to say where the store cannot be read as it was at this snapshot."""
+    def store_error(self, error: object) -> StoreError:
+        """Return the error for a store that cannot be read at this snapshot."""
         why = " ".join(str(error).split())[:120]
         return StoreError(
             f"{self.out}: its store does not hold snapshot {self.id} as this version writes it ({why}); {self.remedy}"
@@ -144,11 +144,11 @@ class Snapshot(Generic[F]):
 
     @property
     def remedy(self) -> str:
-        """What to do where the folder is damaged."""
-        return publishes(self.out, "publishes again")
+        """Return the remedy for a damaged folder."""
+        return publish_hint(self.out, "publishes again")
 
-    def outcome(self) -> dict[str, Any]:
-        """The summary, with the paths of the outputs: of models the whole one where there is one, else the small one."""
+    def read_outcome(self) -> dict[str, Any]:
+        """Return the summary with the paths of the outputs; the small model if the whole one is missing."""
         model = self.overview if self.overview.is_file() and not self.model.is_file() else self.model
         return json.loads(self.summary.read_text()) | {
             "outputs": {
@@ -159,42 +159,55 @@ class Snapshot(Generic[F]):
         }
 
 
-def snapshot_in(out: F, id: str) -> Snapshot[F]:
-    """A snapshot of the run in folder `out`."""
+def snapshot_at(out: F, id: str) -> Snapshot[F]:
+    """Return a snapshot of the run in a folder."""
     return Snapshot(cast(F, out / "published" / id))
 
 
-def current(out: F) -> Snapshot[F]:
-    """The snapshot that the run in folder `out` published last: `current` there names it. Raises InputError where it names none
-    that is there."""
-    snapshot = _named(out)
+def current_snapshot(out: F) -> Snapshot[F]:
+    """Return the snapshot that `current` of a run names.
+
+    Raises
+    ------
+    InputError : it names none that exists.
+    """
+    snapshot = _read_pointer(out)
     if not snapshot.items.is_file():
         raise InputError(f"{snapshot.items} is missing; {snapshot.remedy}")
     return snapshot
 
 
-def current_if_any(out: F) -> Snapshot[F] | None:
-    """The same for who goes on without, also where what it holds is damaged."""
+def find_current_snapshot(out: F) -> Snapshot[F] | None:
+    """Return the current snapshot, or None if there is none or its pointer is damaged."""
     try:
-        snapshot = _named(out)
+        snapshot = _read_pointer(out)
     except InputError:
         return None
     return snapshot if snapshot.summary.is_file() else None
 
 
-def pointer_tag(out: Folder) -> str | None:
-    """Which version of `current` a bucket holds; None on this machine, where the run's lock is enough, and where none is."""
-    found = object_store.get(f"{out.path}/current") if isinstance(out, S3Folder) else None
+def current_pointer_tag(out: Folder) -> str | None:
+    """Return the version of `current` in a bucket; None on this machine, where the run's lock suffices, and if there is none."""
+    found = object_store.download_object(f"{out.path}/current") if isinstance(out, S3Folder) else None
     return found[1] if found else None
 
 
-def make_current(snapshot: Snapshot, over: str | None = None) -> None:
-    """Have `current` name a snapshot, in one step: a reader sees the one before or this one.
+def set_current_snapshot(snapshot: Snapshot, expected_tag: str | None = None) -> None:
+    """Set `current` to a snapshot, atomically.
 
-    over: in a bucket the version that it is written over, by `pointer_tag`. Raises MachineError where another is there.
+    Parameters
+    ----------
+    expected_tag : in a bucket, the version of `current` that is replaced, from `current_pointer_tag`.
+
+    Raises
+    ------
+    MachineError : another run has changed `current` meanwhile.
     """
     if isinstance(snapshot.out, S3Folder):
-        if object_store.put_if(f"{snapshot.out.path}/current", f"{snapshot.id}\n".encode(), over) is None:
+        if (
+            object_store.upload_if_unchanged(f"{snapshot.out.path}/current", f"{snapshot.id}\n".encode(), expected_tag)
+            is None
+        ):
             raise MachineError(f"{snapshot.out}: another run published meanwhile; let it end, and run again")
         return
     pointer = snapshot.out / ".current.tmp"
@@ -202,12 +215,12 @@ def make_current(snapshot: Snapshot, over: str | None = None) -> None:
     os.replace(pointer, snapshot.out / "current")
 
 
-def _named(out: F) -> Snapshot[F]:
+def _read_pointer(out: F) -> Snapshot[F]:
     pointer = out / "current"
     try:
         name = pointer.read_text(encoding="utf-8", errors="replace").strip()
     except OSError as error:
         raise InputError(f"{pointer} cannot be read: {error.strerror}; `streetloom run` writes it") from error
     if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
-        raise InputError(f"{pointer} does not hold a snapshot id; {publishes(out, 'publishes again')}")
-    return snapshot_in(out, name)
+        raise InputError(f"{pointer} does not hold a snapshot id; {publish_hint(out, 'publishes again')}")
+    return snapshot_at(out, name)

@@ -1,4 +1,4 @@
-"""Asking the catalogue: on the command line, and from Python."""
+"""Queries of the catalogue, for the command line and for Python."""
 
 from catalogs.query.execution import query
 from catalogs.query.formats import format_items

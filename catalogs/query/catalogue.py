@@ -1,4 +1,4 @@
-"""A published run, or a folder of them, for Python: facades as a GeoDataFrame, one facade as an xarray Dataset."""
+"""Catalogue of published runs for Python: facades as a GeoDataFrame, one facade as an xarray Dataset."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.published.folders import Folder
-from catalogs.published.runs import runs_in
+from catalogs.published.runs import find_runs
 from catalogs.published.s3 import folder_at
-from catalogs.published.snapshot import Snapshot, current
+from catalogs.published.snapshot import Snapshot, current_snapshot
 from catalogs.query.execution import query
-from catalogs.query.formats import located
+from catalogs.query.formats import to_geodataframe
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,35 +35,44 @@ RASTERS = {
 
 @dataclass(frozen=True)
 class Catalogue:
-    """What the runs in folder `out`, on this machine or in a bucket, published."""
+    """Published results of the runs in a folder on this machine or in a bucket."""
 
     out: Folder
 
     def search(
         self, where: str | None = None, *, bbox: Sequence[float] | None = None, since: str | None = None
     ) -> gpd.GeoDataFrame:
-        """The facades, and the units set aside, that `catalogs.query.query` finds; geometry are foot lines in lon/lat.
+        """Return the facades, and units set aside, that `catalogs.query.query` selects; geometry are foot lines in lon/lat.
 
-        Raises InputError in one line that names the argument.
+        Raises
+        ------
+        InputError : one line that names the argument.
         """
         try:
-            return located(query(self.out, where=where, bbox=bbox, since=since))
+            return to_geodataframe(query(self.out, where=where, bbox=bbox, since=since))
         except InputError as error:  # said for the command line, whose options have the same names
             raise InputError(str(error).removeprefix("--")) from error
 
     def facade(self, id: str, *, run: str | None = None) -> xr.Dataset:
-        """A facade's rasters (y, x) in the snapshot that was published, in metres along the wall and down from its top.
+        """Return the rasters (y, x) of a facade in the current snapshot, in metres along the wall and down from its top.
 
         attrs: id, crs, origin (3,) of its upper left corner, axis_x and axis_y (3,), elements of the completed facade as JSON.
-        to_zarr keeps it as it is. NetCDF 3, which is what xarray writes where neither netCDF4 nor h5netcdf is installed, has no
-        unsigned bytes: `facade.astype("int16").to_netcdf(path)` works everywhere.
-        run: name of the run, as in the column `run`, where more than one has a facade of that id. Raises InputError for a
-        facade that there is not, StoreError where the run's store is gone.
-        """
-        with current(self._folder(id, run)).being_read() as snapshot:
-            return _facade(snapshot, id)
+        to_zarr keeps the Dataset as it is. NetCDF 3, which xarray writes without netCDF4 and h5netcdf, has no unsigned bytes:
+        `facade.astype("int16").to_netcdf(path)` works everywhere.
 
-    def _folder(self, id: str, run: str | None) -> Folder:
+        Parameters
+        ----------
+        run : name of the run, as in the column `run`; needed if several runs have a facade of that id.
+
+        Raises
+        ------
+        InputError : no such facade.
+        StoreError : the run's store is gone.
+        """
+        with current_snapshot(self._find_folder(id, run)).hold_for_reading() as snapshot:
+            return _read_facade(snapshot, id)
+
+    def _find_folder(self, id: str, run: str | None) -> Folder:
         rows = query(self.out, where="kind = 'facade'")
         rows = rows[rows["id"] == id]
         if run is not None:
@@ -75,14 +84,14 @@ class Catalogue:
             )
         if len(names) > 1:
             raise InputError(f"{self.out}: facade {id} is in the runs {', '.join(names)}; name one with run=")
-        return next(found.folder for found in runs_in(self.out)[0] if found.name == names[0])
+        return next(found.folder for found in find_runs(self.out)[0] if found.name == names[0])
 
 
-def _facade(snapshot: Snapshot, id: str) -> xr.Dataset:
+def _read_facade(snapshot: Snapshot, id: str) -> xr.Dataset:
     import xarray as xr
     import zarr
 
-    store = snapshot.session().store
+    store = snapshot.open_session().store
     group: Any = zarr.open_group(store, mode="r")
     facades = xr.open_zarr(store, group="facades", consolidated=False, chunks=None).load()
     index = list(map(str, facades.id.values)).index(id)
@@ -116,10 +125,12 @@ def _facade(snapshot: Snapshot, id: str) -> xr.Dataset:
 
 
 def open(out: Folder | str) -> Catalogue:
-    """The catalogue of a run's folder, or of a folder of runs, which may be s3://bucket/prefix.
+    """Open the catalogue of a run's folder, or of a folder of runs, which may be s3://bucket/prefix.
 
-    Raises InputError where nothing is published.
+    Raises
+    ------
+    InputError : nothing is published there.
     """
     folder = folder_at(out)
-    runs_in(folder)
+    find_runs(folder)
     return Catalogue(folder)

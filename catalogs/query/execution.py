@@ -1,4 +1,4 @@
-"""Asking the catalogue of a published block, and showing the answer."""
+"""Execution of queries on the catalogues of published runs, with DuckDB."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.published.folders import Folder, each
+from catalogs.published.folders import Folder, map_concurrently
 from catalogs.published.items import COLUMNS, arrow_type
-from catalogs.published.merged_items import Joined, joined_in, schema_of
-from catalogs.published.runs import Run, runs_in
-from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
-from catalogs.published.snapshot import current
-from catalogs.query.where import parse_since, refusal, select_where
+from catalogs.published.merged_items import MergedItems, read_merged_items, read_parquet_schema
+from catalogs.published.runs import PublishedRun, find_runs
+from catalogs.published.s3 import S3Folder, folder_at, s3_filesystem, translate_errors
+from catalogs.published.snapshot import current_snapshot
+from catalogs.query.where import condition_error, parse_since, select_where
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-_SETTINGS: dict[str, str | bool | int | float | list[str]] = {
+_DUCKDB_SETTINGS: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
     "autoload_known_extensions": False,
     "python_enable_replacements": False,
@@ -37,52 +37,65 @@ def query(
     where: str | None = None,
     bbox: Sequence[float] | None = None,
     since: str | None = None,
-    note: Callable[[str], None] | None = None,
+    on_left_out: Callable[[str], None] | None = None,
 ) -> pd.DataFrame:
-    """Units published by the run in folder `out`, or by all runs in the folder of runs `out`, ordered as in their catalogues.
+    """Query the units published by a run, or by all runs in a folder, ordered as in their catalogues.
 
-    out: may be s3://bucket/prefix. Columns as in catalogs.published.items.COLUMNS, then `run`: the run's folder relative to
-    `out`, or its own name where `out` is the run. where: a boolean SQL expression over the columns. bbox: (west, south, east,
-    north) in degrees; facades that touch it. since: see catalogs.query.where.parse_since; units updated then or later. note is
-    told of each run that is left out, in one line. Integer columns are nullable integers, times are in UTC, geometry is WKB.
-    Raises InputError in one line with the remedy.
+    Parameters
+    ----------
+    out : folder of a run or of runs; may be s3://bucket/prefix.
+    where : boolean SQL expression over the columns.
+    bbox : (west, south, east, north) in degrees; selects facades that touch it.
+    since : selects units updated then or later; see catalogs.query.where.parse_since.
+    on_left_out : called with one line for each run that is left out.
+
+    Returns
+    -------
+    Columns of catalogs.published.items.COLUMNS, then `run`: the run's folder relative to `out`, or its own name if `out` is the
+    run. Integer columns are nullable, times are in UTC, geometry is WKB.
+
+    Raises
+    ------
+    InputError : one line with the remedy.
     """
     import duckdb
 
-    box, start = _checked_box(bbox), None if since is None else parse_since(since)
-    with ExitStack() as holds, duckdb.connect(":memory:", config=_SETTINGS) as connection:
-        files, found, schema = _published(out, note, holds)
+    box, start = _parse_box(bbox), None if since is None else parse_since(since)
+    with ExitStack() as holds, duckdb.connect(":memory:", config=_DUCKDB_SETTINGS) as connection:
+        files, found, schema = _find_catalogues(out, on_left_out, holds)
         named = [*(one.path for one, _ in files), *(path for _, path, _ in found)]
         local = [path for path in named if isinstance(path, Path)]
         connection.execute("SET TimeZone = 'UTC'")
         # of the world the condition may see these files and no others, and only the columns that it names are read of all rows
         connection.execute(
-            "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _pattern(p))]]
+            "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _glob_pattern(p))]]
         )
         parts = []
         joined = [(None, one.path, one.columns, stale) for one, stale in files]
         for number, (run, path, columns, stale) in enumerate([*joined, *((*one, []) for one in found)]):
-            but = [f"run NOT IN ({', '.join(map(_text, stale))})"] if stale else []
+            but = [f"run NOT IN ({', '.join(map(_quote_text, stale))})"] if stale else []
             if isinstance(path, S3Folder):
                 # DuckDB speaks S3 by an extension that it would download: Arrow reads, and skips what box and time rule out
-                connection.register(f"rows_{number}", _dataset(path, columns, box, start))
-                parts.append(_select(run, columns, schema, f"rows_{number}") + _conditions(columns, [], None, but))
+                connection.register(f"rows_{number}", _filtered_dataset(path, columns, box, start))
+                parts.append(_select_sql(run, columns, schema, f"rows_{number}") + _where_sql(columns, [], None, but))
             else:
-                parts.append(_select(run, columns, schema, _read(path)) + _conditions(columns, box, start, but))
+                parts.append(
+                    _select_sql(run, columns, schema, _parquet_sql(path)) + _where_sql(columns, box, start, but)
+                )
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
         if where is None:
-            return _frame(_fetched(connection, "FROM items", schema))
+            return _to_pandas(_run_sql(connection, "FROM items", schema))
         text = select_where(connection, "items", where, schema.names)
         try:
-            return _frame(_fetched(connection, text, schema))
+            return _to_pandas(_run_sql(connection, text, schema))
         except duckdb.Error as error:
             problem = str(error).splitlines()[0].partition(": ")[2].partition(" You might")[0]
-            raise refusal(where, problem, "compare each column with a value of its type") from error
+            raise condition_error(where, problem, "compare each column with a value of its type") from error
 
 
-def _checked_box(bbox: Sequence[float] | None) -> list[float]:
+def _parse_box(bbox: Sequence[float] | None) -> list[float]:
     if bbox is None:
         return []
     box = [float(value) for value in bbox]
@@ -95,31 +108,33 @@ def _checked_box(bbox: Sequence[float] | None) -> list[float]:
 
 
 # A joined file, and the runs in it that have published since.
-Files = list[tuple[Joined, list[str]]]
+MergedFiles = list[tuple[MergedItems, list[str]]]
 
 
-def _published(
+def _find_catalogues(
     out: Folder | str, note: Callable[[str], None] | None, holds: ExitStack
-) -> tuple[Files, list[tuple[Run, Folder, pa.Schema]], pa.Schema]:
-    """The catalogues of the runs in `out`, as far as they are joined in files and else one by one, and all their columns; of
-    several runs, those that cannot be read are left out. holds keeps them from being pruned."""
+) -> tuple[MergedFiles, list[tuple[PublishedRun, Folder, pa.Schema]], pa.Schema]:
+    """Return the merged files, the catalogues of other runs, and the union of their columns.
+
+    Of several runs, unreadable ones are left out. `holds` keeps their folders from being pruned.
+    """
     import pyarrow as pa
 
     folder = folder_at(out)
-    runs, left_out = runs_in(folder)
+    runs, left_out = find_runs(folder)
     united = pa.schema(pa.field(c.name, arrow_type(c)) for c in COLUMNS)
-    files, rest = _joined(folder, runs) if len(runs) > 1 else ([], runs)
+    files, rest = _match_merged_files(folder, runs) if len(runs) > 1 else ([], runs)
     for one, _ in files:
         united = pa.unify_schemas([united, one.columns], promote_options="permissive")
     readable = []
     for run in rest:
         try:
-            path = holds.enter_context(current(run.folder).being_read()).items
+            path = holds.enter_context(current_snapshot(run.folder).hold_for_reading()).items
             try:
-                columns = schema_of(path)
+                columns = read_parquet_schema(path)
                 united = pa.unify_schemas([united, columns], promote_options="permissive")
             except (pa.ArrowTypeError, pa.ArrowInvalid, OSError) as error:
-                raise InputError(_unreadable(run, path, error)) from error
+                raise InputError(_unreadable_message(run, path, error)) from error
             readable.append((run, path, columns))
         except InputError as error:
             if len(runs) == 1:
@@ -134,13 +149,15 @@ def _published(
     return files, readable, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
 
 
-def _joined(out: Folder, runs: Sequence[Run]) -> tuple[Files, list[Run]]:
-    """The files in which runs are joined, and the runs that are not, or have published since."""
-    files: Files = []
-    found = joined_in(out)
+def _match_merged_files(out: Folder, runs: Sequence[PublishedRun]) -> tuple[MergedFiles, list[PublishedRun]]:
+    """Return the merged files with their outdated runs, and the runs that must be read themselves."""
+    files: MergedFiles = []
+    found = read_merged_items(out)
     joined_at_all = {name for joined in found for name in joined.runs}
     asked = [run for run in runs if run.name in joined_at_all]
-    now = dict(zip([run.name for run in asked], each(lambda run: _named(run.folder), asked, out), strict=True))
+    now = dict(
+        zip([run.name for run in asked], map_concurrently(lambda run: _current_id(run.folder), asked, out), strict=True)
+    )
     fresh: set[str] = set()
     for joined in found:
         stands = {name for name, of in joined.runs.items() if now.get(name) == of} - fresh
@@ -150,15 +167,15 @@ def _joined(out: Folder, runs: Sequence[Run]) -> tuple[Files, list[Run]]:
     return files, [run for run in runs if run.name not in fresh]
 
 
-def _named(folder: Folder) -> str | None:
-    """The snapshot that `current` of a run names."""
+def _current_id(folder: Folder) -> str | None:
+    """Return the id of the snapshot that `current` of a run names."""
     try:
         return (folder / "current").read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         return None
 
 
-def _unreadable(run: Run, path: Folder, error: Exception) -> str:
+def _unreadable_message(run: PublishedRun, path: Folder, error: Exception) -> str:
     import pyarrow as pa
 
     if isinstance(error, pa.ArrowTypeError):
@@ -166,17 +183,17 @@ def _unreadable(run: Run, path: Folder, error: Exception) -> str:
     return f"{path} cannot be read as Parquet; `streetloom run` publishes again"
 
 
-def _select(run: Run | None, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
-    """SQL for the rows of one run, or of those that a file names, with all columns."""
-    return f"SELECT {', '.join(_column(name, run, columns) for name in schema.names)} FROM {source}"
+def _select_sql(run: PublishedRun | None, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
+    """Return SQL for the rows of one run or merged file, with all columns."""
+    return f"SELECT {', '.join(_column_sql(name, run, columns) for name in schema.names)} FROM {source}"
 
 
-def _conditions(columns: pa.Schema, box: Sequence[float], start: datetime | None, more: Sequence[str] = ()) -> str:
-    """SQL for what lies within the box and was made since the start."""
+def _where_sql(columns: pa.Schema, box: Sequence[float], start: datetime | None, more: Sequence[str] = ()) -> str:
+    """Return SQL for rows within the box and updated since the start."""
     conditions = list(more)
     if start is not None:
         conditions.append(
-            f"updated >= TIMESTAMPTZ {_text(start.isoformat())}" if "updated" in columns.names else "false"
+            f"updated >= TIMESTAMPTZ {_quote_text(start.isoformat())}" if "updated" in columns.names else "false"
         )
     if box:
         west, south, east, north = box
@@ -184,13 +201,13 @@ def _conditions(columns: pa.Schema, box: Sequence[float], start: datetime | None
     return f" WHERE {' AND '.join(conditions)}" if conditions else ""
 
 
-def _dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Any:
-    """The same as an Arrow dataset over the file in a bucket, of which row groups without such rows are not fetched."""
+def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Any:
+    """Return the file in a bucket as an Arrow dataset with the same filters; other row groups are not fetched."""
     import pyarrow as pa
     from pyarrow import dataset
 
-    with reached(path):
-        rows = dataset.dataset(path.path, format="parquet", filesystem=filesystem())
+    with translate_errors(path):
+        rows = dataset.dataset(path.path, format="parquet", filesystem=s3_filesystem())
     field = dataset.field
     if start is not None:
         updated = field("updated") >= pa.scalar(start, pa.timestamp("us", "UTC"))
@@ -202,34 +219,34 @@ def _dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: da
     return rows
 
 
-def _column(name: str, run: Run | None, columns: pa.Schema) -> str:
+def _column_sql(name: str, run: PublishedRun | None, columns: pa.Schema) -> str:
     if name == "run" and run is not None:
-        return f"{_text(run.name)} AS run"
-    return _name(name) if name in columns.names else f"NULL AS {_name(name)}"
+        return f"{_quote_text(run.name)} AS run"
+    return _quote_name(name) if name in columns.names else f"NULL AS {_quote_name(name)}"
 
 
-def _read(path: Path) -> str:
-    return f"read_parquet({_text(_pattern(path))}, hive_partitioning = false)"
+def _parquet_sql(path: Path) -> str:
+    return f"read_parquet({_quote_text(_glob_pattern(path))}, hive_partitioning = false)"
 
 
-def _pattern(path: Path) -> str:
-    """The pattern that matches a path alone: [, * and ? in one mean others to DuckDB."""
+def _glob_pattern(path: Path) -> str:
+    """Return the pattern that matches only this path: DuckDB interprets [, * and ?."""
     return re.sub(r"([\[*?])", r"[\1]", str(path.resolve()))
 
 
-def _name(column: str) -> str:
+def _quote_name(column: str) -> str:
     return '"' + column.replace('"', '""') + '"'
 
 
-def _text(value: str) -> str:
+def _quote_text(value: str) -> str:
     return "'" + value.replace("'", "''") + "'"
 
 
-def _fetched(connection: duckdb.DuckDBPyConnection, text: str, schema: pa.Schema) -> pa.Table:
+def _run_sql(connection: duckdb.DuckDBPyConnection, text: str, schema: pa.Schema) -> pa.Table:
     return connection.sql(text).to_arrow_table().select(schema.names).cast(schema)
 
 
-def _frame(table: pa.Table) -> pd.DataFrame:
+def _to_pandas(table: pa.Table) -> pd.DataFrame:
     import pandas as pd
     import pyarrow as pa
 

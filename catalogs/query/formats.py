@@ -1,4 +1,4 @@
-"""Showing what a query found: as a table, JSON, GeoJSON or GeoParquet."""
+"""Output formats of query results: table, JSON, GeoJSON and GeoParquet."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any
 from catalogs.crs import LONLAT
 from catalogs.printable_text import escape_invisible, escape_invisible_json
 from catalogs.published.items import BBOX
-from catalogs.query.where import named_in
+from catalogs.query.where import condition_columns
 from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     import geopandas as gpd
     import pandas as pd
 
-FORMATS = ("table", "json", "geojson", "parquet")
+OUTPUT_FORMATS = ("table", "json", "geojson", "parquet")
 # What fits a terminal; --format json shows everything.
-_TABLE = (
+_TABLE_COLUMNS = (
     "id",
     "street",
     "height_m",
@@ -38,23 +38,25 @@ _TABLE = (
 )
 
 # What a table shows where there is something to show, or what is no text.
-_ELSEWHERE = ("run", "kind", "reason", "geometry")
+_CONDITIONAL_COLUMNS = ("run", "kind", "reason", "geometry")
 
 
 def format_items(items: pd.DataFrame, format: str = "table", where: str | None = None) -> str:
-    """The facades as aligned text, with the columns that the condition named; a JSON array; or a GeoJSON FeatureCollection
-    (lon/lat, 7 decimals, about 1 cm)."""
+    """Format facades as an aligned table with the condition's columns, a JSON array, or a GeoJSON FeatureCollection.
+
+    GeoJSON is in lon/lat with 7 decimals, about 1 cm.
+    """
     if format == "table":
-        return _table(items, named_in(where or "", list(items.columns)))
+        return _format_table(items, condition_columns(where or "", list(items.columns)))
     if format == "json":
         return escape_invisible_json(json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False))
     if format == "geojson":
-        return escape_invisible_json(json.dumps(_collection(items), ensure_ascii=False, allow_nan=False))
+        return escape_invisible_json(json.dumps(_feature_collection(items), ensure_ascii=False, allow_nan=False))
     raise InputError(f"--format {format}: not text, or not known; choose table, json, geojson")
 
 
-def located(items: pd.DataFrame) -> gpd.GeoDataFrame:
-    """The facades with their foot lines as geometry, in lon/lat."""
+def to_geodataframe(items: pd.DataFrame) -> gpd.GeoDataFrame:
+    """Return the facades with their foot lines as geometry, in lon/lat."""
     import geopandas as gpd
     import shapely
 
@@ -62,20 +64,20 @@ def located(items: pd.DataFrame) -> gpd.GeoDataFrame:
     return gpd.GeoDataFrame(items.drop(columns="geometry"), geometry=feet, crs=LONLAT)
 
 
-def parquet_bytes(items: pd.DataFrame) -> bytes:
-    """The facades as a GeoParquet file."""
+def to_parquet_bytes(items: pd.DataFrame) -> bytes:
+    """Return the facades as a GeoParquet file."""
     buffer = io.BytesIO()
-    located(items).to_parquet(buffer, compression="zstd")
+    to_geodataframe(items).to_parquet(buffer, compression="zstd")
     return buffer.getvalue()
 
 
 def _records(items: pd.DataFrame) -> list[dict[str, Any]]:
-    """Rows without their geometry; what JSON cannot say (missing, infinite) is None."""
+    """Return rows without geometry; values that JSON lacks (missing, infinite) are None."""
     records = items.drop(columns="geometry").astype(object).to_dict("records")
-    return [{str(name): _plain(value) for name, value in record.items()} for record in records]
+    return [{str(name): _json_value(value) for name, value in record.items()} for record in records]
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     import pandas as pd
 
     if pd.isna(value) or (isinstance(value, float) and math.isinf(value)):
@@ -83,7 +85,7 @@ def _plain(value: Any) -> Any:
     return value.isoformat().replace("+00:00", "Z") if isinstance(value, datetime) else value
 
 
-def _collection(items: pd.DataFrame) -> dict[str, Any]:
+def _feature_collection(items: pd.DataFrame) -> dict[str, Any]:
     import shapely
 
     feet = shapely.transform(shapely.from_wkb(items["geometry"].to_numpy(dtype=object)), lambda ends: ends.round(7))
@@ -100,20 +102,20 @@ def _collection(items: pd.DataFrame) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": features}
 
 
-def _table(items: pd.DataFrame, asked: Sequence[str]) -> str:
+def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
     from pandas.api.types import is_numeric_dtype
 
     if items.empty:
         return "no facade matches"
-    head = [name for name in _TABLE if name in items]
-    head[-1:-1] = [name for name in asked if name not in (*_TABLE, *_ELSEWHERE)]
+    head = [name for name in _TABLE_COLUMNS if name in items]
+    head[-1:-1] = [name for name in asked if name not in (*_TABLE_COLUMNS, *_CONDITIONAL_COLUMNS)]
     if "run" in items and items["run"].nunique() > 1:
         head.insert(0, "run")
     if "kind" in items and (items["kind"] != "facade").any():
         head.insert(head.index("id") + 1, "kind")
     if "reason" in items and items["reason"].notna().any():
         head.append("reason")
-    rows = [[_cell(name, row[name]) for name in head] for row in _records(items)]
+    rows = [[_format_cell(name, row[name]) for name in head] for row in _records(items)]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     text = {name for name in head if not is_numeric_dtype(items[name])}
 
@@ -126,7 +128,7 @@ def _table(items: pd.DataFrame, asked: Sequence[str]) -> str:
     return "\n".join([line(head), line(["-" * width for width in widths]), *map(line, rows), count])
 
 
-def _cell(name: str, value: Any) -> str:
+def _format_cell(name: str, value: Any) -> str:
     if value is None:
         return "-"
     return f"{value:.2f}" if isinstance(value, float) else escape_invisible(str(value))

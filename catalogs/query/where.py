@@ -1,4 +1,4 @@
-"""Conditions a user may ask the catalogue: boolean expressions over its columns and nothing else."""
+"""Conditions of users on the catalogue: boolean expressions over its columns and nothing else."""
 
 from __future__ import annotations
 
@@ -14,14 +14,25 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     import duckdb
 
-LONGEST = 2000  # characters
-FUNCTIONS = ("lower", "upper", "length", "contains", "starts_with", "ends_with", "abs", "round", "least", "greatest")
+MAX_CONDITION_LENGTH = 2000  # characters
+ALLOWED_FUNCTIONS = (
+    "lower",
+    "upper",
+    "length",
+    "contains",
+    "starts_with",
+    "ends_with",
+    "abs",
+    "round",
+    "least",
+    "greatest",
+)
 # Those of them that say yes or no.
-_TESTS = {"contains", "starts_with", "ends_with"}
-_SIGNS = {"+", "-", "*", "/", "//", "%", "||"}
-_LIKES = {"~~": "LIKE", "!~~": "NOT LIKE", "~~*": "ILIKE", "!~~*": "NOT ILIKE"}
-_PLAIN = {"CONJUNCTION", "COMPARISON", "BETWEEN", "CONSTANT"}
-_OPERATORS = {
+_BOOLEAN_FUNCTIONS = {"contains", "starts_with", "ends_with"}
+_ARITHMETIC_OPERATORS = {"+", "-", "*", "/", "//", "%", "||"}
+_LIKE_OPERATORS = {"~~": "LIKE", "!~~": "NOT LIKE", "~~*": "ILIKE", "!~~*": "NOT ILIKE"}
+_PLAIN_CLASSES = {"CONJUNCTION", "COMPARISON", "BETWEEN", "CONSTANT"}
+_OPERATOR_TYPES = {
     "OPERATOR_NOT",
     "OPERATOR_IS_NULL",
     "OPERATOR_IS_NOT_NULL",
@@ -33,65 +44,76 @@ _QUALIFIERS = ("schema", "catalog", "filter", "distinct", "export_state")
 
 
 def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, columns: Sequence[str]) -> str:
-    """The query `SELECT * FROM table WHERE where`, after checking that `where` is one condition over `columns`.
+    """Return `SELECT * FROM table WHERE where`, after checking that `where` is one condition over `columns`.
 
-    DuckDB's own parser makes the tree that is checked, and the text that it parsed is the text that is returned, so
-    nothing is run that was not looked at. Raises InputError in one line with the remedy.
+    DuckDB's parser builds the tree that is checked, and the parsed text is returned unchanged, so nothing unchecked runs.
+
+    Raises
+    ------
+    InputError : one line with the remedy.
     """
     query = f"SELECT * FROM {table} WHERE {where}"
-    condition = _one_condition(connection, table, where)
-    _check(condition, where, columns)
+    condition = _parse_condition(connection, table, where)
+    _check_expressions(condition, where, columns)
     _check_boolean(condition, where)
     return query
 
 
-def all_of(conditions: Sequence[str]) -> str | None:
-    """The condition that holds where all of some do, None of none. Each is looked at alone before, so that none ends in the
-    middle of another. Raises InputError as `select_where`."""
+def combine_conditions(conditions: Sequence[str]) -> str | None:
+    """Combine conditions with AND; None without any. Each is parsed alone, so that none ends inside another.
+
+    Raises
+    ------
+    InputError : as `select_where`.
+    """
     if len(conditions) < 2:
         return next(iter(conditions), None)
     import duckdb
 
     with duckdb.connect() as connection:
         for one in conditions:
-            _one_condition(connection, "items", one)
+            _parse_condition(connection, "items", one)
     return " AND ".join(f"({one}\n)" for one in conditions)  # a comment ends with its line
 
 
-def _one_condition(connection: duckdb.DuckDBPyConnection, table: str, where: str) -> Any:
-    """What DuckDB's parser makes of a text that is one condition."""
+def _parse_condition(connection: duckdb.DuckDBPyConnection, table: str, where: str) -> Any:
+    """Parse a text that must be one condition with DuckDB."""
     if not where.strip():
         raise InputError(
             "--where is empty; give a condition such as \"floors >= 5 AND status = 'done'\", or leave it out"
         )
-    if len(where) > LONGEST:
-        raise InputError(f"--where has {len(where)} characters; at most {LONGEST} are read")
+    if len(where) > MAX_CONDITION_LENGTH:
+        raise InputError(f"--where has {len(where)} characters; at most {MAX_CONDITION_LENGTH} are read")
     if where != where.encode(errors="replace").decode():
-        raise refusal(where, "it holds half a character", "write it as UTF-8")
-    tree = _tree(connection, f"SELECT * FROM {table} WHERE {where}")
+        raise condition_error(where, "it holds half a character", "write it as UTF-8")
+    tree = _parse_tree(connection, f"SELECT * FROM {table} WHERE {where}")
     if tree.get("error"):
         problem = tree["error_message"] if tree.get("error_type") == "parser" else "not a condition"
-        raise refusal(where, problem, 'give one condition such as "floors >= 5"')
-    plain = _tree(connection, f"SELECT * FROM {table} WHERE TRUE")
+        raise condition_error(where, problem, 'give one condition such as "floors >= 5"')
+    plain = _parse_tree(connection, f"SELECT * FROM {table} WHERE TRUE")
     condition = _take_condition(tree)
     _take_condition(plain)
-    if condition is None or _without_places(tree) != _without_places(plain):
-        raise refusal(
+    if condition is None or _strip_locations(tree) != _strip_locations(plain):
+        raise condition_error(
             where, "more than a condition", "give one boolean expression; ORDER BY, LIMIT and the like are not read"
         )
     return condition
 
 
-def named_in(where: str, columns: Sequence[str]) -> list[str]:
-    """The columns that a condition names, in its order; what is 'quoted' is text."""
+def condition_columns(where: str, columns: Sequence[str]) -> list[str]:
+    """Return the columns that a condition names, in its order; 'quoted' text is skipped."""
     words = re.findall(r"\w+", re.sub(r"'[^']*'", "", where).lower())
     return [word for word in dict.fromkeys(words) if word in columns]
 
 
 def parse_since(text: str, now: datetime | None = None) -> datetime:
-    """The instant that `text` says: an ISO date or date-time, in UTC unless it has an offset, or an age such as 36h or 7d.
+    """Parse an ISO date or date-time (UTC unless it has an offset), or an age such as 36h or 7d, as an instant.
 
-    Ages count back from `now` in minutes (m), hours (h), days (d) or weeks (w). Raises InputError in one line with the remedy.
+    Ages count back from `now` in minutes (m), hours (h), days (d) or weeks (w).
+
+    Raises
+    ------
+    InputError : one line with the remedy.
     """
     try:
         if age := re.fullmatch(r"(\d+)([mhdw])", text.strip()):
@@ -106,7 +128,7 @@ def parse_since(text: str, now: datetime | None = None) -> datetime:
         ) from error
 
 
-def _tree(connection: duckdb.DuckDBPyConnection, query: str) -> dict[str, Any]:
+def _parse_tree(connection: duckdb.DuckDBPyConnection, query: str) -> dict[str, Any]:
     import duckdb
 
     try:
@@ -117,18 +139,18 @@ def _tree(connection: duckdb.DuckDBPyConnection, query: str) -> dict[str, Any]:
 
 
 def _take_condition(tree: dict[str, Any]) -> Any:
-    """Cut the condition out of the first statement; None where the statement has no place for one."""
+    """Cut the condition out of the first statement; None if the statement cannot have one."""
     node = tree["statements"][0]["node"] if tree.get("statements") else {}
     return node.pop("where_clause", None)
 
 
-def _without_places(value: Any) -> Any:
+def _strip_locations(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _without_places(part) for key, part in value.items() if not key.startswith("query_location")}
-    return [_without_places(part) for part in value] if isinstance(value, list) else value
+        return {key: _strip_locations(part) for key, part in value.items() if not key.startswith("query_location")}
+    return [_strip_locations(part) for part in value] if isinstance(value, list) else value
 
 
-def _check(condition: Any, where: str, columns: Sequence[str]) -> None:
+def _check_expressions(condition: Any, where: str, columns: Sequence[str]) -> None:
     waiting = [condition]
     while waiting:
         part = waiting.pop()
@@ -141,7 +163,7 @@ def _check(condition: Any, where: str, columns: Sequence[str]) -> None:
 
 
 def _check_boolean(condition: Any, where: str) -> None:
-    """DuckDB would take a number for a condition, and 0 for a false one: who writes `floors` alone forgot the rest."""
+    """Reject numbers as conditions: DuckDB accepts them, but `floors` alone is an incomplete condition."""
     waiting = [condition]
     while waiting:
         part = waiting.pop()
@@ -150,18 +172,20 @@ def _check_boolean(condition: Any, where: str) -> None:
             waiting += part["children"]
         elif kind == "COLUMN_REF":
             name = part["column_names"][-1]
-            raise refusal(
+            raise condition_error(
                 where, f"{name} alone is no condition", f'compare it with a value, such as "{name} IS NOT NULL"'
             )
         elif kind == "CONSTANT" and not _is_truth(part):
-            raise refusal(where, "a value alone is no condition", 'give one such as "floors >= 5"')
-        elif kind == "FUNCTION" and not (part["function_name"].lower() in _TESTS or part["function_name"] in _LIKES):
+            raise condition_error(where, "a value alone is no condition", 'give one such as "floors >= 5"')
+        elif kind == "FUNCTION" and not (
+            part["function_name"].lower() in _BOOLEAN_FUNCTIONS or part["function_name"] in _LIKE_OPERATORS
+        ):
             problem = f"what {part['function_name']} gives is no condition"
-            raise refusal(where, problem, 'compare it with a value, such as "length(street) > 8"')
+            raise condition_error(where, problem, 'compare it with a value, such as "length(street) > 8"')
 
 
 def _is_truth(constant: dict[str, Any]) -> bool:
-    """Whether a constant is TRUE, FALSE or NULL."""
+    """Return whether a constant is TRUE, FALSE or NULL."""
     if "literal" in constant:  # since DuckDB 2
         return constant["literal"]["kind"] in ("BOOLEAN", "NULL_LITERAL")
     return bool(constant["value"]["is_null"]) or constant["value"]["type"]["id"] == "BOOLEAN"
@@ -172,23 +196,31 @@ def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) 
     if kind == "COLUMN_REF":
         name = ".".join(part["column_names"])
         if name.lower() not in columns:
-            raise refusal(where, f"unknown column {name}", _other_than(name, columns))
+            raise condition_error(where, f"unknown column {name}", _suggest_column(name, columns))
     elif kind == "FUNCTION":
         name = part["function_name"].lower()
-        known = name in FUNCTIONS or (part.get("is_operator") and (name in _SIGNS or name in _LIKES))
+        known = name in ALLOWED_FUNCTIONS or (
+            part.get("is_operator") and (name in _ARITHMETIC_OPERATORS or name in _LIKE_OPERATORS)
+        )
         if not known or any(part.get(qualifier) for qualifier in _QUALIFIERS):
             what = "function" if name.isidentifier() else "operator"
-            allowed = FUNCTIONS if what == "function" else ["=", "<>", "<", "<=", ">", ">=", *sorted(_SIGNS)]
-            raise refusal(
+            allowed = (
+                ALLOWED_FUNCTIONS
+                if what == "function"
+                else ["=", "<>", "<", "<=", ">", ">=", *sorted(_ARITHMETIC_OPERATORS)]
+            )
+            raise condition_error(
                 where, f"{what} {name} is not allowed here", f"allowed are {', '.join(allowed)}, LIKE and ILIKE"
             )
-    elif kind not in _PLAIN and not (kind == "OPERATOR" and part["type"] in _OPERATORS):
+    elif kind not in _PLAIN_CLASSES and not (kind == "OPERATOR" and part["type"] in _OPERATOR_TYPES):
         name = part["type"].lower().replace("_", " ")
-        raise refusal(where, f"{name} is not allowed here", "compare columns with values, joined by AND, OR and NOT")
+        raise condition_error(
+            where, f"{name} is not allowed here", "compare columns with values, joined by AND, OR and NOT"
+        )
 
 
-def _other_than(name: str, columns: Sequence[str]) -> str:
-    """What may have been meant by what is no column."""
+def _suggest_column(name: str, columns: Sequence[str]) -> str:
+    """Return a suggestion for a name that is no column."""
     if close := difflib.get_close_matches(name.lower(), columns, n=1, cutoff=0.6):
         return f"did you mean {close[0]}?"
     near = difflib.get_close_matches(name.lower(), columns, n=3, cutoff=0.4)
@@ -196,8 +228,8 @@ def _other_than(name: str, columns: Sequence[str]) -> str:
     return f"if it is text, write '{name}', in single quotes; {others}`streetloom query --help` lists all columns"
 
 
-def refusal(where: str, problem: str, remedy: str) -> InputError:
-    """The error for a condition that is not run: the condition, what is wrong with it, and the remedy, in one line."""
+def condition_error(where: str, problem: str, remedy: str) -> InputError:
+    """Return the error for a rejected condition: condition, problem and remedy in one line."""
     shown = " ".join(where.split())
     shown = shown if len(shown) <= 80 else shown[:77] + "..."
     return InputError(f"--where {shown!r}: {' '.join(problem.split())}; {remedy}")

@@ -47,7 +47,12 @@ class Axes:
     metres_per_height_unit: float = 1.0
 
     def to_east_north_up(self, points: np.ndarray) -> np.ndarray:
-        """Return points (n, 3) of the file as x east, y north, z in metres."""
+        """Return points of the file as x east, y north, z in metres.
+
+        Parameters
+        ----------
+        points : (n, 3) coordinates as stored.
+        """
         order = [1, 0, 2] if self.north_first else [0, 1, 2]
         return points[:, order] * (1.0, 1.0, self.metres_per_height_unit)
 

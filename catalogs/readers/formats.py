@@ -77,7 +77,9 @@ def read_buildings(path: Path, lod: str | None = None) -> Footprints | BuildingM
 
 
 def read_centrelines(path: Path) -> Centrelines:
-    """Read the street centrelines of a file; broken ones and those beyond the limits become faults.
+    """Read the street centrelines of a file.
+
+    Broken ones and those beyond the limits become faults.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import shapely
 
@@ -22,6 +22,9 @@ from catalogs.features import (
 from catalogs.reader_errors import single_line
 from catalogs.readers.faces import MAX_CORNERS
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 MAX_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
 MAX_FEATURES = 5_000_000  # of a file; a block has thousands
@@ -88,7 +91,7 @@ def _limit_violation(item: Footprint | BuildingModel | Centreline) -> str | None
     return None
 
 
-def _bounding_box(item: Any) -> Any:
+def _bounding_box(item: Any) -> BaseGeometry:
     if isinstance(item, BuildingModel):
         plan = item.shell.vertices[:, :2]
         return shapely.box(*plan.min(axis=0), *plan.max(axis=0))

@@ -11,7 +11,7 @@ OUTSIDE_FOLDER_REASON = "pictures outside the folder of their model: not read; c
 
 
 def find_referenced_file(model: Path, *names: str, folder: Path | None = None) -> Path | None:
-    """Return the file of the first name that exists and is in the folder of the model, else None.
+    """Return the first existing file in the folder of the model, else None.
 
     Links are resolved: a received model could otherwise show any picture of this machine.
 

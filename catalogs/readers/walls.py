@@ -24,11 +24,12 @@ _EXPECTED_JSON = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}
 
 
 def read_walls(path: Path, lod: str | None = None) -> Footprints:
-    """Read one footprint per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}.
+    """Read one footprint per building of a JSON object of walls.
 
-    Corners are metres in `crs` in the order of the ring; the first two run from left to right as seen from outside. Three or
-    more walls that meet end to end close an outline. Other walls get an outline of ASSUMED_DEPTH_M behind them. The height is
-    that of the walls and the roof is flat.
+    The format is {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}. Corners are metres in `crs` in the
+    order of the ring; the first two run from left to right as seen from outside. Three or more walls that meet end to
+    end close an outline. Other walls get an outline of ASSUMED_DEPTH_M behind them. The height is that of the walls
+    and the roof is flat.
 
     Parameters
     ----------

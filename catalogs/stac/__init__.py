@@ -1,1 +1,1 @@
-"""The catalogue of a published snapshot as static STAC 1.1, and the schemas of its extensions."""
+"""Static STAC 1.1 catalogue of a published snapshot, and the schemas of its extensions."""

@@ -1,4 +1,4 @@
-"""The files of a published block as STAC assets: media type, roles, size and checksum."""
+"""STAC assets of a published block: media type, roles, size and checksum of its files."""
 
 from __future__ import annotations
 
@@ -15,33 +15,32 @@ if TYPE_CHECKING:
 
 _MEDIA_TYPES = {".webp": "image/webp", ".jpg": "image/jpeg", ".png": "image/png"}
 # Files of a block: path in its folder, key, title, media type, roles.
-_FILES = (
+_BLOCK_FILES = (
     ("items.parquet", "items", "one row per facade and per unit set aside", "application/vnd.apache.parquet", ["data"]),
     ("block.glb", "model", "textured model of the block", "model/gltf-binary", ["data", "visual"]),
     ("overview.glb", "overview", "small model of the block", "model/gltf-binary", ["overview", "visual"]),
     ("tiles/index.json", "tiles", "list of the block's tiles", "application/json", ["data"]),
     ("report/index.html", "report", "report", "text/html", ["overview"]),
 )
-_IMAGES = "report/images"
+_IMAGES_FOLDER = "report/images"
 
 
 def block_assets(folder: Path, up: str) -> dict[str, Asset]:
-    """Table, models, list of tiles and report of the block published in `folder`, as far as they exist; `up` leads there from
-    the STAC file."""
+    """Return assets of the table, models, list of tiles and report that exist in `folder`; `up` leads there from the STAC file."""
     return {
-        key: _file(folder, path, up, title=title, media_type=media_type, roles=roles)
-        for path, key, title, media_type, roles in _FILES
+        key: _file_asset(folder, path, up, title=title, media_type=media_type, roles=roles)
+        for path, key, title, media_type, roles in _BLOCK_FILES
         if (folder / path).is_file()
     }
 
 
 def tile_assets(folder: Path, up: str) -> dict[str, Asset]:
-    """The models of the tiles that the list of the block published in `folder` has, none where there is no list."""
+    """Return assets of the tiles that the list in `folder` names; none without a list."""
     listed = folder / "tiles" / "index.json"
     if not listed.is_file():
         return {}
     return {
-        f"tile-{tile['path']}": _asset(
+        f"tile-{tile['path']}": _make_asset(
             f"{up}tiles/{tile['file']}",
             tile["bytes"],
             tile["sha256"],
@@ -54,7 +53,7 @@ def tile_assets(folder: Path, up: str) -> dict[str, Asset]:
 
 
 def store_asset(up: str, fields: Mapping[str, Any] | None = None) -> Asset:
-    """The run's Icechunk store, two folders above the published block, with the fields given."""
+    """Return the asset of the run's Icechunk store, two folders above the published block, with extra fields."""
     from pystac import Asset
 
     title, media_type = "Icechunk store: atlas, panoramas and journal", "application/vnd.zarr; version=3"
@@ -62,23 +61,23 @@ def store_asset(up: str, fields: Mapping[str, Any] | None = None) -> Asset:
 
 
 def picture_assets(folder: Path, pictures: Iterable[tuple[str, str]], up: str) -> dict[str, Asset]:
-    """Pictures (key, file's name) of the report; the one that shows the whole is the thumbnail."""
+    """Return assets of the report's pictures (key, file name); the one of the whole is the thumbnail."""
     assets = {}
     for key, name in pictures:
         roles = ["thumbnail", "overview"] if key in ("result", "above") else ["overview"]
         media_type = _MEDIA_TYPES[Path(name).suffix]
-        assets[key] = _file(folder, f"{_IMAGES}/{name}", up, title=key, media_type=media_type, roles=roles)
+        assets[key] = _file_asset(folder, f"{_IMAGES_FOLDER}/{name}", up, title=key, media_type=media_type, roles=roles)
     return assets
 
 
 def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, list[tuple[str, str]]]:
-    """The report's pictures (key, file's name) of each unit, and under None those of the block, in order of their names.
+    """Return the report's pictures (key, file name) of each unit, and of the block under None, sorted by name.
 
-    A unit's picture is named after it and a stage, `w1-f2-level-0.webp`: the longest unit that fits has it.
+    A picture is named after its unit and a stage, `w1-f2-level-0.webp`; the longest matching unit is taken.
     """
     stems = {file_stem(unit): unit for unit in units}
     found: dict[str | None, list[tuple[str, str]]] = {}
-    for path in sorted((folder / _IMAGES).glob("*")):
+    for path in sorted((folder / _IMAGES_FOLDER).glob("*")):
         if path.suffix not in _MEDIA_TYPES:
             continue
         parts = path.stem.split("-")
@@ -92,24 +91,24 @@ def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, lis
 
 
 def card_asset(folder: Path, name: str) -> Asset:
-    """A model's card, beside its Item in `folder`."""
-    return _file(folder, name, "./", title="model card", media_type="text/markdown", roles=["metadata"])
+    """Return the asset of a model's card, in the folder of its Item."""
+    return _file_asset(folder, name, "./", title="model card", media_type="text/markdown", roles=["metadata"])
 
 
 def mirror_asset(folder: Path, name: str) -> Asset:
-    """All Items of a Collection in one file, beside it in `folder`."""
+    """Return the asset of the file with all Items of a Collection, in the Collection's folder."""
     media_type = "application/vnd.apache.parquet"
-    return _file(folder, name, "./", title="all Items", media_type=media_type, roles=["collection-mirror"])
+    return _file_asset(folder, name, "./", title="all Items", media_type=media_type, roles=["collection-mirror"])
 
 
-def _file(folder: Path, path: str, up: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
+def _file_asset(folder: Path, path: str, up: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
     with (folder / path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256")
         size = file.tell()
-    return _asset(up + path, size, digest.hexdigest(), title=title, media_type=media_type, roles=roles)
+    return _make_asset(up + path, size, digest.hexdigest(), title=title, media_type=media_type, roles=roles)
 
 
-def _asset(href: str, size: int, sha256: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
+def _make_asset(href: str, size: int, sha256: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
     from pystac import Asset
 
     # a multihash: the code of sha2-256, the length in bytes, the digest

@@ -1,4 +1,4 @@
-"""The STAC Collections of a published snapshot: facades, streets, blocks, runs and models."""
+"""STAC Collections of a published snapshot: facades, streets, blocks, runs and models."""
 
 from __future__ import annotations
 
@@ -7,13 +7,22 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from catalogs.stac.facts import BlockFacts
-from catalogs.stac.items import FILE, LEVEL, PROCESSING, PROJECTION, VERSION, collection_id, plain, projection_of
-from catalogs.stac.licences import license_of, licensors
+from catalogs.stac.items import (
+    FILE,
+    PROCESSING,
+    PROCESSING_LEVEL,
+    PROJECTION,
+    VERSION,
+    collection_id,
+    projection_fields,
+    to_json_value,
+)
+from catalogs.stac.licences import common_license, licensors
 
 if TYPE_CHECKING:
     from pystac import Collection, Item
 
-KINDS = ("facades", "streets", "blocks", "runs", "models")
+COLLECTION_KINDS = ("facades", "streets", "blocks", "runs", "models")
 _DESCRIPTIONS = {
     "facades": "Textured facades of the block {}",
     "streets": "Streets of the block {}, along which it was textured",
@@ -21,17 +30,24 @@ _DESCRIPTIONS = {
     "runs": "The run that made this snapshot of the block {}",
     "models": "Models that the block {} was made with",
 }
-_RANGES = {
+_RANGE_COLUMNS = {
     "facades": ("height_m", "width_m", "floors", "windows", "window_to_wall", "occluded", "photo"),
     "streets": ("length_m", "viewpoints", "wave", "texels", "coverage"),
 }
-_EARTH = [-180.0, -90.0, 180.0, 90.0]
+_EARTH_BOX = [-180.0, -90.0, 180.0, 90.0]
 
 
-def collection_of(
-    kind: str, items: Sequence[Item], facts: BlockFacts, counted: str, times: Sequence[datetime]
+def build_collection(
+    kind: str, items: Sequence[Item], facts: BlockFacts, counts_text: str, times: Sequence[datetime]
 ) -> Collection:
-    """The Collection of a kind with the extent and the ranges of its items, without links. counted: how many, in words."""
+    """Build the Collection of a kind with the extent and value ranges of its items, without links.
+
+    Parameters
+    ----------
+    kind : one of COLLECTION_KINDS.
+    counts_text : number of items in words.
+    times : times of the items.
+    """
     import pystac
     from pyproj import CRS
 
@@ -40,22 +56,25 @@ def collection_of(
     box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
     interval: list[datetime | None] = [min(times), max(times)] if times else [None, None]
     sources = () if kind == "models" else facts.sources  # these have licences of their own
-    projection = projection_of(CRS.from_user_input(facts.crs))
+    projection = projection_fields(CRS.from_user_input(facts.crs))
     collection = pystac.Collection(
         collection_id(facts.name, kind),
-        f"{_DESCRIPTIONS[kind].format(facts.name)}: {counted}.",
-        pystac.Extent(pystac.SpatialExtent([box or _EARTH]), pystac.TemporalExtent([interval])),
+        f"{_DESCRIPTIONS[kind].format(facts.name)}: {counts_text}.",
+        pystac.Extent(pystac.SpatialExtent([box or _EARTH_BOX]), pystac.TemporalExtent([interval])),
         title=f"{facts.name}: {kind}",
         stac_extensions=[FILE, PROCESSING, PROJECTION, VERSION],
         extra_fields={"version": facts.snapshot, "deprecated": False},
         keywords=["facade", "texture", "3d city model"],
-        license=license_of(sources),
+        license=common_license(sources),
         providers=[
             *licensors(sources),
             pystac.Provider(
                 "Streetloom",
                 roles=[pystac.ProviderRole.PROCESSOR],
-                extra_fields={"processing:level": LEVEL, "processing:software": {"streetloom": facts.code_version}},
+                extra_fields={
+                    "processing:level": PROCESSING_LEVEL,
+                    "processing:software": {"streetloom": facts.code_version},
+                },
             ),
         ],
         summaries=pystac.Summaries(_summaries(kind, items) | {key: [value] for key, value in projection.items()}),
@@ -66,15 +85,15 @@ def collection_of(
 
 def _summaries(kind: str, items: Sequence[Item]) -> dict[str, Any]:
     summaries: dict[str, Any] = {}
-    for key in _RANGES.get(kind, ()):
+    for key in _RANGE_COLUMNS.get(kind, ()):
         name = f"streetloom:{key}"
-        if known := [value for item in items if (value := plain(item.properties.get(name))) is not None]:
+        if known := [value for item in items if (value := to_json_value(item.properties.get(name))) is not None]:
             summaries[name] = {"minimum": min(known), "maximum": max(known)}
     if states := {state for item in items if (state := item.properties.get("streetloom:status"))}:
         summaries["streetloom:status"] = sorted(states)
     return summaries
 
 
-def counted(counts: Mapping[str, int]) -> str:
-    """Counts in words, such as "5 done, 1 failed"; nothing where there is nothing."""
+def format_counts(counts: Mapping[str, int]) -> str:
+    """Format counts in words, such as "5 done, 1 failed"."""
     return ", ".join(f"{count} {name}" for name, count in counts.items())

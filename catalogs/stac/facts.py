@@ -1,4 +1,4 @@
-"""What a published snapshot says of its block, streets, run and models: what their STAC Items are made of."""
+"""Facts about a published snapshot's block, streets, run and models, from which STAC Items are built."""
 
 from __future__ import annotations
 
@@ -13,12 +13,19 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 # Of a street: textured; not textured, and why; textured before one that it reads was done again; still to do; without walls.
-STATES = ("done", "failed", "stale", "waiting", "unseen")
+STREET_STATES = ("done", "failed", "stale", "waiting", "unseen")
 
 
 @dataclass(frozen=True, slots=True)
 class SourceFact:
-    """What a block was made from. key: of the block file, such as buildings.path; licence: None where it is not known."""
+    """Source of a block's data.
+
+    Attributes
+    ----------
+    key : key of the block file, such as buildings.path.
+    name : file or folder.
+    licence : None if unknown.
+    """
 
     key: str
     name: str
@@ -27,11 +34,16 @@ class SourceFact:
 
 @dataclass(frozen=True, slots=True)
 class BlockFacts:
-    """A block in one published snapshot.
+    """Facts about a block in one published snapshot.
 
-    crs: any user input of pyproj, metres. config_digest: of inputs and settings. updated: when its newest unit was made.
-    footprint: of its buildings, in `crs`, None where they have none. counts: of buildings, facades ... by name. settings: the
-    block file's keys and values.
+    Attributes
+    ----------
+    crs : any user input of pyproj, in metres.
+    config_digest : digest of inputs and settings.
+    updated : time of its newest unit.
+    footprint : union of its buildings in `crs`, None without buildings.
+    counts : number of buildings, facades and so on, by name.
+    settings : keys and values of the block file.
     """
 
     name: str
@@ -49,10 +61,18 @@ class BlockFacts:
 
 @dataclass(frozen=True, slots=True)
 class StreetFacts:
-    """A street: centreline in the block's frame, metres; its viewpoints, and how many of them are textured.
+    """Facts about a street.
 
-    wave: which streets that share no chunk it is textured with. texels: those that it wrote; coverage: their share of those
-    that it may write. seconds: spent on it and its viewpoints; updated: when it was made; None where it was not yet.
+    Attributes
+    ----------
+    line : centreline in the block's frame, metres.
+    state : one of STREET_STATES.
+    viewpoints, viewpoints_done : number of viewpoints, and of textured ones.
+    wave : number of the group of streets that share no chunk and are textured together.
+    texels : texels that the street wrote.
+    coverage : their share of those that it may write.
+    seconds : time spent on the street and its viewpoints.
+    updated : when it was textured, None if it was not yet.
     """
 
     id: str
@@ -72,7 +92,13 @@ class StreetFacts:
 
 @dataclass(frozen=True, slots=True)
 class RunFacts:
-    """The work behind a snapshot. units: stage -> state (done, failed, stale, waiting) -> how many; seconds: of all units."""
+    """Facts about the work for a snapshot.
+
+    Attributes
+    ----------
+    units : stage -> state (done, failed, stale, waiting) -> count.
+    seconds : time of all units.
+    """
 
     started: datetime
     ended: datetime
@@ -82,8 +108,14 @@ class RunFacts:
 
 @dataclass(frozen=True, slots=True)
 class ModelFacts:
-    """A shipped model that the run used. file: from the project's root; card: its model card, None where it has none;
-    trained_on: set -> licence, empty where that is not stated."""
+    """Facts about a shipped model that the run used.
+
+    Attributes
+    ----------
+    file : path from the project's root.
+    card : its model card, None if it has none.
+    trained_on : data set -> licence, empty if not stated.
+    """
 
     id: str
     title: str

@@ -29,47 +29,51 @@ CITY3D = "https://cityjson.github.io/stac-city3d/v0.2.0/schema.json"
 ZARR = "https://stac-extensions.github.io/zarr/v1.0.0/schema.json"
 
 # STAC's name for what models make of measurements.
-LEVEL = "L4"
+PROCESSING_LEVEL = "L4"
 # What a field of STAC's own says, or the geometry.
-_ELSEWHERE = {"id", "geometry", "xmin", "ymin", "xmax", "ymax", "updated", "code_version"}
-OWN = tuple(column.name for column in COLUMNS if column.name not in _ELSEWHERE)
-_SHARES = ("photo", "inpainted", "synthesised", "translated")
+_NON_PROPERTY_COLUMNS = {"id", "geometry", "xmin", "ymin", "xmax", "ymax", "updated", "code_version"}
+ITEM_PROPERTIES = tuple(column.name for column in COLUMNS if column.name not in _NON_PROPERTY_COLUMNS)
+_SHARE_COLUMNS = ("photo", "inpainted", "synthesised", "translated")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """A geometry in degrees and in the block's frame; None where it lies nowhere."""
+class ItemPlace:
+    """Geometry in degrees and in the block's frame; None without a location."""
 
     lonlat: BaseGeometry | None
     in_frame: BaseGeometry | None
 
 
-NOWHERE = Place(None, None)
+NOWHERE = ItemPlace(None, None)
 
 
 @dataclass(frozen=True, slots=True)
-class Foot:
-    """A facade's row and its foot line in degrees and in the block's frame."""
+class FacadeFoot:
+    """Row of a facade, and its foot line in degrees and in the block's frame."""
 
     row: Mapping[str, Any]
     lonlat: LineString
     in_frame: LineString
 
 
-def facade_item(foot: Foot, facts: BlockFacts) -> Item:
+def facade_item(foot: FacadeFoot, facts: BlockFacts) -> Item:
+    """Build the Item of a facade."""
     row = foot.row
-    item = _item(row["id"], "facades", facts, Place(foot.lonlat, foot.in_frame), row["updated"], row["code_version"])
+    item = _new_item(
+        row["id"], "facades", facts, ItemPlace(foot.lonlat, foot.in_frame), row["updated"], row["code_version"]
+    )
     item.properties["title"] = " ".join(filter(None, (row["street"], row["id"])))
-    _say(item, {key: row[key] for key in OWN})
-    if lineage := _lineage(row):
+    _add_fields(item, {key: row[key] for key in ITEM_PROPERTIES})
+    if lineage := _lineage_text(row):
         item.properties["processing:lineage"] = lineage
     return item
 
 
-def street_item(street: StreetFacts, place: Place, facts: BlockFacts) -> Item:
-    item = _item(street.id, "streets", facts, place, street.updated or facts.updated)
+def street_item(street: StreetFacts, place: ItemPlace, facts: BlockFacts) -> Item:
+    """Build the Item of a street."""
+    item = _new_item(street.id, "streets", facts, place, street.updated or facts.updated)
     item.properties["title"] = street.name or street.id
-    _say(
+    _add_fields(
         item,
         {
             "block": facts.name,
@@ -91,8 +95,9 @@ def street_item(street: StreetFacts, place: Place, facts: BlockFacts) -> Item:
     return item
 
 
-def block_item(facts: BlockFacts, place: Place) -> Item:
-    item = _item(facts.name, "blocks", facts, place, facts.updated)
+def block_item(facts: BlockFacts, place: ItemPlace) -> Item:
+    """Build the Item of a block."""
+    item = _new_item(facts.name, "blocks", facts, place, facts.updated)
     item.stac_extensions += [CITY3D, ZARR]
     item.properties |= {
         "title": f"{facts.name}: textured model",
@@ -105,7 +110,7 @@ def block_item(facts: BlockFacts, place: Place) -> Item:
         {"key": source.key, "name": source.name} | ({"licence": source.licence} if source.licence else {})
         for source in facts.sources
     ]
-    _say(
+    _add_fields(
         item,
         {
             "block": facts.name,
@@ -120,15 +125,16 @@ def block_item(facts: BlockFacts, place: Place) -> Item:
     return item
 
 
-def run_item(run: RunFacts, facts: BlockFacts, place: Place) -> Item:
-    item = _item(f"{facts.name}-{facts.snapshot}", "runs", facts, place, run.ended)
+def run_item(run: RunFacts, facts: BlockFacts, place: ItemPlace) -> Item:
+    """Build the Item of a run."""
+    item = _new_item(f"{facts.name}-{facts.snapshot}", "runs", facts, place, run.ended)
     total = {state: sum(stage.get(state, 0) for stage in run.units.values()) for state in ("done", "failed", "stale")}
     item.properties |= {
         "title": f"{facts.name}: run",
-        "start_datetime": _time(run.started),
-        "end_datetime": _time(run.ended),
+        "start_datetime": _format_time(run.started),
+        "end_datetime": _format_time(run.ended),
     }
-    _say(
+    _add_fields(
         item,
         {
             "block": facts.name,
@@ -144,9 +150,10 @@ def run_item(run: RunFacts, facts: BlockFacts, place: Place) -> Item:
 
 
 def model_item(model: ModelFacts, facts: BlockFacts) -> Item:
-    item = _item(model.id, "models", facts, NOWHERE, facts.updated)
+    """Build the Item of a model."""
+    item = _new_item(model.id, "models", facts, NOWHERE, facts.updated)
     item.properties |= {"title": model.title, "license": "other"}
-    _say(
+    _add_fields(
         item,
         {
             "kind": "model",
@@ -160,18 +167,18 @@ def model_item(model: ModelFacts, facts: BlockFacts) -> Item:
 
 
 def collection_id(block: str, kind: str) -> str:
-    """Of the Collection of facades, streets, blocks, runs or models of a block."""
+    """Return the id of a block's Collection of one kind."""
     return f"{block}-{kind}"
 
 
-def projection_of(crs: CRS) -> dict[str, Any]:
-    """The projection extension's fields for a frame."""
+def projection_fields(crs: CRS) -> dict[str, Any]:
+    """Return the projection extension's fields for a frame."""
     authority = crs.to_authority(min_confidence=100)
     return {"proj:code": ":".join(authority)} if authority else {"proj:code": None, "proj:wkt2": crs.to_wkt()}
 
 
-def place_of(geometry: BaseGeometry | None, crs: CRS) -> Place:
-    """A geometry of the block's frame, without heights; nowhere where a corner is or becomes no finite number."""
+def project_place(geometry: BaseGeometry | None, crs: CRS) -> ItemPlace:
+    """Return a geometry of the block's frame as a place, without heights; NOWHERE if a coordinate is not finite."""
     import numpy as np
     from pyproj import Transformer
 
@@ -181,11 +188,11 @@ def place_of(geometry: BaseGeometry | None, crs: CRS) -> Place:
     move = Transformer.from_crs(crs, LONLAT, always_xy=True).transform
     lonlat = shapely.transform(own, move, interleaved=False)
     finite = np.isfinite(shapely.get_coordinates([own, lonlat])).all()
-    return Place(lonlat, own) if finite else NOWHERE
+    return ItemPlace(lonlat, own) if finite else NOWHERE
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON has it; None where it is unknown or has no place there."""
+def to_json_value(value: Any) -> Any:
+    """Return a value as JSON stores it; None if it is unknown or not finite."""
     if isinstance(value, bool):
         return value
     if isinstance(value, Integral):
@@ -195,17 +202,17 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _say(item: Item, fields: Mapping[str, Any]) -> None:
-    """Add fields of the project's own; what is unknown is left out."""
+def _add_fields(item: Item, fields: Mapping[str, Any]) -> None:
+    """Add the project's own fields to an Item; unknown values are left out."""
     item.properties |= {
-        f"streetloom:{key}": said for key, value in fields.items() if (said := plain(value)) is not None
+        f"streetloom:{key}": said for key, value in fields.items() if (said := to_json_value(value)) is not None
     }
 
 
-def _item(
-    identifier: str, kind: str, facts: BlockFacts, place: Place, updated: datetime, code_version: str | None = None
+def _new_item(
+    identifier: str, kind: str, facts: BlockFacts, place: ItemPlace, updated: datetime, code_version: str | None = None
 ) -> Item:
-    """What all Items have; geometry to 7 decimals of a degree (about 1 cm) and to millimetres."""
+    """Build the common part of an Item; geometry to 7 decimals of a degree (about 1 cm) and to millimetres."""
     import pystac
     from pyproj import CRS
 
@@ -217,13 +224,13 @@ def _item(
         {
             "version": facts.snapshot,
             "deprecated": False,
-            "processing:level": LEVEL,
+            "processing:level": PROCESSING_LEVEL,
             "processing:software": {"streetloom": code_version or facts.code_version},
         },
         stac_extensions=[FILE, PROCESSING, PROJECTION, VERSION],
         collection=collection_id(facts.name, kind),
     )
-    item.properties |= projection_of(CRS.from_user_input(facts.crs))
+    item.properties |= projection_fields(CRS.from_user_input(facts.crs))
     if place.lonlat is not None and place.in_frame is not None:
         lonlat, own = (
             shapely.transform(g, lambda xy, d=d: xy.round(d)) for g, d in ((place.lonlat, 7), (place.in_frame, 3))
@@ -233,9 +240,9 @@ def _item(
     return item
 
 
-def _lineage(row: Mapping[str, Any]) -> str:
-    """Where the texels come from, such as "72 % photo, 28 % inpainted; from dam-3.jpg"."""
-    shares = [(share, name) for name in _SHARES if (share := plain(row[name]))]
+def _lineage_text(row: Mapping[str, Any]) -> str:
+    """Return where the texels come from, such as "72 % photo, 28 % inpainted; from dam-3.jpg"."""
+    shares = [(share, name) for name in _SHARE_COLUMNS if (share := to_json_value(row[name]))]
     parts = [
         ", ".join(f"{share:.0%} {name}" for share, name in shares),
         f"from {row['source']}" if row["source"] else "",
@@ -243,7 +250,7 @@ def _lineage(row: Mapping[str, Any]) -> str:
     return "; ".join(filter(None, parts))
 
 
-def _time(value: datetime) -> str:
+def _format_time(value: datetime) -> str:
     from pystac.utils import datetime_to_str
 
     return datetime_to_str(value)

@@ -1,4 +1,4 @@
-"""Whom a snapshot's STAC names, and under which licence it is."""
+"""Licences and licensors in the STAC of a snapshot."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ SPDX = {
     "etalab-2.0": ("etalab-2.0", "https://spdx.org/licenses/etalab-2.0.html"),
 }
 # STAC's word for a licence that has no identifier, or for several.
-OTHER = "other"
+OTHER_LICENSE = "other"
 
 
-def license_of(sources: Sequence[SourceFact]) -> str:
-    """The SPDX identifier of the licence that all sources are under; OTHER where one has another, or states none."""
-    found = {known[0] if (known := _known(source.licence)) else OTHER for source in sources}
-    return found.pop() if len(found) == 1 else OTHER
+def common_license(sources: Sequence[SourceFact]) -> str:
+    """Return the SPDX identifier that all sources share; OTHER_LICENSE if they differ or one is unknown."""
+    found = {known[0] if (known := _spdx_license(source.licence)) else OTHER_LICENSE for source in sources}
+    return found.pop() if len(found) == 1 else OTHER_LICENSE
 
 
 def license_links(sources: Sequence[SourceFact]) -> list[Link]:
-    """Links to the text of each licence that is known."""
+    """Return links to the texts of the known licences."""
     import pystac
 
-    texts = dict.fromkeys(known for source in sources if (known := _known(source.licence)))
+    texts = dict.fromkeys(known for source in sources if (known := _spdx_license(source.licence)))
     return [pystac.Link("license", url, "text/html", name) for name, url in texts]
 
 
 def licensors(sources: Sequence[SourceFact]) -> list[Provider]:
-    """Whoever gives a source that states its licence, once, with the words of that licence and the files."""
+    """Return a provider for each stated licence, with its words and its files."""
     import pystac
 
     files: dict[str, list[str]] = {}
@@ -52,5 +52,5 @@ def licensors(sources: Sequence[SourceFact]) -> list[Provider]:
     ]
 
 
-def _known(licence: str | None) -> tuple[str, str] | None:
+def _spdx_license(licence: str | None) -> tuple[str, str] | None:
     return next((found for words, found in SPDX.items() if (licence or "").endswith(words)), None)

@@ -1,4 +1,4 @@
-"""A Collection's Items as one stac-geoparquet file, so that a reader of STAC need not open each."""
+"""Items of a Collection as one stac-geoparquet file, so that readers need not open each Item."""
 
 from __future__ import annotations
 
@@ -14,33 +14,39 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from pystac import Collection, Item
 
-MIRROR = "items.parquet"
-_SIDES = ("xmin", "ymin", "xmax", "ymax")
+MIRROR_NAME = "items.parquet"
+_BOX_SIDES = ("xmin", "ymin", "xmax", "ymax")
 # Parquet has no struct without a field.
 _NO_ASSETS = {"thumbnail": {"href": None}}
 
 
 def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Collection, crs: CRS) -> None:
-    """Write Items that have a place, given with their hrefs from the folder of `path`, and their Collection.
+    """Write Items that have a place, and their Collection.
 
-    Properties are columns of their own, times are times, geometries WKB (proj:geometry in `crs`); hrefs of links and assets
-    lead on from the file's folder. Without Items the file has no rows, and `id` is its one column.
+    Properties are columns, times are times, geometries are WKB (proj:geometry in `crs`). Links and assets are relative to the
+    file's folder. Without Items the file has no rows, and `id` is its only column.
+
+    Parameters
+    ----------
+    items : Items with their hrefs from the folder of `path`.
+    collection : Collection of the Items.
+    crs : frame of proj:geometry.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    rows = [_row(href, item) for href, item in items]
+    rows = [_item_row(href, item) for href, item in items]
     names = dict.fromkeys(name for row in rows for name in row) or {"id": None}
     table = pa.table({name: [row.get(name) for row in rows] for name in names})
     boxes = [row["bbox"] for row in rows]
-    geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": _types(rows, "geometry")}
+    geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "geometry")}
     if boxes:
-        ends = zip(_SIDES, (min, min, max, max), strict=True)
+        ends = zip(_BOX_SIDES, (min, min, max, max), strict=True)
         geometry |= {
             "bbox": [extreme(box[side] for box in boxes) for side, extreme in ends],
-            "covering": {"bbox": {side: ["bbox", side] for side in _SIDES}},
+            "covering": {"bbox": {side: ["bbox", side] for side in _BOX_SIDES}},
         }
-    own = {"encoding": "WKB", "geometry_types": _types(rows, "proj:geometry"), "crs": crs.to_json_dict()}
+    own = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "proj:geometry"), "crs": crs.to_json_dict()}
     columns = {"geometry": geometry, "proj:geometry": own}
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": columns}
     said = collection.to_dict(include_self_link=False, transform_hrefs=False)
@@ -53,8 +59,8 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     )
 
 
-def without_links(mirror: bytes, dead: Callable[[dict[str, Any]], bool]) -> bytes | None:
-    """A mirror without some links of its Items and its Collection; None where it has none of these."""
+def remove_links(mirror: bytes, is_dead: Callable[[dict[str, Any]], bool]) -> bytes | None:
+    """Return a mirror without the dead links of its Items and Collection; None if it has no dead link."""
     import io
 
     import pyarrow as pa
@@ -66,7 +72,7 @@ def without_links(mirror: bytes, dead: Callable[[dict[str, Any]], bool]) -> byte
 
     def living(links: list[dict[str, Any]]) -> list[dict[str, Any]]:
         nonlocal found
-        kept = [link for link in links if not dead(link)]
+        kept = [link for link in links if not is_dead(link)]
         found = found or len(kept) < len(links)
         return kept
 
@@ -84,7 +90,7 @@ def without_links(mirror: bytes, dead: Callable[[dict[str, Any]], bool]) -> byte
     return made.getvalue()
 
 
-def _row(href: str, item: Item) -> dict[str, Any]:
+def _item_row(href: str, item: Item) -> dict[str, Any]:
     fields = item.to_dict(include_self_link=False, transform_hrefs=False)
     folder = str(PurePosixPath(href).parent)
     properties: Mapping[str, Any] = fields["properties"]
@@ -94,19 +100,19 @@ def _row(href: str, item: Item) -> dict[str, Any]:
         "stac_extensions": fields["stac_extensions"],
         "collection": fields["collection"],
         "geometry": shapely.to_wkb(shapely.geometry.shape(fields["geometry"])),
-        "bbox": dict(zip(_SIDES, fields["bbox"], strict=True)),
-        "links": [_moved(link, folder) for link in fields["links"]],
-        "assets": {key: _moved(asset, folder) for key, asset in fields["assets"].items()} or _NO_ASSETS,
+        "bbox": dict(zip(_BOX_SIDES, fields["bbox"], strict=True)),
+        "links": [_rebase_href(link, folder) for link in fields["links"]],
+        "assets": {key: _rebase_href(asset, folder) for key, asset in fields["assets"].items()} or _NO_ASSETS,
         **properties,
         "datetime": item.datetime,
         "proj:geometry": shapely.to_wkb(shapely.geometry.shape(properties["proj:geometry"])),
     }
 
 
-def _moved(thing: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """A link or an asset of a file in `folder` as one of the folder above leads there."""
+def _rebase_href(thing: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """Return a link or an asset of a file in `folder` as seen from the folder above."""
     return {**thing, "href": posixpath.normpath(posixpath.join(folder, thing["href"]))}
 
 
-def _types(rows: Sequence[Mapping[str, Any]], column: str) -> list[str]:
+def _geometry_types(rows: Sequence[Mapping[str, Any]], column: str) -> list[str]:
     return sorted({shapely.from_wkb(row[column]).geom_type for row in rows})

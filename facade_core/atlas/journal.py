@@ -53,6 +53,9 @@ class WaveRecord(Record, total=False):
 
 R = TypeVar("R", bound=Record)
 
+# Folder of the journals in a store.
+JOURNAL = "journal"
+
 # Fields that may differ between two runs of a unit on the same input.
 VOLATILE_FIELDS = ("worker", "seconds", "started", "commits", "traceback")
 

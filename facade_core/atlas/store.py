@@ -148,8 +148,8 @@ def open_root(session: icechunk.Session) -> StoreGroup:
         repository = getattr(session, "repository", None)
         where, out = (repository.path, repository.path.parent) if repository else ("the store", "OUT")
         raise FormatError(
-            f"{where}: is of format {found_format or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; `streetloom run "
-            f"BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
+            f"{where}: is of format {found_format or 'unknown'}, and this version of Streetloom reads {STORE_FORMAT}; "
+            f"`streetloom run BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
         )
     return group
 

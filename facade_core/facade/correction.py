@@ -16,11 +16,13 @@ from facade_core.facade.variation.encoding import encode
 from facade_core.parsing.floor_structure import count_floors
 from facade_core.parsing.lattice import lattice
 
-# A box that moved by less than so many texels is the same.
+# Largest shift of a side, in texels, of an unchanged element.
 MAX_SHIFT_TEXELS = 1.0
-# What becomes wall reaches so many texels beyond a box, or this share of its height: sills do.
-MIN_RIM_TEXELS, SILL_SHARE = 2, 0.15
-# Around what becomes wall, so many texels are compared with those around the wall that is laid there.
+# Texels by which painted wall extends beyond a removed element.
+MIN_RIM_TEXELS = 2
+# The same as a share of the element's height, for its sill.
+SILL_SHARE = 0.15
+# Texels around painted wall that select its source.
 CONTEXT_TEXELS = 10
 
 
@@ -40,17 +42,17 @@ def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, f
     """
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
-    made_up = facade.provenance != Provenance.PHOTO
-    gone, new = unmatched_elements(facade.elements, layout), unmatched_elements(layout, facade.elements)
+    synthetic = facade.provenance != Provenance.PHOTO
+    removed, added = unmatched_elements(facade.elements, layout), unmatched_elements(layout, facade.elements)
     image = facade.image.copy()
-    stays = np.zeros((height, width), bool)  # a railing stays before a window that goes
+    unchanged = np.zeros((height, width), bool)  # a railing stays in front of a removed window
     for e in facade.elements:
-        if e not in gone:
-            stays[_element_slices(e, 0, (height, width))] = True
-    for e in gone:
-        _paint_wall(image, facade.labels, e, made_up & ~stays)
-    for e in new:
-        _paint_element(image, facade, e, made_up)
+        if e not in removed:
+            unchanged[_element_slices(e, 0, (height, width))] = True
+    for e in removed:
+        _paint_wall(image, facade.labels, e, synthetic & ~unchanged)
+    for e in added:
+        _paint_element(image, facade, e, synthetic)
     labels = _draw_labels(facade.labels, layout)
     hierarchy = None if facade.hierarchy is None else encode(image, list(layout))
     return replace(
@@ -60,12 +62,12 @@ def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, f
         lattice=lattice(labels),
         elements=layout,
         hierarchy=hierarchy,
-        told=None,
+        estimates=None,
         floors=count_floors(labels),
     )
 
 
-def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.ndarray) -> None:
+def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, synthetic: np.ndarray) -> None:
     """Lay the facade's own wall over what was an element: the piece, clear of elements, round which it looks most like here. By
     diffusion where no piece is clear."""
     import cv2
@@ -73,18 +75,18 @@ def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.n
     height, width = labels.shape
     rows, columns = _element_slices(e, max(MIN_RIM_TEXELS, round(SILL_SHARE * e.height)), (height, width))
     mask = np.zeros((height, width), bool)
-    mask[rows, columns] = made_up[rows, columns]
+    mask[rows, columns] = synthetic[rows, columns]
     if not mask.any():
         return
     outer = tuple(
-        slice(max(one.start - CONTEXT_TEXELS, 0), min(one.stop + CONTEXT_TEXELS, end))
-        for one, end in ((rows, height), (columns, width))
+        slice(max(span.start - CONTEXT_TEXELS, 0), min(span.stop + CONTEXT_TEXELS, end))
+        for span, end in ((rows, height), (columns, width))
     )
     ring = np.ones((outer[0].stop - outer[0].start, outer[1].stop - outer[1].start), np.uint8)
     ring[mask[outer]] = 0
-    busy = cv2.integral((labels != FacadeClass.WALL).astype(np.uint8))
+    non_wall = cv2.integral((labels != FacadeClass.WALL).astype(np.uint8))
     h, w = ring.shape
-    clear = busy[h:, w:] - busy[:-h, w:] - busy[h:, :-w] + busy[:-h, :-w] == 0
+    clear = non_wall[h:, w:] - non_wall[:-h, w:] - non_wall[h:, :-w] + non_wall[:-h, :-w] == 0
     if clear.any() and ring.any():
         likeness = cv2.matchTemplate(image, np.ascontiguousarray(image[outer]), cv2.TM_SQDIFF, mask=ring)
         y, x = np.unravel_index(np.where(clear, likeness, np.inf).argmin(), clear.shape)
@@ -94,22 +96,22 @@ def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.n
     image[outer] = np.where(mask[outer][..., None], piece, image[outer])
 
 
-def _paint_element(image: np.ndarray, facade: Facade, e: Element, made_up: np.ndarray) -> None:
+def _paint_element(image: np.ndarray, facade: Facade, e: Element, synthetic: np.ndarray) -> None:
     """Draw the element of the facade that is of this class and most of this size; nothing where it has none."""
     import cv2
 
-    like = [other for other in facade.elements if other.label == e.label and min(other.width, other.height) >= 1]
-    if not like:
+    candidates = [other for other in facade.elements if other.label == e.label and min(other.width, other.height) >= 1]
+    if not candidates:
         return
-    other = min(like, key=lambda o: (abs(np.log(o.width / e.width)) + abs(np.log(o.height / e.height)), o.y0, o.x0))
+    other = min(candidates, key=lambda o: (abs(np.log(o.width / e.width)) + abs(np.log(o.height / e.height)), o.y0, o.x0))
     size = facade.labels.shape
     rows, columns = _element_slices(e, 0, size)
     if rows.stop <= rows.start or columns.stop <= columns.start:
         return
-    shown = facade.image[_element_slices(other, 0, size)]
+    source = facade.image[_element_slices(other, 0, size)]
     shape = (columns.stop - columns.start, rows.stop - rows.start)
-    drawn = cv2.resize(shown, shape, interpolation=cv2.INTER_AREA if shape[0] < shown.shape[1] else cv2.INTER_LINEAR)
-    image[rows, columns] = np.where(made_up[rows, columns][..., None], drawn, image[rows, columns])
+    drawn = cv2.resize(source, shape, interpolation=cv2.INTER_AREA if shape[0] < source.shape[1] else cv2.INTER_LINEAR)
+    image[rows, columns] = np.where(synthetic[rows, columns][..., None], drawn, image[rows, columns])
 
 
 def _element_slices(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice, slice]:

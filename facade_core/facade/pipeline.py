@@ -20,11 +20,11 @@ from facade_core.facade.layout import model as layouts
 from facade_core.facade.layout.completion import complete
 from facade_core.facade.layout.visible_region import dilate_by_window, visible_boxes
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.inpainting import inpaint
 from facade_core.facade.texture.retargeting import ExemplarStyle
 from facade_core.facade.texture.scale import exemplar_scale
 from facade_core.facade.texture.tint import tint_facade
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode, encode_variations
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.photo_exchange import exchange_in_photo
@@ -32,28 +32,26 @@ from facade_core.facade.variation.variations import find_variations
 from facade_core.facade.wall_material import lit_colour
 from facade_core.imagery.rectify.crop import crop_to_facade
 from facade_core.imagery.rectify.shadow import shadow_share
-from facade_core.parsing.confidence import FacadeEstimates, calibrate_elements, load_calibration
+from facade_core.parsing.confidence import FacadeEstimates, box_coverage, calibrate_elements, load_calibration
 from facade_core.parsing.elements import elements
 from facade_core.parsing.floor_structure import count_floors
 from facade_core.parsing.lattice import lattice
 from facade_core.parsing.occluders import OCCLUDER_RIM_SHARE, dilate, occluder_mask, remove_spill
 from facade_core.parsing.segmenter import parse
 
-# A facade of which less than this is seen is not completed from it: what is made would be a guess.
+# Smallest visible share of a facade to complete; with less the result would be a guess.
 MIN_VISIBLE_SHARE = 0.05
-# An element hidden by more than this share was not observed.
+# Largest hidden share of an observed element.
 MAX_HIDDEN_SHARE = 0.3
-# Pixels of the longer side at which an exemplar that comes with labels is counted and looked at: windows are large there.
+# Longer side, in pixels, of a labelled exemplar for counting floors and windows and for measuring shadow.
 MAX_COUNTING_SIDE_PX = 640
-
-# The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
+# Hierarchy level, as a share of the last one, within whose types a wall's elements are exchanged.
 EXCHANGE_LEVEL = 0.75
-# A wall on no street is drawn in pixels so much finer than its texels where the exemplar has them: in its texels it would be
-# softer.
+# Pixels for each texel when a wall on no street is drawn, if the exemplar is that fine; drawn in texels it would be softer.
 OVERSAMPLING = 2
-# How many times lighter or darker a wall may be painted in any band: farther off, grain would be what is seen.
+# Largest factor by which a wall's bands are lightened or darkened; beyond it grain would dominate.
 MAX_PAINT_FACTOR = 4.0
-# A wall goes on so far, metres, behind what stands against it, and beyond its edges.
+# Metres by which a wall extends behind a neighbour and beyond its edges.
 FREE_MARGIN_M = 0.25
 
 
@@ -115,7 +113,7 @@ class _CompletedPhoto(NamedTuple):
     masked_share: float
     elements: tuple[Element, ...]
     completion: Completion | None
-    told: FacadeEstimates
+    estimates: FacadeEstimates
 
 
 def build_facade_from_photo(
@@ -144,7 +142,7 @@ def build_facade_from_photo(
         image,
         hidden,
         seconds,
-        kept=facade_mask,
+        facade_mask=facade_mask,
         outside=outside,
         private=private,
         clean=clean,
@@ -169,8 +167,8 @@ def build_facade_from_photo(
         elements=made.elements,
         hierarchy=hierarchy,
         completion=made.completion,
-        estimates=made.told,
-        floors=int(made.told.value.floors),
+        estimates=made.estimates,
+        floors=int(made.estimates.value.floors),
         seconds=seconds,
     )
 
@@ -180,7 +178,7 @@ def _complete_photo(
     hidden: np.ndarray,
     seconds: dict[str, float],
     *,
-    kept: np.ndarray | None = None,
+    facade_mask: np.ndarray | None = None,
     outside: np.ndarray | None,
     private: np.ndarray | None,
     clean: bool,
@@ -194,32 +192,33 @@ def _complete_photo(
     with _timer(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]), model=models.parser)
-        found = np.zeros_like(hidden) if clean else remove_spill(parsing.occluded, hidden)
-        if kept is not None:
-            found &= ~kept
-        in_front, masked = occluder_mask(found)
+        occluded = np.zeros_like(hidden) if clean else remove_spill(parsing.occluded, hidden)
+        if facade_mask is not None:
+            occluded &= ~facade_mask
+        occluders, masked = occluder_mask(occluded)
         if private is not None:
-            in_front |= private
-        masked_share = float((in_front & ~hidden).mean())
-        hidden = hidden | in_front
+            occluders |= private
+        masked_share = float((occluders & ~hidden).mean())
+        hidden = hidden | occluders
         if outside is not None:
             hidden |= dilate(outside, OCCLUDER_RIM_SHARE)
     _require_visible(hidden, "beside sky, trees, cars and the like")
     with _timer(seconds, "elements"):
-        observed = [e for e in elements(parsing) if masked_share(hidden, e) <= MAX_HIDDEN_SHARE]
-    completion, made, result, layout = None, parsing, image, observed
+        observed = [e for e in elements(parsing) if box_coverage(hidden, e) <= MAX_HIDDEN_SHARE]
+    completion, result_parsing, result, layout = None, parsing, image, observed
     if hidden.any():
         height, width = hidden.shape
         with _timer(seconds, "complete"):
             if observed:
-                seen = visible_boxes(dilate_by_window(hidden, observed)) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
-                shown = replace(parsing, occluded=hidden | parsing.occluded)
+                region = visible_boxes(dilate_by_window(hidden, observed))
+                region += [(e.x0, e.y0, e.x1, e.y1) for e in observed]
+                evidence = replace(parsing, occluded=hidden | parsing.occluded)
                 completion = complete(
                     observed,
                     (0, 0, width, height),
-                    seen,
+                    region,
                     seed=seed,
-                    evidence=shown,
+                    evidence=evidence,
                     entrances=[share * width for share in entrances],
                     front=front,
                     model=None if models.layout is None else layouts.load_cached_model(models.layout),
@@ -227,22 +226,25 @@ def _complete_photo(
                 layout = list(completion.elements)
         with _timer(seconds, "inpaint"):
             result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
-        # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
+        # Labels and elements come from the completed picture, which may differ from the planned layout.
         with _timer(seconds, "parse"):
-            made = parse(result, model=models.parser)
+            result_parsing = parse(result, model=models.parser)
         with _timer(seconds, "elements"):
-            layout = elements(replace(made, occluded=np.zeros_like(hidden)))
-    sure = load_calibration(models.parser)
-    layout, told = calibrate_elements(layout, sure, hidden), sure.estimate(made, layout, hidden)
-    return _CompletedPhoto(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
+            layout = elements(replace(result_parsing, occluded=np.zeros_like(hidden)))
+    calibration = load_calibration(models.parser)
+    estimates = calibration.estimate(result_parsing, layout, hidden)
+    layout = calibrate_elements(layout, calibration, hidden)
+    return _CompletedPhoto(
+        result, result_parsing.labels, hidden, masked, masked_share, tuple(layout), completion, estimates
+    )
 
 
-def _require_visible(hidden: np.ndarray, what: str) -> None:
+def _require_visible(hidden: np.ndarray, cause: str) -> None:
     seen = 1 - hidden.mean()
     if seen < MIN_VISIBLE_SHARE:
         raise ImageError(
-            f"only {seen:.1%} of the facade is seen {what}, and {MIN_VISIBLE_SHARE:.0%} are the least; give a photo that shows more "
-            "of it, or none"
+            f"only {seen:.1%} of the facade is seen {cause}, and {MIN_VISIBLE_SHARE:.0%} are the least; "
+            "give a photo that shows more of it, or none"
         )
 
 
@@ -261,27 +263,38 @@ def prepare_exemplar(
     alone. Raises ImageError where it shows too little, or no window."""
     seconds: dict[str, float] = {}
     if labels is not None and not hidden.any() and (private is None or not private.any()):
-        evidence = made = image
-        box, found, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
+        evidence = completed = image
+        box, has_facade, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
         with _timer(seconds, "elements"):
-            seen, classes = _shrink_to_side(made, labels, MAX_COUNTING_SIDE_PX)
+            measured, classes = _shrink_to_side(image, labels, MAX_COUNTING_SIDE_PX)
             floors, layout = count_floors(classes), tuple(elements(classes))
     else:
         cut = crop_to_facade(image, hidden, model=models.parser)
-        found = cut.has_facade
+        has_facade = cut.has_facade
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
         whole = _complete_photo(
             cut.image, cut.hidden, seconds, outside=cut.outside, private=private, clean=False, models=models, seed=seed
         )
-        evidence, made, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
-        floors, layout, seen, classes = int(whole.told.value.floors), whole.elements, made, labels
+        evidence, completed, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
+        floors, layout, measured, classes = int(whole.estimates.value.floors), whole.elements, whole.image, labels
     if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timer(seconds, "scale"):
-        scale = exemplar_scale(made, labels, storey=floor_height)
-    shaded = shadow_share(seen, classes)
-    return Exemplar(evidence, made, labels, occluded, box, found, scale, floors, count_columns(layout), shaded, seconds)
+        scale = exemplar_scale(completed, labels, storey=floor_height)
+    return Exemplar(
+        evidence=evidence,
+        image=completed,
+        labels=labels,
+        occluded=occluded,
+        box=box,
+        has_facade=has_facade,
+        metres_per_pixel=scale,
+        floors=floors,
+        columns=count_columns(layout),
+        shaded_share=shadow_share(measured, classes),
+        seconds=seconds,
+    )
 
 
 def _shrink_to_side(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
@@ -317,9 +330,10 @@ def build_facade_from_exemplar(
     seconds: dict[str, float] = {}
     with _timer(seconds, "retarget"):
         left, right = span or (0.0, wall.width)
-        whole = wall.street or wall.door  # of a back's door the joints would be lost
+        # A back with a door needs full resolution too: the joints of the door are finer than a texel.
+        full_resolution = wall.on_street or wall.has_back_door
         texel = wall.height / size[0]
-        pixel = metres_per_pixel if whole else max(metres_per_pixel, texel / OVERSAMPLING)
+        pixel = metres_per_pixel if full_resolution else max(metres_per_pixel, texel / OVERSAMPLING)
         texture, labels = compose_wall(
             style,
             wall,
@@ -329,16 +343,16 @@ def build_facade_from_exemplar(
             texel_m=texel,
             seed=seed,
         )
-        own = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
-        texture, labels = resize_image(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
+        columns = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
+        texture, labels = resize_image(np.ascontiguousarray(texture[:, columns]), size), labels[:, columns]
         if labels.shape != size:
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
     with _timer(seconds, "elements"):
         layout = tuple(elements(labels))
     hierarchy = varied = None
     with _timer(seconds, "vary"):
-        if wall.street:
-            # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
+        if wall.on_street:
+            # Permute window states between walls of one exemplar and between repeated bays.
             texture, varied = exchange_in_photo(texture, find_variations(texture, layout), EXCHANGE_LEVEL, seed)
         texture = tint_facade(
             texture, labels, building_seed=building_seed, seed=seed, paint=_paint_factors(texture, labels, wall_colour)
@@ -348,7 +362,7 @@ def build_facade_from_exemplar(
     if varied is not None:
         with _timer(seconds, "encode"):
             hierarchy = encode_variations(texture, varied)
-    known = np.ones(size, bool) if wall.street else _free_mask(wall, (left, right), size)
+    known = np.ones(size, bool) if wall.on_street else _free_mask(wall, (left, right), size)
     return Facade(
         evidence=texture,
         image=texture,
@@ -369,21 +383,21 @@ def build_facade_from_exemplar(
 
 def _paint_factors(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
     """Factors (3,) that give the wall of a texture (h, w, 3) a colour (3,); None without either."""
-    on = labels == FacadeClass.WALL
-    if colour is None or not on.any():
+    is_wall = labels == FacadeClass.WALL
+    if colour is None or not is_wall.any():
         return None
-    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / MAX_PAINT_FACTOR, MAX_PAINT_FACTOR))
+    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[is_wall]), 1), 1 / MAX_PAINT_FACTOR, MAX_PAINT_FACTOR))
 
 
-def _free_mask(wall: FacadeWall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
+def _free_mask(wall: FacadeWall, span: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
     """The texels (h, w) bool of a part of a wall, from left to right in metres, that stand against no neighbour."""
     import cv2
 
     mask = np.zeros(size, np.uint8)
-    scale = np.array([size[1] / (part[1] - part[0]), size[0] / wall.height])
+    scale = np.array([size[1] / (span[1] - span[0]), size[0] / wall.height])
     for polygon in shapely.get_parts(wall.free.buffer(FREE_MARGIN_M)):
         rings = [polygon.exterior, *polygon.interiors]
-        corners = [np.rint((shapely.get_coordinates(ring) - [part[0], 0]) * scale).astype(np.int32) for ring in rings]
+        corners = [np.rint((shapely.get_coordinates(ring) - [span[0], 0]) * scale).astype(np.int32) for ring in rings]
         cv2.fillPoly(mask, corners[:1], 1)
         if corners[1:]:
             cv2.fillPoly(mask, corners[1:], 0)

@@ -8,13 +8,22 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 
-# Of wall that must be seen, square metres; its brightness between these shares counts: neither shadow nor what shines.
-MIN_WALL_M2, LIT_QUANTILES = 3.0, (0.45, 0.95)
-# Courses to the metre of bricks, and with those around them; pieces of wall that are looked at, metres wide and high, and how
-# many; a peak so many times what is around it. Below so many texels a metre courses cannot be told.
-COURSES_PER_METRE, BAND_PER_METRE = (11.6, 14.4), (7.0, 16.0)
-PATCH_SIZE_M, MIN_PATCHES = (0.8, 1.6), 4
-MIN_PEAK_RATIO, MIN_TEXELS_PER_METRE = 8.0, 30.0
+# Smallest area of visible wall, square metres.
+MIN_WALL_M2 = 3.0
+# Brightness quantiles between which wall is neither in shadow nor glossy.
+LIT_QUANTILES = (0.45, 0.95)
+# Courses of bricks for each metre.
+COURSES_PER_METRE = (11.6, 14.4)
+# Frequencies for each metre that a peak of courses is compared with.
+BAND_PER_METRE = (7.0, 16.0)
+# Width and height of an analysed patch of wall, metres.
+PATCH_SIZE_M = (0.8, 1.6)
+# Smallest number of patches.
+MIN_PATCHES = 4
+# Smallest ratio of the peak of courses to the median of its band.
+MIN_PEAK_RATIO = 8.0
+# Texels for each metre from which courses are visible.
+MIN_TEXELS_PER_METRE = 30.0
 
 
 class WallMaterial(NamedTuple):
@@ -26,10 +35,10 @@ class WallMaterial(NamedTuple):
 
 def measure_wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> WallMaterial | None:
     """The wall of a facade (h, w, 3) uint8 with labels (h, w); None where too little of it shows."""
-    on = labels == FacadeClass.WALL
-    if on.sum() < MIN_WALL_M2 * texels_per_metre**2:
+    is_wall = labels == FacadeClass.WALL
+    if is_wall.sum() < MIN_WALL_M2 * texels_per_metre**2:
         return None
-    return WallMaterial(lit_colour(image[on]), _shows_courses(image, on, texels_per_metre))
+    return WallMaterial(lit_colour(image[is_wall]), _shows_courses(image, is_wall, texels_per_metre))
 
 
 def lit_colour(pixels: np.ndarray) -> np.ndarray:
@@ -40,16 +49,16 @@ def lit_colour(pixels: np.ndarray) -> np.ndarray:
     return np.asarray(np.median(pixels[lit if lit.any() else slice(None)].astype(np.float64), axis=0))
 
 
-def _shows_courses(image: np.ndarray, on: np.ndarray, density: float) -> bool:
+def _shows_courses(image: np.ndarray, is_wall: np.ndarray, density: float) -> bool:
     """Whether whole pieces of wall have the period of courses down them."""
     if density < MIN_TEXELS_PER_METRE:
         return False
     wide, high = (round(side * density) for side in PATCH_SIZE_M)
     light = image.astype(np.float64).mean(axis=2)
     window, power = np.hanning(high), []
-    for top in range(0, on.shape[0] - high + 1, high // 2):
-        for left in range(0, on.shape[1] - wide + 1, wide):
-            if on[top : top + high, left : left + wide].all():
+    for top in range(0, is_wall.shape[0] - high + 1, high // 2):
+        for left in range(0, is_wall.shape[1] - wide + 1, wide):
+            if is_wall[top : top + high, left : left + wide].all():
                 profile = light[top : top + high, left : left + wide].mean(axis=1)
                 power.append(np.abs(np.fft.rfft((profile - profile.mean()) * window)) ** 2)
     if len(power) < MIN_PATCHES:

@@ -77,7 +77,7 @@ def pack_charts(
     chunk: int,
     gutter: int,
     ids: np.ndarray | None = None,
-    last: PreviousPlacement | None = None,
+    previous: PreviousPlacement | None = None,
 ) -> Placement:
     """Pack charts into square pages, first fit in their order over the last few pages.
 
@@ -112,11 +112,11 @@ def pack_charts(
     large = (outer > chunk // 2).any(axis=1)
     np.maximum.at(cells, block[large], -(-outer[large] // chunk))
     place = np.full((blocks, 3), -1, np.int64)
-    if last is not None and ids is not None:
+    if previous is not None and ids is not None:
         corner = np.column_stack([inner_x, inner_y]) + gutter
-        place = _reuse_places(place, block, corner, texels, ids, last, chunk)
+        place = _reuse_places(place, block, corner, texels, ids, previous, chunk)
     _first_fit(
-        place, cells, page // chunk, MAX_OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1
+        place, cells, page // chunk, MAX_OPEN_PAGES if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1
     )
     return Placement(
         page=place[block, 0].astype(np.int32),

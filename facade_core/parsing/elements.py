@@ -1,4 +1,4 @@
-"""From a label map to a list of clean rectangles."""
+"""Elements of a label map as clean rectangles."""
 
 from __future__ import annotations
 
@@ -13,94 +13,102 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.core.types import Element, Parsing
 from facade_core.parsing.validation import check_labels
 
-# A component smaller than this share of the image is noise: about 7 x 7 pixels in a facade of 500 x 330.
-_LEAST_SHARE = 0.0003
-# And one smaller than this share of the median of its class is a sliver: the light over a door, a corner of a sign.
-_SLIVER = 0.2
-# A row or column belongs to the box when it holds this share of the fullest one.
-_EDGE = 0.4
-# Two balconies that have grown together between their windows are lower there by more than this share.
-_NECK = 0.7
-# A balcony belongs to windows whose foot is above its top, or below it by less than this share of the window's height.
-_FOOT = 0.3
-# A dip in the profile parts two elements when it is below this share of the peaks on both sides.
-_DIP = 0.35
+# Smaller components, as a share of the image, are noise: about 7 x 7 pixels in a facade of 500 x 330.
+_MIN_COMPONENT_SHARE = 0.0003
+# Boxes below this share of their class's median area are slivers: a fanlight, a corner of a sign.
+_MIN_MEDIAN_RATIO = 0.2
+# A row or column belongs to the box if it has this share of the fullest one.
+_MIN_FILL_RATIO = 0.4
+# Two balconies that have merged are lower between their windows than this share of the height in front of them.
+_NECK_RATIO = 0.7
+# A balcony belongs to windows whose foot is above its top, or below by less than this share of the window's
+# height.
+_MAX_FOOT_GAP = 0.3
+# A dip in the profile splits an element if it is below this share of the peaks on both sides.
+_SPLIT_RATIO = 0.35
 
 _Box = tuple[int, int, int, int]
 
 
 def elements(parsing: Parsing | np.ndarray) -> list[Element]:
-    """Windows, balconies, doors and shops as rectangles in pixels, half-open, by y0, then x0.
+    """Extract windows, balconies, doors and shops as rectangles in pixels, half-open, by y0, then x0.
 
-    Takes a Parsing or its (H, W) uint8 labels. Each 4-connected component becomes one box, or several where a row or
-    column profile dips between two peaks; the box spans the rows and columns that are well filled, so that single
-    protruding pixels do not count. A balcony is also cut between two windows where it is lower than in front of them.
-    Components below 0.03 % of the image are dropped, as are boxes below a fifth of their class's median area, and boxes more
-    than half occluded: what is hidden is not an observation. An element's confidence is the mean, over its box, of its
-    class's. Raises ImageError for a label map that cannot be used.
+    Each 4-connected component becomes one box, or several where a row or column profile dips between two peaks. The box
+    spans the well-filled rows and columns, so that single protruding pixels do not count. A balcony is also cut between
+    two windows if it is lower there than in front of them. Dropped are components below 0.03 % of the image, boxes
+    below a fifth of their class's median area, and boxes more than half occluded, which are no observation. The
+    confidence of an element is the mean of its class's over its box.
+
+    Parameters
+    ----------
+    parsing : a Parsing, or its (H, W) uint8 labels.
+
+    Raises
+    ------
+    ImageError
+        If the label map cannot be used.
     """
     labels = parsing.labels if isinstance(parsing, Parsing) else parsing
     check_labels(labels)
-    least = max(1.0, _LEAST_SHARE * labels.size)
+    least = max(1.0, _MIN_COMPONENT_SHARE * labels.size)
     boxes = {name: list(_class_boxes(labels == CLASSES.index(name), least)) for name in ELEMENT_CLASSES}
-    boxes = {name: _without_slivers(same) for name, same in boxes.items()}
+    boxes = {name: _drop_slivers(same) for name, same in boxes.items()}
     boxes["balcony"] = [
-        part for box in boxes["balcony"] for part in _cut_between(box, boxes["window"], labels == FacadeClass.BALCONY)
+        part for box in boxes["balcony"] for part in _cut_balcony(box, boxes["window"], labels == FacadeClass.BALCONY)
     ]
-    found = []
+    found_elements = []
     for name, (y0, x0, y1, x1) in ((name, box) for name, same in boxes.items() for box in same):
         confidence = 1.0
         if isinstance(parsing, Parsing):
             if parsing.occluded[y0:y1, x0:x1].mean() > 0.5:
                 continue
             confidence = float(parsing.confidence[y0:y1, x0:x1, CLASSES.index(name)].mean())
-        found.append(Element(name, float(x0), float(y0), float(x1), float(y1), confidence))
-    return sorted(found, key=lambda element: (element.y0, element.x0, element.y1, element.x1, element.label))
+        found_elements.append(Element(name, float(x0), float(y0), float(x1), float(y1), confidence))
+    return sorted(found_elements, key=lambda element: (element.y0, element.x0, element.y1, element.x1, element.label))
 
 
-def _without_slivers(boxes: Sequence[_Box]) -> list[_Box]:
+def _drop_slivers(boxes: Sequence[_Box]) -> list[_Box]:
     areas = [(y1 - y0) * (x1 - x0) for y0, x0, y1, x1 in boxes]
-    least = _SLIVER * np.median(areas) if areas else 0
+    least = _MIN_MEDIAN_RATIO * np.median(areas) if areas else 0
     return [box for box, area in zip(boxes, areas, strict=True) if area >= least]
 
 
 def split_balconies(layout: Sequence[Element]) -> list[Element]:
-    """A layout whose balconies carry one window each: what runs before several is cut midway between them.
-
-    For what places balconies by their windows; the others are returned as they are, and the order is kept.
-    """
+    """Split balconies that serve several windows midway between these; other elements and the order stay."""
     windows = [(int(e.y0), int(e.x0), int(e.y1), int(e.x1)) for e in layout if e.label == "window"]
     parted = []
     for element in layout:
         edges = [element.x0, element.x1]
         if element.label == "balcony":
-            served = _served((int(element.y0), int(element.x0), int(element.y1), int(element.x1)), windows)
-            edges[1:1] = [(one[3] + other[1]) / 2 for one, other in itertools.pairwise(served)]
+            balcony_windows = _balcony_windows(
+                (int(element.y0), int(element.x0), int(element.y1), int(element.x1)), windows
+            )
+            edges[1:1] = [(window[3] + other[1]) / 2 for window, other in itertools.pairwise(balcony_windows)]
         parted += [dataclasses.replace(element, x0=x0, x1=x1) for x0, x1 in itertools.pairwise(edges)]
     return parted
 
 
-def _served(balcony: _Box, windows: Sequence[_Box]) -> list[_Box]:
-    """The windows that a balcony runs before, from left to right: it reaches over their middle and to their foot."""
+def _balcony_windows(balcony: _Box, windows: Sequence[_Box]) -> list[_Box]:
+    """Windows behind a balcony, from left to right: it covers their middle column and reaches their foot."""
     y0, x0, y1, x1 = balcony
-    at = [
+    served = [
         (top, left, bottom, right)
         for top, left, bottom, right in windows
-        if x0 < (left + right) / 2 < x1 and (top + bottom) / 2 < y1 and y0 < bottom + _FOOT * (bottom - top)
+        if x0 < (left + right) / 2 < x1 and (top + bottom) / 2 < y1 and y0 < bottom + _MAX_FOOT_GAP * (bottom - top)
     ]
-    return sorted(at, key=lambda box: box[1])
+    return sorted(served, key=lambda box: box[1])
 
 
-def _cut_between(balcony: _Box, windows: Sequence[_Box], mask: np.ndarray) -> list[_Box]:
-    """A balcony, cut between its windows where its profile is lower than before both of them."""
+def _cut_balcony(balcony: _Box, windows: Sequence[_Box], mask: np.ndarray) -> list[_Box]:
+    """Balcony cut between its windows where its profile is lower than in front of both."""
     y0, x0, y1, x1 = balcony
     profile = mask[y0:y1, x0:x1].sum(0)
     edges = [x0]
-    for one, other in itertools.pairwise(_served(balcony, windows)):
-        gap, sides = slice(one[3], other[1]), (slice(one[1], one[3]), slice(other[1], other[3]))
+    for window, other in itertools.pairwise(_balcony_windows(balcony, windows)):
+        gap, sides = slice(window[3], other[1]), (slice(window[1], window[3]), slice(other[1], other[3]))
         between = profile[max(0, gap.start - x0) : gap.stop - x0]
         least = min(np.median(profile[max(0, side.start - x0) : side.stop - x0]) for side in sides)
-        if len(between) and between.min() < _NECK * least:
+        if len(between) and between.min() < _NECK_RATIO * least:
             lowest = np.flatnonzero(between == between.min())
             edges.append(max(x0, gap.start) + int(lowest[len(lowest) // 2]))
     return [(y0, left, y1, right) for left, right in itertools.pairwise([*edges, x1])]
@@ -118,13 +126,13 @@ def _class_boxes(mask: np.ndarray, least: float) -> Iterator[_Box]:
 
 
 def _split(component: np.ndarray, least: float) -> list[_Box]:
-    """Boxes of a component: trimmed to its well-filled part, cut at the clearest dip, and so on in both parts."""
+    """Boxes of a component: trimmed to its well-filled part, cut at the clearest dip, and recursively split."""
     if np.count_nonzero(component) < least:
         return []
     y0, x0, y1, x1 = _trim(component)
     inner = component[y0:y1, x0:x1]
     (row_dip, row), (column_dip, column) = _dip(inner.sum(1)), _dip(inner.sum(0))
-    if min(row_dip, column_dip) >= _DIP:
+    if min(row_dip, column_dip) >= _SPLIT_RATIO:
         return [(y0, x0, y1, x1)]
     if row_dip < column_dip:
         parts = [(inner[:row], 0, 0), (inner[row:], row, 0)]
@@ -138,7 +146,7 @@ def _split(component: np.ndarray, least: float) -> list[_Box]:
 
 
 def _trim(component: np.ndarray) -> _Box:
-    """The span of the well-filled rows and columns, across the long side first: it has the steadier profile."""
+    """Span of the well-filled rows and columns, across the long side first, which has the steadier profile."""
     y0, x0, (y1, x1) = 0, 0, component.shape
     if x1 >= y1:
         y0, y1 = _span(component.sum(1))
@@ -150,12 +158,12 @@ def _trim(component: np.ndarray) -> _Box:
 
 
 def _span(profile: np.ndarray) -> tuple[int, int]:
-    full = np.flatnonzero(profile >= _EDGE * profile.max())
+    full = np.flatnonzero(profile >= _MIN_FILL_RATIO * profile.max())
     return int(full[0]), int(full[-1]) + 1
 
 
 def _dip(profile: np.ndarray) -> tuple[float, int]:
-    """The deepest dip: its share of the lower of the peaks beside it, and the middle of its lowest stretch."""
+    """Deepest dip: its share of the lower neighbouring peak, and the middle of its lowest stretch."""
     if len(profile) < 3:
         return 1.0, 0
     left, right = np.maximum.accumulate(profile), np.maximum.accumulate(profile[::-1])[::-1]

@@ -11,18 +11,29 @@ from facade_core.core.labels import UNKNOWN, FacadeClass
 from facade_core.core.types import Lattice
 
 Span = tuple[int, int]
-# What is left under the lowest row of windows is a storey from this share of the others' height on; a base is lower. Under
-# a single row it is one from this share of the facade and so many heights of a window on.
-_STOREY, _OF_TWO, _OF_WINDOW = 0.5, 0.35, 1.3
+# Space under the lowest row of windows is a floor from this share of the other floors' height on; a base is
+# lower.
+_MIN_GROUND_RATIO = 0.5
+# Under a single row it is a floor from this share of the facade
+_MIN_GROUND_SHARE = 0.35
+# and this many window heights on.
+_MIN_GROUND_WINDOWS = 1.3
 
 
 @dataclass(frozen=True, slots=True)
 class FloorStructure:
-    """Bands and bays, in pixels of the label map.
+    """Floors and bays in pixels of the label map.
 
-    floors: the window span (top, bottom) of every floor, top first; kinds: "roof", "middle" or "ground" of each.
-    bays: the window span (left, right) of every bay. floor_cuts and bay_cuts: one more border than floors and bays.
-    ground_top: where the ground floor starts; it has no floor of its own where no windows were found in it.
+    Attributes
+    ----------
+    floors : window span (top, bottom) of every floor, top first.
+    kinds : "roof", "middle" or "ground" for each floor.
+    bays : window span (left, right) of every bay.
+    floor_cuts : borders of the floors, one more than floors.
+    bay_cuts : borders of the bays, one more than bays.
+    top : first row of the facade.
+    ground_top : first row of the ground floor, which is no floor of its own without windows.
+    bottom : row below the facade.
     """
 
     floors: tuple[Span, ...]
@@ -36,51 +47,49 @@ class FloorStructure:
 
     @property
     def has_ground_band(self) -> bool:
-        """Whether the ground floor shows no row of windows of its own, but doors and shops, or nothing: what is left under the
-        lowest floor is tall enough for a storey."""
+        """Return True if a ground floor without a row of windows is tall enough to count as a floor."""
         if self.kinds[-1] == "ground":
             return False
         if len(self.floors) == 1:
             ((top, below),) = self.floors
-            least = max(_OF_TWO * (self.bottom - self.top), _OF_WINDOW * (below - top))
+            least = max(_MIN_GROUND_SHARE * (self.bottom - self.top), _MIN_GROUND_WINDOWS * (below - top))
             return self.bottom - self.floor_cuts[-1] >= least
         pitches = np.diff(self.floor_cuts)
         middle = np.median([pitch for pitch, kind in zip(pitches, self.kinds, strict=True) if kind == "middle"])
-        return bool(self.bottom - self.floor_cuts[-1] >= _STOREY * middle)
+        return bool(self.bottom - self.floor_cuts[-1] >= _MIN_GROUND_RATIO * middle)
 
     @property
     def floor_count(self) -> int:
-        """Rows of windows, those of the roof included, and the ground floor."""
+        """Return the rows of windows, including those of the roof, and the ground floor."""
         return len(self.floors) + self.has_ground_band
 
 
 def count_floors(labels: np.ndarray) -> int:
-    """The storeys that a label map (H, W) shows, the ground floor included and a row of windows in the roof too; 0 without
-    windows."""
-    found = find_structure(labels)
-    return found.floor_count if found else 0
+    """Count the floors of a label map (H, W), including the ground floor and roof windows; 0 without windows."""
+    structure = find_structure(labels)
+    return structure.floor_count if structure else 0
 
 
 def spans_above(profile: np.ndarray, threshold: float) -> list[Span]:
-    """Half-open spans over which a profile is above a threshold."""
+    """Return half-open spans over which a profile (n,) exceeds a threshold."""
     inside = np.concatenate([[False], profile > threshold, [False]])
     edges = np.flatnonzero(inside[1:] != inside[:-1])
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def window_spans(window: np.ndarray) -> list[Span]:
-    """Rows (axis 0 of a bool map) over which windows stretch: one span per floor, top first.
+    """Find the spans of rows with windows in a mask (H, W) bool, one per floor, top first.
 
-    Spans are where the window profile is above a quarter of its typical peak; slivers below a third of the median
-    height are dropped and spans closer than a fifth of it are joined.
+    In these rows the window profile exceeds a quarter of its typical peak. Spans below a third of the median height are
+    dropped, and spans closer than a fifth of it are joined.
     """
     profile = gaussian_filter1d(window.mean(1), 1.0)
     if profile.max() <= 0.0:
         return []
-    found = spans_above(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
-    height = np.median([b - a for a, b in found])
+    spans = spans_above(profile, 0.25 * float(np.quantile(profile[profile > 0.1 * profile.max()], 0.75)))
+    height = np.median([b - a for a, b in spans])
     joined: list[Span] = []
-    for a, b in found:
+    for a, b in spans:
         if joined and a - joined[-1][1] < 0.2 * height:
             joined[-1] = (joined[-1][0], b)
         elif b - a >= height / 3:
@@ -89,24 +98,24 @@ def window_spans(window: np.ndarray) -> list[Span]:
 
 
 def find_structure(labels: np.ndarray) -> FloorStructure | None:
-    """The floors and bays of a label map (H, W), or None where it shows no windows.
+    """Find the floors and bays of a label map (H, W); None without windows.
 
-    The sky above the roof is left out: `top` is the first row with less than a tenth of sky.
+    The sky above the roof is excluded: `top` is the first row with less than a tenth of sky.
     """
     height, width = labels.shape
     sky = (labels == FacadeClass.SKY).mean(1)
-    clear = np.flatnonzero(sky < 0.1)
-    top = int(clear[0]) if len(clear) and clear[0] < 0.6 * height else 0
+    is_clear = np.flatnonzero(sky < 0.1)
+    top = int(is_clear[0]) if len(is_clear) and is_clear[0] < 0.6 * height else 0
     window = labels == FacadeClass.WINDOW
-    top = _clear_of_windows(window, top)
+    top = _move_off_windows(window, top)
     window[:top] = False
     floors = window_spans(window)
     if not floors:
         return None
-    kinds = _kinds(labels, floors, top)
+    kinds = _floor_kinds(labels, floors, top)
     if kinds[-1] == "ground" and len(floors) > 1:
         shares = [float(window[a:b].any(0).mean()) for a, b in floors]
-        if shares[-1] < 0.6 * np.median(shares[:-1]):  # a few windows between shops are no floor
+        if shares[-1] < 0.6 * np.median(shares[:-1]):  # few windows between shops are no floor
             floors, kinds = floors[:-1], kinds[:-1]
     middle = [span for span, kind in zip(floors, kinds, strict=True) if kind == "middle"] or floors
     rows = np.concatenate([np.arange(a, b) for a, b in middle])
@@ -130,19 +139,21 @@ def find_structure(labels: np.ndarray) -> FloorStructure | None:
         floor_cuts.append(bottom)
     across = element[floors[0][0] : ground_top].mean(0)
     bay_cuts = [0, *(_cut(across, a[1], b[0], 0.5) for a, b in zip(bays, bays[1:], strict=False)), width]
-    return FloorStructure(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
+    return FloorStructure(
+        tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom
+    )
 
 
-def _clear_of_windows(window: np.ndarray, top: int) -> int:
-    """A top that cuts no window: below windows that mostly lie above it, else above them."""
+def _move_off_windows(window: np.ndarray, top: int) -> int:
+    """Top row that cuts no window: below windows that are mostly above it, else above them."""
     for a, b in spans_above(window.mean(1), 0.0):
         if a < top < b:
             return a if top - a <= b - top else b
     return top
 
 
-def _kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:
-    """roof: what surrounds the windows is mostly roof; ground: the lowest floor, beside doors or shops."""
+def _floor_kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:
+    """Kind of each floor: roof if roof surrounds its windows; ground if it is the lowest one, with doors or shops."""
     kinds = []
     for k, (a, b) in enumerate(floors):
         band = labels[a:b]
@@ -164,7 +175,7 @@ def _kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:
 
 
 def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) -> int:
-    """Top of the band of doors and shops, below the last floor above the ground; the bottom where there is none."""
+    """Top of the band of doors and shops below the last upper floor; the bottom where there is none."""
     above = [span for span, kind in zip(floors, kinds, strict=True) if kind != "ground"]
     height = labels.shape[0]
     lowest = above[-1][1] if above else 0
@@ -186,7 +197,7 @@ def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) 
 
 
 def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
-    """The cheapest position in the gap between two elements, near a preferred fraction of it."""
+    """Cheapest position in the gap between two elements, near a preferred fraction of it."""
     if stop - start < 2:
         return max(start, 1)
     at = np.arange(start, stop + 1)
@@ -196,24 +207,27 @@ def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
 
 
 def structural_lattice(structure: FloorStructure) -> Lattice:
-    """Three rows per floor and three columns per bay: before, across and after its windows; roof and ground in one."""
+    """Build a lattice of three rows per floor and three columns per bay: before, across and after its windows.
+
+    The roof and the ground floor get one row each.
+    """
     rows = [structure.top]
     for (a, b), low in zip(structure.floors, structure.floor_cuts[1:], strict=True):
-        rows += [_between(a, rows[-1], low, 2), _between(b, a, low, 1), low]
+        rows += [_clamp_between(a, rows[-1], low, 2), _clamp_between(b, a, low, 1), low]
     if rows[-1] < structure.bottom:
         rows.append(structure.bottom)
     columns = [0]
     for (a, b), right in zip(structure.bays, structure.bay_cuts[1:], strict=True):
-        columns += [_between(a, columns[-1], right, 2), _between(b, a, right, 1), right]
+        columns += [_clamp_between(a, columns[-1], right, 2), _clamp_between(b, a, right, 1), right]
     return Lattice(tuple(rows), tuple(columns))
 
 
-def _between(position: int, low: int, high: int, room: int) -> int:
+def _clamp_between(position: int, low: int, high: int, room: int) -> int:
     return min(max(position, low + 1), high - room)
 
 
 def fill_sky_and_unknown(labels: np.ndarray) -> np.ndarray:
-    """Labels with chimneys' and roof lines' left-over sky turned to roof and unknown pixels to wall."""
+    """Relabel remaining sky around chimneys and roof lines as roof, and unknown pixels (H, W) as wall."""
     return np.where(
         labels == FacadeClass.SKY, FacadeClass.ROOF, np.where(labels == UNKNOWN, FacadeClass.WALL, labels)
     ).astype(np.uint8)

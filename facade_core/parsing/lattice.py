@@ -1,4 +1,4 @@
-"""The irregular rectangular lattice of a label map (tiles paper, section 3.1, Algo. 1)."""
+"""Irregular rectangular lattice of a label map (tiles paper, section 3.1, Algo. 1)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,23 @@ from facade_core.parsing.validation import check_labels
 def lattice(labels: np.ndarray, *, max_lines: int = 40, eta: float = 0.02) -> Lattice:
     """Choose split lines greedily along strong, well-spread label edges (Algo. 1 of the tiles paper).
 
-    labels (H, W) uint8, class ids or UNKNOWN, which counts as a label of its own. Row position h lies between the
-    pixel rows h - 1 and h; the borders 0 and H (0 and W) are always in. The score of a position is the share of pixels
-    whose label changes across it (Eq. 1) times the distance in pixels to the nearest line (Eq. 2, read as min), taken
-    anew after each insertion (Eq. 3). Lines are added until there are max_lines (rows and columns, borders included)
-    or the best score is no more than eta times the score of the first line. Ties go to rows, then to the smaller
-    position. A map without a label edge (one colour, one pixel) has its borders only.
+    Row position h is between the pixel rows h - 1 and h; the borders 0 and H (0 and W) are always included. The score
+    of a position is the share of pixels whose label changes across it (Eq. 1) times the distance in pixels to the
+    nearest line (Eq. 2, read as min), recomputed after each insertion (Eq. 3). Ties go to rows, then to the smaller
+    position. A map without a label edge has its borders only.
 
-    Raises ImageError for a label map that cannot be used, LayoutError for max_lines < 4 or an eta outside [0, 1].
+    Parameters
+    ----------
+    labels : (H, W) uint8 class ids or UNKNOWN, which counts as a label of its own.
+    max_lines : rows and columns at most, including borders.
+    eta : stop when the best score is at most this share of the first line's score.
+
+    Raises
+    ------
+    ImageError
+        If the label map cannot be used.
+    LayoutError
+        If max_lines < 4 or eta is outside [0, 1].
     """
     check_labels(labels)
     if max_lines < 4:
@@ -34,18 +43,18 @@ def lattice(labels: np.ndarray, *, max_lines: int = 40, eta: float = 0.02) -> La
     column_edges = np.count_nonzero(labels[:, :-1] != labels[:, 1:], axis=0) * width
     row_distance, column_distance = _border_distance(height), _border_distance(width)
     rows, columns = [0, height], [0, width]
-    row, row_score = _best(row_edges * row_distance)
-    column, column_score = _best(column_edges * column_distance)
-    least = eta * max(row_score, column_score)
-    while len(rows) + len(columns) < max_lines and max(row_score, column_score) > least:
+    row, row_score = _best_position(row_edges * row_distance)
+    column, column_score = _best_position(column_edges * column_distance)
+    min_score = eta * max(row_score, column_score)
+    while len(rows) + len(columns) < max_lines and max(row_score, column_score) > min_score:
         if row_score >= column_score:
             rows.append(row)
-            row_distance = _nearer(row_distance, row)
-            row, row_score = _best(row_edges * row_distance)
+            row_distance = _nearest_distance(row_distance, row)
+            row, row_score = _best_position(row_edges * row_distance)
         else:
             columns.append(column)
-            column_distance = _nearer(column_distance, column)
-            column, column_score = _best(column_edges * column_distance)
+            column_distance = _nearest_distance(column_distance, column)
+            column, column_score = _best_position(column_edges * column_distance)
     return Lattice(tuple(sorted(rows)), tuple(sorted(columns)))
 
 
@@ -55,12 +64,12 @@ def _border_distance(length: int) -> np.ndarray:
     return np.minimum(position, length - position)
 
 
-def _nearer(distance: np.ndarray, line: int) -> np.ndarray:
+def _nearest_distance(distance: np.ndarray, line: int) -> np.ndarray:
     return np.minimum(distance, np.abs(np.arange(1, len(distance) + 1) - line))
 
 
-def _best(scores: np.ndarray) -> tuple[int, int]:
-    """The position of the highest score, the first of equals, and that score; (0, 0) where there is no position."""
+def _best_position(scores: np.ndarray) -> tuple[int, int]:
+    """Position of the highest score, the first of equals, and that score; (0, 0) without positions."""
     if not scores.size:
         return 0, 0
     index = int(scores.argmax())

@@ -1,4 +1,4 @@
-"""The network segmenter: an encoder-decoder in onnxruntime, averaged over a mirrored view and several scales."""
+"""Network segmenter: an encoder-decoder in onnxruntime, averaged over mirrored and scaled views."""
 
 from __future__ import annotations
 
@@ -21,58 +21,65 @@ SHIPPED_NETWORK = Path(__file__).parent / "models" / "network.onnx"
 # Raised whenever the meaning of the inputs or outputs changes.
 NETWORK_VERSION = 2
 
-# The logits after those of the classes: something stands in front of the facade; sky, street or neighbours beside it are seen.
-OCCLUDER_OUTPUT, OUTSIDE_OUTPUT = len(CLASSES), len(CLASSES) + 1
+# Logits after those of the classes: an occluder is in front of the facade,
+OCCLUDER_OUTPUT = len(CLASSES)
+# and the pixel is sky, street or a neighbour outside the facade.
+OUTSIDE_OUTPUT = len(CLASSES) + 1
 
-# Image sides are multiples of COARSEST; position is given, and logits are returned, at these strides.
-COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
+# Image sides are multiples of this stride,
+COARSEST_STRIDE = 32
+# positions are given at this one,
+PLACE_STRIDE = 8
+# and logits are returned at this one.
+LOGIT_STRIDE = 2
 
-# Constant, so that results do not depend on the machine's number of cores.
+# Constant, so that results do not depend on the number of cores.
 _INTRA_OP_THREADS = 2
-# Views that are averaged: the share of the working size that their sides have, and whether they are mirrored.
-VIEWS = tuple((scale, mirrored) for scale in (0.85, 1.2) for mirrored in (False, True))
-# Doors are one pixel in seventy, and the class that every network is worst at: training weighs them so much more. Where the
-# network is asked that is taken back, or it would call doors more often than there are any.
+# Averaged views: share of the working size, and True if mirrored.
+AVERAGED_VIEWS = tuple((scale, mirrored) for scale in (0.85, 1.2) for mirrored in (False, True))
+# Weight of doors in training: they are one pixel in seventy, and every network's worst class. Inference removes
+# this weight again, or doors would be predicted too often.
 DOOR_WEIGHT = 3.0
-_LOG_WEIGHTS = np.array(
+_LOG_CLASS_WEIGHTS = np.array(
     [math.log(DOOR_WEIGHT) if number == FacadeClass.DOOR else 0.0 for number in range(len(CLASSES))], np.float32
 )
-_WHOLE = np.array([-1.0, -1.0, 1.0, 1.0])
+# Position of the corners of a whole image.
+_WHOLE_IMAGE = np.array([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """A trained network in one inference session, and the views of an image that it averages."""
+    """Trained network in an inference session, and the image views that it averages."""
 
     session: Any
-    views: tuple[tuple[float, bool], ...] = VIEWS
+    views: tuple[tuple[float, bool], ...] = AVERAGED_VIEWS
     working_area = (150_000, 250_000)
 
     def segment(self, image: np.ndarray) -> Segmentation:
-        """Of an image (H, W, 3) uint8, means over mirrored and scaled views."""
+        """Segment an image (H, W, 3) uint8 by means over mirrored and scaled views."""
         height, width = image.shape[:2]
         classes = np.zeros((len(CLASSES), height, width), np.float32)
-        hidden, outside = np.zeros((2, height, width), np.float32)
+        occluder, outside = np.zeros((2, height, width), np.float32)
         for scale, mirrored in self.views:
             logits = self._view(image, scale, mirrored)
-            classes += _softmax(logits[: len(CLASSES)] - _LOG_WEIGHTS[:, None, None])
-            hidden += special.expit(logits[OCCLUDER_OUTPUT])
+            classes += _softmax(logits[: len(CLASSES)] - _LOG_CLASS_WEIGHTS[:, None, None])
+            occluder += special.expit(logits[OCCLUDER_OUTPUT])
             outside += special.expit(logits[OUTSIDE_OUTPUT])
         views = len(self.views)
-        return Segmentation(_by_pixel(classes / classes.sum(0)), hidden / views, outside / views)
+        return Segmentation(_channels_last(classes / classes.sum(0)), occluder / views, outside / views)
 
     def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> np.ndarray:
-        """Logits of an image as a view of it shows them, (classes + 2, H, W) float32: planes are gone through much sooner than
-        the few numbers of each pixel."""
+        """Logits of one view at the image's size, (classes + 2, H, W) float32: planes are faster than pixel-wise
+        channels."""
         import cv2
 
         height, width = image.shape[:2]
-        size = tuple(COARSEST * max(1, round(side * scale / COARSEST)) for side in (width, height))
+        size = tuple(COARSEST_STRIDE * max(1, round(side * scale / COARSEST_STRIDE)) for side in (width, height))
         mode = cv2.INTER_AREA if size[0] * size[1] < width * height else cv2.INTER_LINEAR
         view = cv2.resize(image[:, ::-1].copy() if mirrored else image, size, interpolation=mode)
         feed = {
             "image": np.ascontiguousarray(view.transpose(2, 0, 1)[None], np.float32),
-            "place": place_planes(size[1], size[0], _WHOLE)[None],
+            "place": place_planes(size[1], size[0], _WHOLE_IMAGE)[None],
         }
         logits = self.session.run(None, feed)[0][0].transpose(1, 2, 0)
         if mirrored:
@@ -82,33 +89,46 @@ class Network:
 
 
 def _softmax(logits: np.ndarray) -> np.ndarray:
-    """Of planes (classes, H, W), over the classes."""
+    """Softmax of planes (classes, H, W) over the classes."""
     shares = np.exp(logits - logits.max(0))
     return shares / shares.sum(0)
 
 
-def _by_pixel(planes: np.ndarray) -> np.ndarray:
+def _channels_last(planes: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.moveaxis(planes, 0, 2))
 
 
 def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:
-    """Position of the cells of an image that spans corners (left, top, right, bottom): (2, H / 8, W / 8) float32."""
+    """Compute the positions of an image's cells.
+
+    Parameters
+    ----------
+    height, width : size of the image in pixels.
+    corners : left, top, right and bottom of the image in positions -1 to 1.
+
+    Returns
+    -------
+    (2, H / 8, W / 8) float32.
+    """
     left, top, right, bottom = corners
     across = left + (np.arange(width // PLACE_STRIDE) + 0.5) * PLACE_STRIDE * (right - left) / width
     down = top + (np.arange(height // PLACE_STRIDE) + 0.5) * PLACE_STRIDE * (bottom - top) / height
     return np.stack(np.broadcast_arrays(across[None, :], down[:, None])).astype(np.float32)
 
 
-def load(path: str | Path) -> Network:
-    """Load a network from an .onnx file with its .json beside it.
+def load_network(path: str | Path) -> Network:
+    """Load a network from an .onnx file with a .json of the same name.
 
-    Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
+    Raises
+    ------
+    ModelError
+        If the file is missing, its checksum differs from the .json's, or its version is another.
     """
-    return _load(Path(path).resolve(), file_stamps(Path(path)))
+    return _cached_network(Path(path).resolve(), file_stamps(Path(path)))
 
 
 @functools.lru_cache(maxsize=2)
-def _load(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Network:
+def _cached_network(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Network:
     record = read_model_record(path)
     if record.get("network_version") != NETWORK_VERSION:
         raise ModelError(f"{path}: made for another version of the network; train it anew with this version")

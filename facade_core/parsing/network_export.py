@@ -1,4 +1,4 @@
-"""From trained weights to the files that `network` loads, and back. Needs the `train` extra (torch, onnx)."""
+"""Export of trained weights to the files that `network` loads, and back. Needs the `train` extra (torch, onnx)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from facade_core.core.model_file import write_model
-from facade_core.parsing.network import NETWORK_VERSION, load
+from facade_core.parsing.network import NETWORK_VERSION, load_network
 
 
 def save_network(
@@ -19,9 +19,15 @@ def save_network(
     seed: int,
     figures: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a trained network as ONNX and, beside it, the .json that `parse` checks it against.
+    """Write a trained network as ONNX, with the .json that `parse` checks it against.
 
-    training_set names the photos trained on; figures are the scores measured on photos that were not.
+    Parameters
+    ----------
+    weights : name -> tensor.
+    path : .onnx file to write.
+    training_set : names of the training photos.
+    seed : random seed of the training.
+    figures : scores measured on other photos.
     """
     record = {
         "network_version": NETWORK_VERSION,
@@ -30,32 +36,40 @@ def save_network(
         "figures": dict(figures or {}),
     }
     write_model(export_onnx(weights), Path(path), record)
-    load(path)
+    load_network(path)
 
 
 def read_weights(path: Path) -> dict[str, Any]:
-    """The weights (name -> tensor) of a network's .onnx file, to go on from. What the export folded into a convolution stays
-    there: its normalisation, which is the identity then, is to be left as it is. Raises ModelError as `load` does.
+    """Read the weights (name -> tensor) of a network's .onnx file, to continue its training.
+
+    Normalisation that the export folded into a convolution stays there. It is the identity here and must stay frozen.
+
+    Raises
+    ------
+    ModelError
+        As in `load_network`.
     """
     import onnx
     import torch
 
-    from facade_core.parsing.network_architecture import NORMALISED, ParserNetwork
+    from facade_core.parsing.network_architecture import FOLDED_NORMS, ParserNetwork
 
-    load(path)
+    load_network(path)
     graph = onnx.load(path).graph
-    kept = {one.name: torch.from_numpy(onnx.numpy_helper.to_array(one).copy()) for one in graph.initializer}
+    initializers = {
+        tensor.name: torch.from_numpy(onnx.numpy_helper.to_array(tensor).copy()) for tensor in graph.initializer
+    }
     network = ParserNetwork()
     weights = network.state_dict()
-    weights |= {name: value for name, value in kept.items() if name in weights}
+    weights |= {name: value for name, value in initializers.items() if name in weights}
     folded = [node.input[1:] for node in graph.node if node.op_type == "Conv" and node.input[1] not in weights]
-    for (convolution, norm), (kernel, offset) in zip(NORMALISED, folded, strict=True):
-        width = len(kept[offset])
+    for (convolution, norm), (kernel, offset) in zip(FOLDED_NORMS, folded, strict=True):
+        width = len(initializers[offset])
         epsilon = network.get_submodule(norm).eps
-        weights[f"{convolution}.weight"] = kept[kernel]
+        weights[f"{convolution}.weight"] = initializers[kernel]
         weights |= {
             f"{norm}.weight": torch.ones(width),
-            f"{norm}.bias": kept[offset],
+            f"{norm}.bias": initializers[offset],
             f"{norm}.running_mean": torch.zeros(width),
             f"{norm}.running_var": torch.full((width,), 1 - epsilon),
         }
@@ -65,8 +79,11 @@ def read_weights(path: Path) -> dict[str, Any]:
 
 
 def export_onnx(weights: Mapping[str, Any]) -> bytes:
-    """The network with these weights as an ONNX file: inputs image (1, 3, H, W), place (1, 2, H / 8, W / 8), float32;
-    output logits (1, 9, H / 2, W / 2). H and W are multiples of 32."""
+    """Export a network with these weights as the bytes of an ONNX file.
+
+    Its inputs are image (1, 3, H, W) and place (1, 2, H / 8, W / 8), float32; its output is logits (1, 9, H / 2, W /
+    2). H and W are multiples of 32.
+    """
     import torch
 
     from facade_core.parsing.network_architecture import ParserNetwork

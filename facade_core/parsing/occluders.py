@@ -1,4 +1,4 @@
-"""What stands in front of a facade, as masks: what counts of what the parser sees, and how far it reaches."""
+"""Occluder masks of a facade: filtering and rims of the parser's mask."""
 
 from __future__ import annotations
 
@@ -6,38 +6,51 @@ import numpy as np
 
 from facade_core.core.types import Box
 
-# What the parser sees in front of a facade counts from this share of the image on, and hides a rim of this share of
-# its side more: leaves and mirrors reach beyond what a mask holds.
-LEAST_THING, OCCLUDER_RIM_SHARE = 0.0005, 0.006
-# The parser, which sees a hole filled from its border, takes some of that border for a thing: what reaches no farther than
-# this share from the hole is none.
-SPILL = 0.05
+# Smaller occluders, as a share of the image, are ignored.
+MIN_OCCLUDER_SHARE = 0.0005
+# Rim around occluders as a share of the image's side: leaves and mirrors reach beyond a mask.
+OCCLUDER_RIM_SHARE = 0.006
+# The parser sees holes filled from their border and may take some of that border for an occluder. A part that
+# reaches no farther than this share of the side from the hole is ignored.
+MAX_SPILL_SHARE = 0.05
 
 
 def occluder_mask(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
-    """The parser's mask (h, w) bool of what stands in front, without specks and with a rim; and the boxes of its parts."""
+    """Remove specks from the parser's occluder mask (h, w) bool and add a rim.
+
+    Returns
+    -------
+    The mask, and the boxes of its parts.
+    """
     from skimage.measure import label, regionprops
 
     parts = label(occluded)
-    things = [thing for thing in regionprops(parts) if thing.area >= LEAST_THING * occluded.size]
-    kept = np.isin(parts, [thing.label for thing in things])
-    return dilate(kept, OCCLUDER_RIM_SHARE), tuple(
-        (thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things
+    regions = [region for region in regionprops(parts) if region.area >= MIN_OCCLUDER_SHARE * occluded.size]
+    mask = np.isin(parts, [region.label for region in regions])
+    return dilate(mask, OCCLUDER_RIM_SHARE), tuple(
+        (region.bbox[1], region.bbox[0], region.bbox[3], region.bbox[2]) for region in regions
     )
 
 
 def remove_spill(occluded: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """What the parser takes for in front (h, w) bool, without the parts that only line a hole (h, w) bool. A car that the
-    hole's border crosses is no such part: it is believed up to there."""
+    """Remove the parts of an occluder mask that only line a hole.
+
+    A car that crosses the hole's border is no such part: it is kept up to there.
+
+    Parameters
+    ----------
+    occluded : (h, w) bool occluders of the parser.
+    hidden : (h, w) bool hole.
+    """
     from skimage.measure import label
 
     parts = label(occluded & ~hidden)
-    beyond = np.unique(parts[~dilate(hidden, SPILL)])
+    beyond = np.unique(parts[~dilate(hidden, MAX_SPILL_SHARE)])
     return np.isin(parts, beyond[beyond > 0])
 
 
 def dilate(mask: np.ndarray, share: float) -> np.ndarray:
-    """A mask (h, w) bool and a rim of this share of its side around it."""
+    """Dilate a mask (h, w) bool by a share of its side."""
     import cv2
 
     rim = 1 + round(share * np.sqrt(mask.size))

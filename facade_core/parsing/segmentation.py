@@ -1,4 +1,4 @@
-"""What a segmenter tells of an image."""
+"""Output of a segmenter."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ import numpy as np
 
 
 class Segmentation(NamedTuple):
-    """confidence (H, W, 7) float32, rows sum to 1; hidden and outside (H, W) float32, the probabilities that something stands
-    in front of the facade, and that sky, street or neighbours are seen beside it."""
+    """Class probabilities, occluders and surroundings of an image.
+
+    Attributes
+    ----------
+    confidence : (H, W, 7) float32, sums to 1 per pixel.
+    occluder : (H, W) float32 probability of an occluder in front of the facade.
+    outside : (H, W) float32 probability of sky, street or neighbours outside the facade.
+    """
 
     confidence: np.ndarray
     occluder: np.ndarray

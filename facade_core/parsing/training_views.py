@@ -1,4 +1,4 @@
-"""What the parser network is taught with: random views of labelled photos, with things put in front of them."""
+"""Training views of the parser network: random crops of labelled photos, with pasted occluders."""
 
 from __future__ import annotations
 
@@ -13,26 +13,39 @@ from scipy import ndimage
 from facade_core.core.labels import CLASSES, UNKNOWN
 from facade_core.parsing.network import PLACE_STRIDE, place_planes
 
-# Side of the square views, and the area in pixels that the whole photo is scaled to before one is cut out.
+# Side of the square views in pixels.
 VIEW_SIDE = 320
-_AREA = (90_000, 420_000)
-_MOST_GROWTH = 2.0
+# Area in pixels to which the whole photo is scaled before a view is cropped.
+_AREA_RANGE = (90_000, 420_000)
+# Largest enlargement of a photo.
+_MAX_ENLARGEMENT = 2.0
+# Bit mask of a pixel that may be of any class.
 ANY_CLASS = (1 << len(CLASSES)) - 1
-# Cut-outs smaller or larger than these shares of a photo's area say little or hide all.
-_CUTOUT_SHARE = (0.0015, 0.3)
-_MOST_CUTOUTS = 200
-# Higher than this many times their width are people, trees and posts.
-_UPRIGHT = 1.4
-# Views that have something put in front of them, and how many of these things stand at the photo's foot.
-_PUT_IN_FRONT, _AT_FOOT = 0.6, 0.75
-# Pixels of a thing in front count as if it covered this share of a view, at most so much more than others: people cover few.
-_LARGE_SHARE, _MOST_COUNTED = 0.06, 4.0
+# Cut-outs outside this range, as shares of a photo's area, show little or hide all.
+_CUTOUT_SHARE_RANGE = (0.0015, 0.3)
+_MAX_CUTOUTS = 200
+# Height over width of people, trees and posts.
+_MIN_UPRIGHT_ASPECT = 1.4
+# Share of views with pasted occluders,
+_OCCLUDED_SHARE = 0.6
+# and share of these occluders at the photo's foot.
+_AT_FOOT_SHARE = 0.75
+# Pixels of an occluder weigh as if it covered this share of a view,
+_REFERENCE_SHARE = 0.06
+# at most this much more than others: people cover few pixels.
+_MAX_WEIGHT = 4.0
 
 
 class LabelledPhoto(Protocol):
-    """A photo (H, W, 3) uint8 RGB; possible (H, W) uint8, bit i set where class i may be; occluder and outside (H, W) uint8:
-    1 where something stands in front of the facade, and where sky, street or neighbours are seen beside it, 0 where not,
-    UNKNOWN where that is not known."""
+    """Photo with labels.
+
+    Attributes
+    ----------
+    image : (H, W, 3) uint8 RGB.
+    possible : (H, W) uint8, bit i set where class i is possible.
+    occluder : (H, W) uint8, 1 for occluders in front of the facade, 0 for none, UNKNOWN.
+    outside : (H, W) uint8, 1 for sky, street or neighbours outside the facade, 0 for others, UNKNOWN.
+    """
 
     @property
     def image(self) -> np.ndarray: ...
@@ -46,8 +59,14 @@ class LabelledPhoto(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrainingView:
-    """image (VIEW, VIEW, 3), possible, occluder and outside (VIEW, VIEW), all uint8; place (2, VIEW / 8, VIEW / 8) float32:
-    where in the photo, across and down, from -1 to 1."""
+    """Square crop of a labelled photo.
+
+    Attributes
+    ----------
+    image : (VIEW_SIDE, VIEW_SIDE, 3) uint8.
+    possible, occluder, outside : (VIEW_SIDE, VIEW_SIDE) uint8, as in `LabelledPhoto`.
+    place : (2, VIEW_SIDE / 8, VIEW_SIDE / 8) float32 position in the photo, across and down, -1 to 1.
+    """
 
     image: np.ndarray
     possible: np.ndarray
@@ -58,64 +77,86 @@ class TrainingView:
 
 @dataclass(frozen=True, slots=True)
 class Cutout:
-    """A thing in front, (h, w, 4) uint8 RGBA, and its height as a share of its photo's."""
+    """Cut-out occluder.
+
+    Attributes
+    ----------
+    image : (h, w, 4) uint8 RGBA.
+    height_share : its height as a share of its photo's.
+    """
 
     image: np.ndarray
     height_share: float
 
 
 def extract_cutouts(photos: Sequence[LabelledPhoto]) -> tuple[list[Cutout], list[Cutout]]:
-    """Trees, cars and the like that the photos show, by photo and place: those that are upright, and the others."""
-    found = []
+    """Extract the occluders of photos, upright ones and others, ordered by photo and place."""
+    cutouts = []
     for photo in photos:
         parts, _ = ndimage.label(photo.occluder == 1)
         sizes = np.bincount(parts.reshape(-1))
         for number, place in enumerate(ndimage.find_objects(parts), start=1):
             share = sizes[number] / parts.size
-            if _CUTOUT_SHARE[0] <= share <= _CUTOUT_SHARE[1]:
+            if _CUTOUT_SHARE_RANGE[0] <= share <= _CUTOUT_SHARE_RANGE[1]:
                 alpha = np.where(parts[place] == number, 255, 0).astype(np.uint8)
                 piece = np.dstack([photo.image[place], alpha])
-                found.append(Cutout(piece, piece.shape[0] / parts.shape[0]))
-    upright = [cutout for cutout in found if cutout.piece.shape[0] > _UPRIGHT * cutout.piece.shape[1]]
-    others = [cutout for cutout in found if cutout.piece.shape[0] <= _UPRIGHT * cutout.piece.shape[1]]
-    return _thinned(upright), _thinned(others)
+                cutouts.append(Cutout(piece, piece.shape[0] / parts.shape[0]))
+    upright = [cutout for cutout in cutouts if cutout.image.shape[0] > _MIN_UPRIGHT_ASPECT * cutout.image.shape[1]]
+    others = [cutout for cutout in cutouts if cutout.image.shape[0] <= _MIN_UPRIGHT_ASPECT * cutout.image.shape[1]]
+    return _thin_out(upright), _thin_out(others)
 
 
-def _thinned(found: list[Cutout]) -> list[Cutout]:
-    return found[:: max(1, len(found) // _MOST_CUTOUTS)]
+def _thin_out(cutouts: list[Cutout]) -> list[Cutout]:
+    return cutouts[:: max(1, len(cutouts) // _MAX_CUTOUTS)]
 
 
 def occluder_weights(occluder: np.ndarray) -> np.ndarray:
-    """What each pixel counts where it is asked whether something is in front, (H, W) float32: 0 where that is not told, 1 where
-    nothing is, and the more the smaller the thing, by the root of its area."""
+    """Compute each pixel's weight in the occluder loss: more for smaller occluders, by the root of their area.
+
+    Parameters
+    ----------
+    occluder : (H, W) uint8, 1 for occluders, 0 for none, UNKNOWN.
+
+    Returns
+    -------
+    (H, W) float32; 0 where unknown, 1 without an occluder.
+    """
     parts, _ = ndimage.label(occluder == 1)
     areas = np.maximum(np.bincount(parts.reshape(-1)), 1)
-    each = np.clip(np.sqrt(_LARGE_SHARE * parts.size / areas), 1, _MOST_COUNTED)
-    each[0] = 1
-    return np.where(occluder == UNKNOWN, 0, each[parts]).astype(np.float32)
+    weight_by_part = np.clip(np.sqrt(_REFERENCE_SHARE * parts.size / areas), 1, _MAX_WEIGHT)
+    weight_by_part[0] = 1
+    return np.where(occluder == UNKNOWN, 0, weight_by_part[parts]).astype(np.float32)
 
 
-def sample_view(photo: LabelledPhoto, pieces: Sequence[Sequence[Cutout]], rng: np.random.Generator) -> TrainingView:
-    """A random view: scale, crop, mirror, things in front, other light, blur, noise. Each group of pieces is drawn from
-    as often as the others, however many it holds."""
-    image, possible, occluder, outside, place = _cut(photo, rng)
-    groups = [group for group in pieces if group]
-    if groups and rng.random() < _PUT_IN_FRONT:
+def sample_view(
+    photo: LabelledPhoto, cutout_groups: Sequence[Sequence[Cutout]], rng: np.random.Generator
+) -> TrainingView:
+    """Sample a random view: scale, crop, mirror, pasted occluders, light, blur, noise.
+
+    Parameters
+    ----------
+    photo : labelled photo.
+    pieces : groups of cut-outs, drawn equally often whatever their size.
+    rng : random generator.
+    """
+    image, possible, occluder, outside, place = _crop_view(photo, rng)
+    groups = [group for group in cutout_groups if group]
+    if groups and rng.random() < _OCCLUDED_SHARE:
         for _ in range(int(rng.integers(1, 5))):
             group = groups[int(rng.integers(len(groups)))]
-            image, occluder = _put_in_front(image, occluder, place, group[int(rng.integers(len(group)))], rng)
+            image, occluder = _paste_occluder(image, occluder, place, group[int(rng.integers(len(group)))], rng)
     if rng.random() < 0.08:
-        image = _paint(image, possible, rng)
-    return TrainingView(_spoil(_light(image, rng), rng), possible, occluder, outside, place)
+        image = _paint_flat(image, possible, rng)
+    return TrainingView(_degrade(_vary_light(image, rng), rng), possible, occluder, outside, place)
 
 
-def _cut(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """A square of the scaled photo, and where in the photo it lies; beyond the photo's border nothing is known."""
+def _crop_view(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Square of the scaled photo and its position in the photo; beyond the photo's border nothing is known."""
     import cv2
 
     height, width = photo.possible.shape
-    area = math.exp(rng.uniform(math.log(_AREA[0]), math.log(_AREA[1])))
-    scale = min(math.sqrt(area / (height * width)), _MOST_GROWTH)
+    area = math.exp(rng.uniform(math.log(_AREA_RANGE[0]), math.log(_AREA_RANGE[1])))
+    scale = min(math.sqrt(area / (height * width)), _MAX_ENLARGEMENT)
     stretch = math.exp(rng.normal(0, 0.08))
     across, down = scale * stretch, scale / stretch
     wide, high = min(width, math.ceil(VIEW_SIDE / across)), min(height, math.ceil(VIEW_SIDE / down))
@@ -134,7 +175,7 @@ def _cut(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarray, ..
     )
     left, top, whole = x0 * across, y0 * down, (width * across, height * down)
     if rng.random() < 0.2:
-        # Rectified textures often show a part of the facade only: the view stands for a whole photo.
+        # Rectified textures often show only a part of the facade: treat the view as a whole photo.
         left, top, whole = 0.0, 0.0, size
     corners = (left / whole[0], top / whole[1], (left + VIEW_SIDE) / whole[0], (top + VIEW_SIDE) / whole[1])
     place = place_planes(VIEW_SIDE, VIEW_SIDE, 2 * np.array(corners) - 1)
@@ -149,16 +190,16 @@ def _cut(photo: LabelledPhoto, rng: np.random.Generator) -> tuple[np.ndarray, ..
     return *(layer.copy() for layer in layers), place
 
 
-def _put_in_front(
+def _paste_occluder(
     image: np.ndarray, occluder: np.ndarray, place: np.ndarray, cutout: Cutout, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The view with a cut-out over it, most often as high as in its own photo and at the foot of this one. What is
-    behind keeps its class."""
+    """View with a cut-out over it, mostly at its original relative height and at the photo's foot; classes behind
+    stay."""
     import cv2
 
     piece = cutout.image
-    if rng.random() < _AT_FOOT:
-        # From -1 to 1 the photo's height; the view's rows of PLACE_STRIDE pixels tell where that is.
+    if rng.random() < _AT_FOOT_SHARE:
+        # positions -1 to 1 span the photo's height; rows are PLACE_STRIDE pixels apart
         step = float(place[1, 1, 0] - place[1, 0, 0]) / PLACE_STRIDE
         foot = VIEW_SIDE - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
         high = 2 / step * cutout.height_share * math.exp(rng.normal(0, 0.3))
@@ -167,10 +208,14 @@ def _put_in_front(
         high = VIEW_SIDE * rng.uniform(0.2, 0.7) * piece.shape[0] / max(piece.shape[:2])
         bottom = round(VIEW_SIDE * rng.uniform(0.1, 1.2))
     size = tuple(max(1, round(side * high / piece.shape[0])) for side in piece.shape[1::-1])
-    left = round(rng.uniform(-0.5, 1) * VIEW_SIDE) if size[0] > VIEW_SIDE / 2 else round(rng.uniform(-size[0] / 2, VIEW_SIDE))
+    left = (
+        round(rng.uniform(-0.5, 1) * VIEW_SIDE)
+        if size[0] > VIEW_SIDE / 2
+        else round(rng.uniform(-size[0] / 2, VIEW_SIDE))
+    )
     if bottom - size[1] >= VIEW_SIDE or max(size) > 4 * VIEW_SIDE:
         return image, occluder
-    piece = _light(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), rng)
+    piece = _vary_light(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), rng)
     if rng.random() < 0.5:
         piece = piece[:, ::-1]
     y0, y1 = max(0, bottom - piece.shape[0]), min(VIEW_SIDE, bottom)
@@ -178,7 +223,7 @@ def _put_in_front(
     if y0 >= y1 or x0 >= x1:
         return image, occluder
     piece = piece[y0 - bottom + piece.shape[0] : y1 - bottom + piece.shape[0], x0 - left : x1 - left]
-    # A soft edge, so that the cut is not what gives the thing away.
+    # soft edge: the network must not learn to recognise the cut
     alpha = cv2.GaussianBlur(piece[..., 3].astype(np.float32) / 255, (0, 0), rng.uniform(0.5, 1.5))
     image, occluder = image.copy(), occluder.copy()
     behind = image[y0:y1, x0:x1].astype(np.float32)
@@ -187,32 +232,35 @@ def _put_in_front(
     return image, occluder
 
 
-def _paint(image: np.ndarray, possible: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Draw each class mostly in its mean colour: drawings and renderings are parsed too."""
+def _paint_flat(image: np.ndarray, possible: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Image with each class mostly in its mean colour: the parser is used on drawings and renderings too."""
     painted = image.astype(np.float32)
     opacity = rng.uniform(0.6, 1.0)
     for value in np.unique(possible[possible != ANY_CLASS]):
-        here = possible == value
-        colour = image[here].mean(0) + rng.normal(0, 20) + rng.normal(0, 10, 3)
-        painted[here] += opacity * (colour - painted[here])
+        is_class = possible == value
+        colour = image[is_class].mean(0) + rng.normal(0, 20) + rng.normal(0, 10, 3)
+        painted[is_class] += opacity * (colour - painted[is_class])
     return np.clip(np.rint(painted), 0, 255).astype(np.uint8)
 
 
-def _light(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Other exposure, contrast, saturation and tint, seldom none; a fourth channel (alpha) is left as it is."""
+def _vary_light(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Image of other exposure, contrast, saturation and tint, rarely unchanged; a fourth channel (alpha) stays."""
     if rng.random() < 0.15:
         return image
     levels = np.arange(256, dtype=np.float32) / 255
     gamma, gain = math.exp(rng.normal(0, 0.25)), np.exp(rng.normal(0, 0.1) + rng.normal(0, 0.05, 3))
-    colour = np.stack([(levels**gamma * g * 255).astype(np.float32)[image[..., i]] for i, g in enumerate(gain)], axis=2)
+    colour = np.stack(
+        [(levels**gamma * channel_gain * 255).astype(np.float32)[image[..., i]] for i, channel_gain in enumerate(gain)],
+        axis=2,
+    )
     grey = colour.mean(2, keepdims=True)
     saturation = 0.0 if rng.random() < 0.04 else rng.uniform(0.5, 1.3)
     colour = np.clip(np.rint(grey + saturation * (colour - grey)), 0, 255).astype(np.uint8)
     return np.dstack([colour, image[..., 3:]])
 
 
-def _spoil(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Blur, coarse pixels, noise or a blank border, each now and then."""
+def _degrade(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Image with occasional blur, coarse pixels, noise or a blank border."""
     import cv2
 
     if rng.random() < 0.15:
@@ -222,6 +270,6 @@ def _spoil(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         image = np.clip(image + noise[..., None], 0, 255).astype(np.uint8)
     if rng.random() < 0.08:
         image = image.copy()
-        turned = np.rot90(image, int(rng.integers(4)))  # a view: what is written to it is written to the image
-        turned[: int(rng.integers(1, 14))] = rng.choice([0, 128, 255])
+        rotated = np.rot90(image, int(rng.integers(4)))  # a NumPy view: writes change the image
+        rotated[: int(rng.integers(1, 14))] = rng.choice([0, 128, 255])
     return np.ascontiguousarray(image)

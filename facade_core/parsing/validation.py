@@ -1,4 +1,4 @@
-"""Refusals of images and label maps that the parser's functions cannot use."""
+"""Validation of images and label maps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from facade_core.core.labels import CLASSES, UNKNOWN
 
 
 def check_image(image: np.ndarray) -> None:
-    """Raise ImageError unless image is uint8, (H, W, 3) RGB or (H, W, 4) RGBA, with at least one pixel."""
+    """Raise ImageError unless an image is uint8, (H, W, 3) RGB or (H, W, 4) RGBA, with at least one pixel."""
     if not isinstance(image, np.ndarray):
         raise ImageError(
             f"image: expected a numpy array, got {type(image).__name__}; read the file into an array first"
@@ -23,7 +23,7 @@ def check_image(image: np.ndarray) -> None:
 
 
 def check_labels(labels: np.ndarray) -> None:
-    """Raise ImageError unless labels is (H, W) uint8 of class ids or UNKNOWN, with at least one pixel."""
+    """Raise ImageError unless labels are (H, W) uint8 class ids or UNKNOWN, with at least one pixel."""
     if not isinstance(labels, np.ndarray) or labels.dtype != np.uint8:
         kind = labels.dtype if isinstance(labels, np.ndarray) else type(labels).__name__
         raise ImageError(f"labels: expected a uint8 array, got {kind}; convert the class ids with astype(np.uint8)")

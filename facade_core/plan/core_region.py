@@ -1,4 +1,4 @@
-"""What of a block is its own where it is a part of a city: the rest is seen, and not textured."""
+"""Core region of a block in a city: the part that the block textures, within a halo that is only seen."""
 
 from __future__ import annotations
 
@@ -17,18 +17,27 @@ from facade_core.plan.facades import Facades
 
 @dataclass(frozen=True)
 class CoreRegion:
-    """The ids of a block's own buildings and streets; the others are context."""
+    """Ids of the buildings and streets of a block's core; the others are halo."""
 
     buildings: Collection[str]
     streets: Collection[str]
 
 
 def core_charts(
-    charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], own: CoreRegion
+    charts: Charts, buildings: Sequence[Building], streets: Sequence[Street], core: CoreRegion
 ) -> np.ndarray:
-    """Which charts are a block's own, (n,) bool: those of its buildings, and the ground to which one of them, or one of its
-    streets, is nearest, buildings before streets and those first by their ids."""
-    mine = np.array([one.id in own.buildings for one in buildings], bool)
+    """Return the charts of the core, (n,).
+
+    These are charts of core buildings, and ground charts whose nearest building or street is in the core. Buildings precede
+    streets, and lower ids precede higher ones at equal distance.
+
+    Parameters
+    ----------
+    buildings : all buildings, in the order of `Charts.building`.
+    streets : all streets.
+    own : the core.
+    """
+    mine = np.array([one.id in core.buildings for one in buildings], bool)
     found = np.zeros(len(charts), bool)
     built = charts.building >= 0
     found[built] = mine[charts.building[built]]
@@ -38,7 +47,7 @@ def core_charts(
     order = [*sorted(range(len(buildings)), key=lambda i: buildings[i].id)]
     lines = sorted(range(len(streets)), key=lambda i: streets[i].id)
     shapes = [*(buildings[i].footprint for i in order), *(streets[i].line for i in lines)]
-    owned = np.array([*(mine[i] for i in order), *(streets[i].id in own.streets for i in lines)], bool)
+    owned = np.array([*(mine[i] for i in order), *(streets[i].id in core.streets for i in lines)], bool)
     middles = shapely.points(charts.points_at_shares(ground, np.array([[0.5, 0.5]]))[:, 0, :2])
     which, nearest = shapely.STRtree(shapes).query_nearest(middles, all_matches=True)
     first = np.full(len(ground), len(shapes))
@@ -48,26 +57,34 @@ def core_charts(
 
 
 def core_viewpoints(
-    cameras: Sequence[Viewpoint],
+    viewpoints: Sequence[Viewpoint],
     streets: Sequence[Street],
     buildings: Sequence[Building],
-    own: CoreRegion,
+    core: CoreRegion,
     visibility_range: float,
 ) -> list[Viewpoint]:
-    """The viewpoints of a block's own streets, and those from which one of its buildings is seen, or seen to be near; with
-    numbers of their own."""
-    mine = shapely.STRtree([one.footprint for one in buildings if one.id in own.buildings])
-    places = shapely.points(np.array([camera.position[:2] for camera in cameras]).reshape(-1, 2))
-    near = np.zeros(len(cameras), bool)
-    if len(cameras):
+    """Return renumbered viewpoints of core streets, and those within reach of a core building.
+
+    Parameters
+    ----------
+    cameras : all viewpoints.
+    streets : all streets.
+    buildings : all buildings.
+    own : the core.
+    visibility_range : metres.
+    """
+    mine = shapely.STRtree([one.footprint for one in buildings if one.id in core.buildings])
+    places = shapely.points(np.array([camera.position[:2] for camera in viewpoints]).reshape(-1, 2))
+    near = np.zeros(len(viewpoints), bool)
+    if len(viewpoints):
         near[mine.query(places, predicate="dwithin", distance=max(visibility_range, HALF_DENSITY_M))[0]] = True
-    kept = [one for one, seen in zip(cameras, near, strict=True) if seen or streets[one.street].id in own.streets]
+    kept = [one for one, seen in zip(viewpoints, near, strict=True) if seen or streets[one.street].id in core.streets]
     return [replace(camera, id=number) for number, camera in enumerate(kept)]
 
 
-def core_facades(facades: Facades, buildings: Sequence[Building], own: CoreRegion) -> Facades:
-    """The facades of a block's own buildings."""
-    mine = np.array([one.id in own.buildings for one in buildings], bool)
+def core_facades(facades: Facades, buildings: Sequence[Building], core: CoreRegion) -> Facades:
+    """Return the facades of core buildings."""
+    mine = np.array([one.id in core.buildings for one in buildings], bool)
     rows = np.flatnonzero(mine[facades.building]) if len(facades) else np.zeros(0, np.int64)
     place = np.full(len(facades), -1, np.int32)
     place[rows] = np.arange(len(rows), dtype=np.int32)
@@ -78,14 +95,25 @@ def core_facades(facades: Facades, buildings: Sequence[Building], own: CoreRegio
 
 
 def core_streets(
-    streets: Sequence[Street], cameras: Sequence[Viewpoint], facades: Facades, own: CoreRegion
+    streets: Sequence[Street], viewpoints: Sequence[Viewpoint], facades: Facades, core: CoreRegion
 ) -> tuple[tuple[Street, ...], list[int], list[Viewpoint], Facades]:
-    """A block's own streets, with those that its facades are on; which viewpoints are of its own; both, and the facades, with
-    the numbers that streets have then."""
+    """Return the core streets and those of the facades, with renumbered viewpoints and facades.
+
+    Parameters
+    ----------
+    streets : all streets.
+    cameras : the viewpoints.
+    facades : the facades of the core.
+    own : the core.
+
+    Returns
+    -------
+    Streets; rows of the viewpoints on core streets; these viewpoints; the facades.
+    """
     named = set(facades.street.tolist())
-    kept = [i for i, street in enumerate(streets) if street.id in own.streets or i in named]
+    kept = [i for i, street in enumerate(streets) if street.id in core.streets or i in named]
     number = {street: i for i, street in enumerate(kept)}
-    rows = [row for row, camera in enumerate(cameras) if streets[camera.street].id in own.streets]
-    walked = [replace(cameras[row], id=i, street=number[cameras[row].street]) for i, row in enumerate(rows)]
+    rows = [row for row, camera in enumerate(viewpoints) if streets[camera.street].id in core.streets]
+    walked = [replace(viewpoints[row], id=i, street=number[viewpoints[row].street]) for i, row in enumerate(rows)]
     on = np.array([number[street] for street in facades.street.tolist()], np.int32)
     return tuple(streets[i] for i in kept), rows, walked, replace(facades, street=on)

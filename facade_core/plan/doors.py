@@ -1,4 +1,4 @@
-"""Which walls one enters by beside the fronts: those that turn a corner between two, and backs."""
+"""Doors of walls off the streets: narrow walls at corners, and back walls."""
 
 from __future__ import annotations
 
@@ -19,8 +19,7 @@ MIN_BACKS_FOR_TWO_DOORS = 5
 
 
 def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
-    """Whether a facade is a narrow wall, in sight, on the ground, that cuts off the corner between two of its building on
-    streets."""
+    """Return whether a facade is a narrow wall on the ground that cuts off the corner of two street facades."""
     if facades.role[facade] != WallRole.SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_TOLERANCE_M:
         return False
     own = facades.run_members(facade)
@@ -39,7 +38,7 @@ def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
 
 
 def has_back_door(facades: Facades, facade: int) -> bool:
-    """Whether a building is entered by a back: by the widest that stands on the ground, or one more of many."""
+    """Return whether a back wall has a door: the widest on the ground, or the two widest of many."""
     if facades.role[facade] != WallRole.BACK:
         return False
     own = facades.building_facades(facade)

@@ -1,4 +1,4 @@
-"""What the choice of an exemplar is told of a city's buildings, by their outlines alone: the same however the city is cut."""
+"""Inputs for the choice of exemplars from footprints alone, independent of the division of a city into blocks."""
 
 from __future__ import annotations
 
@@ -14,10 +14,17 @@ from facade_core.plan.facades import MIN_FACADE_WIDTH_M, count_floors
 
 
 def walls_from_outlines(
-    buildings: Sequence[Building], streets: Sequence[str], shops: Sequence[int], storey: float
+    buildings: Sequence[Building], streets: Sequence[str], shops: Sequence[int], floor_height: float
 ) -> StyleTargets:
-    """The outer edges of buildings as walls, those wide enough for a facade, or the widest; streets: the name of the one next
-    to each building; shops: 1, 0, or -1 of each; storey, metres."""
+    """Return the outer edges of buildings as walls: those wide enough for a facade, or the widest.
+
+    Parameters
+    ----------
+    buildings : buildings of the city.
+    streets : name of the nearest street of each building.
+    shops : 1, 0 or -1 (unknown) for each building.
+    storey : floor height in metres where levels are not tagged.
+    """
     ends, owner = [], []
     for row, building in enumerate(buildings):
         rings = [part.exterior for part in shapely.get_parts(building.footprint).tolist()]
@@ -29,7 +36,7 @@ def walls_from_outlines(
     walls = np.concatenate([np.zeros((0, 2, 2)), *ends])
     of = np.concatenate([np.zeros(0, np.int64), *owner])
     heights = np.array([building.height for building in buildings], float)
-    floors = count_floors([building.levels for building in buildings], heights, storey)
+    floors = count_floors([building.levels for building in buildings], heights, floor_height)
     return StyleTargets(
         np.linalg.norm(walls[:, 1] - walls[:, 0], axis=1),
         heights[of],
@@ -42,5 +49,5 @@ def walls_from_outlines(
 
 
 def _edges(ring: np.ndarray) -> np.ndarray:
-    """The edges (k, 2, 2) of a closed ring (k + 1, 2)."""
+    """Return the edges (k, 2, 2) of a closed ring (k + 1, 2)."""
     return np.stack([ring[:-1], ring[1:]], axis=1)

@@ -1,4 +1,4 @@
-"""Which exemplar a building without imagery takes: one that fits, of its street's character, and not its neighbour's."""
+"""Choice of exemplars for buildings without imagery: by fit, by street character, and unlike the neighbours."""
 
 from __future__ import annotations
 
@@ -49,11 +49,15 @@ _COLOUR_COMPONENTS = 3
 
 @dataclass(frozen=True)
 class StyleTargets:
-    """Facades to choose for, as columns of n.
+    """Walls that need an exemplar, as columns of n.
 
-    width, height (n,) metres; floors (n,); building (n,) a number of each one's building that stays when others come and go;
-    street (n,) the same of its street; ends (n, 2, 2) metres, where each begins and ends, from above; shops (n,) 1 where a map
-    has shops, 0 where it has none, -1 where none tells.
+    Attributes
+    ----------
+    width, height : (n,) metres.
+    floors : (n,).
+    building, street : (n,) hashes of ids, independent of other buildings and streets.
+    ends : (n, 2, 2) metres, both ends seen from above.
+    shops : (n,) 1 with mapped shops, 0 without, -1 where unknown.
     """
 
     width: np.ndarray
@@ -67,8 +71,17 @@ class StyleTargets:
 
 @dataclass(frozen=True)
 class ExemplarLibrary:
-    """Exemplars to choose from, as columns of k: width, height in metres, floors; hidden, the share that was hidden and made
-    anew; shaded, the share of the wall in shadow; shops, the share of the width that shops take; looks (k, 9), `style_descriptor`."""
+    """Exemplars to choose from, as columns of k.
+
+    Attributes
+    ----------
+    width, height : metres.
+    floors : number of floors.
+    hidden : share that was hidden and inpainted.
+    shaded : share of the wall in shadow.
+    shops : share of the width with shops.
+    descriptors : (k, 9), see `style_descriptor`.
+    """
 
     width: Sequence[float]
     height: Sequence[float]
@@ -80,13 +93,13 @@ class ExemplarLibrary:
 
     @cached_property
     def distance(self) -> np.ndarray:
-        """How far the look of each is from that of each, (k, k): 1 is plainly seen."""
-        return self._apart(0)
+        """Return the distances between style descriptors, (k, k); 1 is clearly visible."""
+        return self._descriptor_distances(0)
 
     @cached_property
     def form(self) -> np.ndarray:
-        """The same whatever its colours, (k, k)."""
-        return self._apart(_COLOUR_COMPONENTS)
+        """Return the distances without the colour components, (k, k)."""
+        return self._descriptor_distances(_COLOUR_COMPONENTS)
 
     def _descriptor_distances(self, first: int) -> np.ndarray:
         looks = (np.asarray(self.descriptors, float).reshape(len(self.floors), -1) / _DESCRIPTOR_SCALES)[:, first:]
@@ -94,7 +107,7 @@ class ExemplarLibrary:
 
     @cached_property
     def family(self) -> np.ndarray:
-        """The family of each, (k,) int64, from 0: those that look alike, by average linkage."""
+        """Return the family of each exemplar, (k,) from 0, by average linkage of the descriptors."""
         from scipy.cluster.hierarchy import fcluster, linkage
         from scipy.spatial.distance import squareform
 
@@ -107,9 +120,21 @@ class ExemplarLibrary:
 
 
 def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> list[float]:
-    """What tells a facade's style, of its picture (h, w, 3) uint8 and labels (h, w): CIELAB of the wall; the share of it that
-    windows are, how tall they are to their width (log), the logarithm of their pitch in metres; the shares of balconies and
-    roof; ornament, the mean step of the wall's lightness within 10 cm."""
+    """Compute the style descriptor of a facade.
+
+    Its components are the CIELAB colour of the wall; the share of windows, log of their height to width, and log of their pitch in
+    metres; the shares of balconies and roof; ornament, the mean lightness step of the wall within 10 cm.
+
+    Parameters
+    ----------
+    image : (height, width, 3) RGB.
+    labels : (height, width) class ids.
+    metres_per_pixel : resolution of the picture.
+
+    Returns
+    -------
+    9 numbers.
+    """
     import cv2
 
     lab = cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
@@ -133,12 +158,21 @@ def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: fl
 
 
 def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int) -> np.ndarray:
-    """Index of the exemplar for each facade, (n,) int64; the facades of one building share theirs.
+    """Choose an exemplar for each wall; the walls of one building share theirs.
 
-    The fit is of the building's widest facade: floors, the height of a storey, the families of its street, and what of an
-    exemplar was made anew or lies in shadow; chance, by (seed, building), chooses among those that fit. No two buildings within
-    NEIGHBOURHOOD_M take the same one while there are others, after that the one whose nearest use is farthest; nor gladly two that
-    look alike, or differ in paint alone. A choice depends on what is near, not on the order or number of the facades.
+    The misfit is that of the building's widest wall: floors, floor height, families of the street, and shares inpainted or in shadow.
+    A random cost by (seed, building) adds variety. Neighbours take different exemplars while there are others, then the one with the
+    farthest use, and avoid similar ones. A choice depends on the neighbourhood only, not on order or number.
+
+    Parameters
+    ----------
+    walls : walls to choose for.
+    library : exemplars to choose from.
+    seed : random seed.
+
+    Returns
+    -------
+    (n,) index of the exemplar.
     """
     numbers, row = np.unique(walls.building, return_inverse=True)
     if not len(numbers):
@@ -169,15 +203,19 @@ def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int
 
 @dataclass(frozen=True)
 class ChoiceOrder:
-    """Who of a city's buildings chooses before whom: their numbers (b,), ascending, and of each the rows of those near that go
-    before it."""
+    """Order in which the buildings of a city choose.
+
+    Attributes
+    ----------
+    numbers : (b,) building hashes, ascending.
+    predecessors : rows of the neighbours that choose before each building.
+    """
 
     numbers: np.ndarray
     predecessors: tuple[np.ndarray, ...]
 
     def dependencies(self, chosen: np.ndarray) -> np.ndarray:
-        """The numbers (k,) of the buildings that are needed to choose for some, (c,) their numbers, with these: those that
-        go before them, before those, and so on."""
+        """Return the buildings (k,) whose choices some buildings (c,) depend on, these included, at any depth."""
         found = np.isin(self.numbers, chosen)
         waiting = np.flatnonzero(found).tolist()
         while waiting:
@@ -189,7 +227,7 @@ class ChoiceOrder:
 
 
 def choice_order(walls: StyleTargets, *, seed: int) -> ChoiceOrder:
-    """The order in which `choose_exemplars` goes through buildings."""
+    """Compute the order in which `choose_exemplars` visits buildings."""
     numbers, row = np.unique(walls.building, return_inverse=True)
     near, _ = _neighbouring_buildings(walls.ends, row, len(numbers))
     rank = _rank_draws(
@@ -199,14 +237,14 @@ def choice_order(walls: StyleTargets, *, seed: int) -> ChoiceOrder:
 
 
 def _rank_draws(first: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Who goes before whom, (b,) int64, by a draw (b,) of each."""
+    """Return the rank (b,) of random draws (b,)."""
     rank = np.empty(len(numbers), np.int64)
     rank[np.lexsort((numbers, first))] = np.arange(len(numbers))
     return rank
 
 
 def _misfit_costs(walls: StyleTargets, main: np.ndarray, library: ExemplarLibrary) -> np.ndarray:
-    """What each exemplar costs each building by its widest facade, (b, k)."""
+    """Compute the cost of each exemplar for each building by its widest wall, (b, k)."""
 
     def ratio(own: np.ndarray, theirs: np.ndarray) -> np.ndarray:
         return np.abs(np.log(own[:, None] / theirs[None]))
@@ -222,7 +260,7 @@ def _misfit_costs(walls: StyleTargets, main: np.ndarray, library: ExemplarLibrar
 
 
 def _is_in_street_families(street: np.ndarray, family: np.ndarray, seed: int) -> np.ndarray:
-    """Whether each exemplar is of the families of the street (b,) of each building, (b, k) bool."""
+    """Return whether each exemplar is of the families of each building's street (b,), (b, k)."""
     home = np.ones((len(street), len(family)), bool)
     count = int(family.max(initial=0)) + 1
     for number in np.unique(street).tolist():
@@ -232,7 +270,7 @@ def _is_in_street_families(street: np.ndarray, family: np.ndarray, seed: int) ->
 
 
 def _neighbouring_buildings(ends: np.ndarray, row: np.ndarray, count: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Of each of `count` buildings the others with a wall within NEIGHBOURHOOD_M, ascending, and their distances in metres."""
+    """Return the neighbours of each building within NEIGHBOURHOOD_M, ascending, and their distances in metres."""
     lines = shapely.linestrings(ends)
     one, other = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEIGHBOURHOOD_M)
     apart = row[one] != row[other]
@@ -248,7 +286,8 @@ def _neighbouring_buildings(ends: np.ndarray, row: np.ndarray, count: int) -> tu
 
 
 def _cheapest_exemplar(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, library: ExemplarLibrary) -> int:
-    """The exemplar of one building, by what its neighbours took, -1 nothing yet, and how far they are."""
+    """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances.
+    """
     cost = misfit.copy()
     has = theirs >= 0
     closeness = 1 - metres[has] / NEIGHBOURHOOD_M

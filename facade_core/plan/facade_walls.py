@@ -1,4 +1,4 @@
-"""A facade's wall as its building's storeys lie on it, and what of it stands free."""
+"""Walls of facades for texturing, with their floors and free parts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import shapely
 from shapely.affinity import translate
 
-from facade_core.facade.texture.storeys import FacadeWall
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.walls import WallRole, free_wall_area
 from facade_core.plan.doors import has_back_door, turns_corner
@@ -15,8 +15,13 @@ from facade_core.plan.facades import Facades
 
 
 def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence[float] = ()) -> FacadeWall:
-    """The wall that a facade is, or is a part of: all that are laid out as one with it, from left to right. entrances: where a
-    map has doors in it, metres from the left."""
+    """Return the wall of a facade, or of the run that it is part of, from left to right.
+
+    Parameters
+    ----------
+    facade : index of the facade.
+    entrances : mapped doors, metres from the left.
+    """
     own = facades.run_members(facade)
     parts = [
         translate(free_wall_area(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
@@ -27,13 +32,13 @@ def facade_wall(scene: Scene, facades: Facades, facade: int, entrances: Sequence
         height=float(facades.height[facade]),
         foot=float(facades.foot[facade]),
         eaves=float(facades.eaves[facade]),
-        storeys=int(facades.storeys[facade]),
-        street=int(facades.role[facade]) == WallRole.STREET,
-        plain=int(facades.role[facade]) == WallRole.BACK,
+        floors=int(facades.storeys[facade]),
+        on_street=int(facades.role[facade]) == WallRole.STREET,
+        is_back=int(facades.role[facade]) == WallRole.BACK,
         free=shapely.union_all(parts),
-        raised=bool(facades.raised[facade]),
+        is_raised=bool(facades.raised[facade]),
         seams=tuple(facades.along[own][1:].tolist()),
-        corner=turns_corner(scene.charts, facades, facade),
-        door=has_back_door(facades, facade),
+        is_corner=turns_corner(scene.charts, facades, facade),
+        has_back_door=has_back_door(facades, facade),
         entrances=tuple(entrances),
     )

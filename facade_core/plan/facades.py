@@ -1,4 +1,4 @@
-"""Which walls of a block are facades: those that a street sees, and the others that stand free."""
+"""Selection of the walls of a block that are facades: those that a street sees, and others with a free part."""
 
 from __future__ import annotations
 
@@ -43,18 +43,22 @@ TAGGED_FLOOR_HEIGHT_M = (2.2, 6.0)
 class Facades:
     """Facades as columns.
 
-    id: a name that stays the same as long as the building's footprint does;
-    chart, street, building (n,) int32 indices; the street is the nearest where none sees the wall;
-    role (n,) uint8, an index into `facade_core.geometry.walls.WALL_ROLES`;
-    width, height (n,) metres;
-    floors (n,) int32, by the map, the ground floor included;
-    seen (n,) the share of the wall that its street sees;
-    run (n,) int32: the first of the facades that are laid out as one with this, from left to right, itself for most; along (n,)
-    metres from where that begins;
-    foot (n,) metres over the foot of most of its building's walls;
-    eaves (n,) metres from there to where most of them end, and storeys (n,) int32, how many these are;
-    raised (n,) bool, whether the building begins above the ground, or the wall on a roof; house (n,) int64, a number of 32 bits
-    for the building, or for that of which it is a part: all its parts are of one style.
+    Attributes
+    ----------
+    id : name that is stable as long as the building's footprint is.
+    chart, building : (n,) indices.
+    street : (n,) index of the street; the nearest where none sees the wall.
+    role : (n,) `facade_core.geometry.walls.WallRole`.
+    width, height : (n,) metres.
+    floors : (n,) number of floors, by the map or the height, ground floor included.
+    seen : (n,) share of the wall that its street sees.
+    run : (n,) first facade of the run that is laid out as one, itself for most.
+    along : (n,) metres from the start of the run.
+    foot : (n,) metres over the foot of most of the building's walls.
+    eaves : (n,) metres from there to where most of them end.
+    storeys : (n,) number of floors up to the eaves.
+    raised : (n,) True where the building begins above the ground, or the wall on a roof.
+    house : (n,) 32-bit hash of the whole building; all its parts share a style.
     """
 
     id: tuple[str, ...]
@@ -78,12 +82,12 @@ class Facades:
         return len(self.id)
 
     def run_members(self, facade: int) -> np.ndarray:
-        """The facades (k,) that are laid out as one with a facade, it among them, from left to right."""
+        """Return the facades (k,) of a facade's run from left to right, itself included."""
         own = self._by_run.rows_with(int(self.run[facade]))
         return own[np.argsort(self.along[own], kind="stable")]
 
     def building_facades(self, facade: int) -> np.ndarray:
-        """The facades (k,) of a facade's building, ascending."""
+        """Return the facades (k,) of a facade's building, ascending."""
         return self._by_building.rows_with(int(self.building[facade]))
 
     @cached_property
@@ -98,14 +102,24 @@ class Facades:
 def find_facades(
     scene: Scene,
     buildings: Sequence[Building],
-    cameras: Sequence[Viewpoint],
+    viewpoints: Sequence[Viewpoint],
     seen: Sequence[np.ndarray],
-    storey: float,
+    floor_height: float,
     free_share: np.ndarray,
     streets: Sequence[Street] = (),
 ) -> Facades:
-    """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
-    too, by the share (charts,) of each that stands against no neighbour."""
+    """Find the facades of a block: walls that a street sees, and with `streets` all others with a free part.
+
+    Parameters
+    ----------
+    scene : geometry of the block.
+    buildings : all buildings, in the order of `Charts.building`.
+    cameras : the viewpoints.
+    seen : charts in the panorama of each viewpoint.
+    storey : floor height in metres where levels are not tagged.
+    free_share : (charts,) share of each chart without a neighbour against it.
+    streets : all streets; empty restricts the result to walls that a street sees.
+    """
     charts = scene.charts
     upright = ~_is_gable(scene, buildings)
     large = _is_large_wall(scene) & upright
@@ -115,7 +129,7 @@ def find_facades(
     for one in runs:
         ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
         run[one], wide[one], along[one] = one[0], ends[-1], ends[:-1]
-    best, street = _best_visibility(scene, large | free, cameras, seen)
+    best, street = _best_visibility(scene, large | free, viewpoints, seen)
     shown = best >= MIN_SEEN_SHARE
     for one in runs:  # all facets of a round wall share one role
         shown[one] = shown[one].any() if streets else shown[one]
@@ -128,7 +142,7 @@ def find_facades(
     width, height = charts.size[chart].T
     foot, eaves = _foot_and_eaves(charts, chart)
     levels = [buildings[b].levels for b in building]
-    storeys = count_floors(levels, eaves, storey)
+    storeys = count_floors(levels, eaves, floor_height)
     _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
@@ -153,7 +167,7 @@ def find_facades(
 
 
 def _is_large_wall(scene: Scene) -> np.ndarray:
-    """The walls that are large enough to be parsed, (charts,) bool."""
+    """Return the walls that are large enough to be parsed, (charts,)."""
     charts = scene.charts
     large = (
         (charts.kind == ChartKind.WALL)
@@ -164,7 +178,7 @@ def _is_large_wall(scene: Scene) -> np.ndarray:
 
 
 def _is_tall_wall(charts: Charts) -> np.ndarray:
-    """The walls, narrow ones too, that are as high as a storey, (charts,) bool."""
+    """Return the walls at least a floor high, narrow ones included, (charts,)."""
     return (
         (charts.kind == ChartKind.WALL) & (charts.size[:, 0] >= MIN_WALL_M) & (charts.size[:, 1] >= MIN_FACADE_HEIGHT_M)
     )
@@ -173,15 +187,15 @@ def _is_tall_wall(charts: Charts) -> np.ndarray:
 def _nearest_streets(
     charts: Charts, chart: np.ndarray, street: np.ndarray, seen: np.ndarray, streets: Sequence[Street]
 ) -> np.ndarray:
-    """The streets (k,) of some charts: the nearest of those that no street sees."""
+    """Return the streets (k,) of charts: the nearest where none sees them."""
     middle = shapely.points(charts.points_at_shares(chart, np.array([[0.5, 0.5]]))[:, 0, :2])
     nearest = shapely.STRtree([one.line for one in streets]).nearest(middle)
     return np.where(seen > 0, street, nearest).astype(np.int32)
 
 
 def _foot_and_eaves(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of walls (k,), how high each stands over the foot of most of its building's, and how high from there these end, both (k,)
-    metres; by the walls' width."""
+    """Return the foot of walls (k,) over the prevailing foot of their building, and the prevailing eaves over that, metres.
+    """
     foot = charts.points_at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
     over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
@@ -193,8 +207,7 @@ def _foot_and_eaves(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _begins_above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarray:
-    """Which walls (k,) begin on a roof, their own building's or a neighbour's, or a storey over most of their building's, by
-    their `foot` (k,), and with no ground below: (k,) bool."""
+    """Return the walls (k,) above a roof, or a floor above the prevailing foot and without ground below."""
     charts = scene.charts
     feet = charts.points_at_shares(chart, np.array([[share, 1.0] for share in FOOT_PROBE_SHARES]))
     above = feet + FOOT_PROBE_DISTANCE_M * charts.normals()[chart][:, None] + [0.0, 0.0, FOOT_PROBE_HEIGHT_M]
@@ -205,13 +218,13 @@ def _begins_above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> n
 
 
 def _prevailing_level(level: np.ndarray, width: np.ndarray) -> float:
-    """The level at which most of some walls' width is, of levels within LEVEL_M of it."""
+    """Return the level with most wall width within LEVEL_TOLERANCE_M."""
     near = np.abs(level[:, None] - level) < LEVEL_TOLERANCE_M
     return float(level[np.argmax(near @ width)])
 
 
 def _is_gable(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
-    """What stands on the walls of buildings without a model, under their roofs, (charts,) bool: those walls are rectangles."""
+    """Return the charts above the walls of buildings without a model, whose walls are rectangles: (charts,)."""
     charts, mesh = scene.charts, scene.mesh
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     area = np.bincount(mesh.chart, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1), len(charts))
@@ -222,8 +235,10 @@ def _is_gable(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
 def _best_visibility(
     scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The largest share of every chart that is seen from one street, (charts,), and the first such street, (charts,) int32, 0
-    where none sees it: by looking from every viewpoint at a grid of points on each candidate in its panorama."""
+    """Return the largest share of each chart that one street sees, (charts,), and the first such street, 0 without.
+
+    Every viewpoint looks at a grid of points on each candidate in its panorama.
+    """
     charts = scene.charts
     across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES_PER_AXIS)
     grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
@@ -250,7 +265,7 @@ def _best_visibility(
 
 
 def _wall_numbers(charts: Charts) -> np.ndarray:
-    """The number of each wall among those of its building, (charts,) int64."""
+    """Return the number of each wall among those of its building, (charts,)."""
     number = np.zeros(len(charts), np.int64)
     walls = np.flatnonzero(charts.kind == ChartKind.WALL)
     walls = walls[np.argsort(charts.building[walls], kind="stable")]
@@ -259,10 +274,21 @@ def _wall_numbers(charts: Charts) -> np.ndarray:
     return number
 
 
-def count_floors(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
-    """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
+def count_floors(levels: Sequence[int | None], height: np.ndarray, floor_height: float) -> np.ndarray:
+    """Count the floors of facades: tagged levels, else by the floor height, limited to what the height allows.
+
+    Parameters
+    ----------
+    levels : tagged levels, None where unknown.
+    height : (n,) metres.
+    storey : floor height in metres.
+
+    Returns
+    -------
+    (n,).
+    """
     tagged = np.array([count or 0 for count in levels], np.int64)
-    floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)
+    floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / floor_height))).astype(np.int32)
     low, high = (np.where(tagged > 0, *limits) for limits in zip(TAGGED_FLOOR_HEIGHT_M, FLOOR_HEIGHT_M, strict=True))
     most = np.maximum(1, np.floor(height / low))
     return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

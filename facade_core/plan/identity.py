@@ -1,5 +1,7 @@
-"""What charts, buildings and views are, as digests: they stay as long as what they stand for does, whatever comes and goes
-elsewhere in the block. Keys of units and places in the atlas are carried over from one ingest to the next by them."""
+"""Digests of charts, scene objects and views, independent of changes elsewhere in the block.
+
+Keys of units and places in the atlas are carried over between ingests by them.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,13 @@ R = TypeVar("R")
 
 
 class ParallelMap(Protocol):
-    """Calls a function with runs of items that together are all of them, wherever that is done: what it returns, joined."""
+    """Callable that applies a function to runs of items, in any process, and joins the results."""
 
     def __call__(self, function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]: ...
 
 
 def map_in_process(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """All items at once, in this process."""
+    """Apply a function to all items at once in this process."""
     return function(items)
 
 
@@ -41,10 +43,13 @@ BEYOND = 1
 
 @dataclass(frozen=True)
 class SceneObjects:
-    """What stands in a block, as columns: the buildings in their rows, then each ground chart.
+    """Objects of a block as columns: the buildings in their rows, then each ground chart.
 
-    digest (k,) uint64 of a thing's whole surface; low, high (k, 3) the corners of its box, metres, inf and -inf where it has no
-    surface; of_chart (charts,) the thing that each chart is of.
+    Attributes
+    ----------
+    digest : (k,) 64-bit digest of an object's whole surface.
+    low, high : (k, 3) corners of its box in metres, inf and -inf without a surface.
+    chart_object : (charts,) object of each chart.
     """
 
     digest: np.ndarray
@@ -53,7 +58,7 @@ class SceneObjects:
     chart_object: np.ndarray
 
     def digests_in_box(self, low: np.ndarray, high: np.ndarray) -> list[str]:
-        """The things whose boxes meet the box from low to high (3,), as sorted hexadecimal digests."""
+        """Return the sorted hexadecimal digests of the objects whose boxes meet the box from low to high (3,)."""
         near = self._with_surface[self._boxes.query(shapely.box(*low[:2], *high[:2]))]
         meet = (self.low[near] <= high).all(axis=1) & (self.high[near] >= low).all(axis=1)
         return [f"{digest:016x}" for digest in np.sort(self.digest[near[meet]]).tolist()]
@@ -70,7 +75,7 @@ class SceneObjects:
 
 
 def serialise_finish(finish: Finish) -> str:
-    """Return version 1 of the text of a finish in chart ids: another text would move charts in every store."""
+    """Serialise a finish for chart ids, version 1: another text would move charts in every store."""
     return (
         f"Finish(wall_colour={finish.wall_colour!r}, roof_colour={finish.roof_colour!r}, "
         f"wall_material={finish.wall_material!r}, roof_material={finish.roof_material!r})"
@@ -78,10 +83,13 @@ def serialise_finish(finish: Finish) -> str:
 
 
 def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
-    """A number for each chart, (n,) uint64, of its kind, its place, the share (n,) of the atlas' density that it has, where
-    that is not all of it, the id of its building, by row in `names`, and of what is stated of that one's colours and materials.
+    """Compute a 64-bit id for each chart, (n,); charts that are equal get different ids by their order.
 
-    Charts that are alike in all of that are told apart by their order.
+    Parameters
+    ----------
+    share : (n,) share of the atlas density that each chart has.
+    names : building ids by row.
+    finishes : stated colours and materials by row.
     """
     frames = np.column_stack([charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size]) + 0.0  # no -0
     count: dict[bytes, int] = {}
@@ -101,7 +109,7 @@ def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes:
 
 
 def build_scene_objects(charts: Charts, mesh: Mesh, names: Sequence[str]) -> SceneObjects:
-    """The things of a block; names are the ids of the buildings, by row."""
+    """Build the objects of a block; names are the building ids by row."""
     ground = np.flatnonzero(charts.building < 0)
     of_chart = charts.building.astype(np.int64)
     of_chart[ground] = len(names) + np.arange(len(ground))
@@ -126,25 +134,36 @@ def build_scene_objects(charts: Charts, mesh: Mesh, names: Sequence[str]) -> Sce
 
 def compute_view_digests(
     scene: Scene,
-    things: SceneObjects,
+    objects: SceneObjects,
     ids: np.ndarray,
-    cameras: Sequence[Viewpoint],
+    viewpoints: Sequence[Viewpoint],
     ground: Ground,
     width: int,
-    each: ParallelMap = map_in_process,
+    parallel_map: ParallelMap = map_in_process,
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
-    """What the panorama of each viewpoint, `width` pixels wide, shows: sorted charts, and the digest of all geometry that the
-    panorama is made of.
+    """Compute what the panorama of each viewpoint shows, and a digest of everything it is made of.
 
-    That is every pixel's chart (of `ids`) and depth, the things that the charts are of, which charts are one surface, the light
-    on them, and what the ground is drawn of. Whatever else changes in the block, what the viewpoint makes stays. `each` says
-    where rays are cast.
+    The digest covers the chart and depth of every pixel, the objects, common surfaces and daylight of the charts, and the
+    ground drawn on them. Other changes of the block leave it equal.
+
+    Parameters
+    ----------
+    things : objects of the block.
+    ids : (charts,) chart ids.
+    cameras : the viewpoints.
+    ground : mapped ground.
+    width : panorama width in pixels.
+    each : runs the ray casts.
+
+    Returns
+    -------
+    Ascending charts, and the digest, of each viewpoint.
     """
-    looks = each(partial(_trace_viewpoints, scene, ids, width), cameras)
+    looks = parallel_map(partial(_trace_viewpoints, scene, ids, width), viewpoints)
     seen = [charts for charts, _ in looks]
     lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
     light = np.zeros(len(scene.charts), np.uint64)
-    light[lit] = each(partial(_daylight_digests, scene), lit.tolist())
+    light[lit] = parallel_map(partial(_daylight_digests, scene), lit.tolist())
     squares = GroundTiles(ground, scene.charts)
     digests = []
     for charts, pixels in looks:
@@ -152,7 +171,7 @@ def compute_view_digests(
         ordered = charts[np.argsort(ids[charts])]
         surface = scene.charts.surface[ordered]
         _, first, of = np.unique(surface, return_index=True, return_inverse=True)
-        for part in (ids[ordered], things.digest[things.chart_object[ordered]], first[of], light[ordered]):
+        for part in (ids[ordered], objects.digest[objects.chart_object[ordered]], first[of], light[ordered]):
             digest.update(np.ascontiguousarray(part).tobytes())
         for chart in ordered[scene.charts.kind[ordered] == ChartKind.GROUND].tolist():
             digest.update(squares.digest(chart))
@@ -163,7 +182,7 @@ def compute_view_digests(
 def _trace_viewpoints(
     scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoint]
 ) -> list[tuple[np.ndarray, bytes]]:
-    """The charts that each viewpoint shows, sorted, and a digest of its pixels."""
+    """Return the ascending charts and a digest of the pixels of each viewpoint."""
     found = []
     for camera in cameras:
         _, depth, chart = scene.cast_panorama(camera, width)
@@ -179,7 +198,7 @@ def _trace_viewpoints(
 
 
 def _daylight_digests(scene: Scene, charts: Sequence[int]) -> list[int]:
-    """A digest of the daylight on each of some charts, 64 bits."""
+    """Return a 64-bit digest of the daylight on each of some charts."""
     daylight = scene.daylight
     daylight.compute(charts)
     found = []

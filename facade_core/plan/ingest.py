@@ -1,9 +1,9 @@
-"""Ingest: buildings and streets into everything the later stages need to know about a block's geometry."""
+"""Ingest: construction of a block's plan from buildings and streets."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -30,91 +30,121 @@ from facade_core.plan.plan import Plan, Sightings
 MIN_OFF_STREET_SHARE = 0.3
 
 
+@dataclass(frozen=True)
+class IngestSettings:
+    """Settings of a block that its plan depends on.
+
+    Attributes
+    ----------
+    texels_per_metre : density of the atlas near streets.
+    viewpoint_spacing : metres between viewpoints on a street.
+    viewpoint_height : metres above the ground.
+    visibility_range : metres from a viewpoint to the farthest chart that it textures.
+    panorama_width : pixels of a viewpoint's panorama.
+    floor_height : metres, where the levels of a building are not tagged.
+    walls : "exemplar" leaves facades to the facade stages; "translate" lets the street stage write every chart.
+    page : side of an atlas page in texels.
+    """
+
+    texels_per_metre: float
+    viewpoint_spacing: float
+    viewpoint_height: float
+    visibility_range: float
+    panorama_width: int
+    floor_height: float
+    walls: str
+    page: int = 2048
+
+
 def ingest(
     buildings: Sequence[Building],
     streets: Sequence[Street],
+    settings: IngestSettings,
     *,
     ground: Ground | None = None,
     elevation: Elevation | None = None,
     poses: Sequence[Pose] = (),
     panorama_sizes: Sequence[tuple[int, int]] = (),
-    texels_per_metre: float,
-    spacing: float,
-    height: float,
-    visibility_range: float,
-    panorama_width: int,
-    storey: float,
-    walls: str,
-    page: int = 2048,
-    last: PreviousPlacement | None = None,
-    each: ParallelMap = map_in_process,
-    own: CoreRegion | None = None,
+    previous: PreviousPlacement | None = None,
+    parallel_map: ParallelMap = map_in_process,
+    core: CoreRegion | None = None,
 ) -> Plan:
-    """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
+    """Build the plan of a block: charts, mesh, atlas places, facades, viewpoints and waves of streets.
 
-    ground: what a map says of it; of streets only the lines are known without. Without streets they are derived from the gaps
-    between the buildings. Without an elevation the ground follows the buildings' bases. poses and panorama_sizes (rows,
-    columns) are those of the panoramas. texels_per_metre is the density near streets. Lengths in metres; walls is "exemplar"
-    (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart). With the
-    places of an earlier ingest, charts stay where they are in the atlas. `each` says where rays are cast, most of the work.
-    own: what is textured, where the block is a part of a city; the rest is only seen, at the lowest density.
-    Raises GeometryError for a block without geometry.
+    Parameters
+    ----------
+    buildings : buildings of the block.
+    streets : centrelines; without any they are derived from the gaps between the buildings.
+    settings : settings of the block.
+    ground : mapped ground; None assumes carriageways along the streets.
+    elevation : ground heights; None follows the bases of the buildings.
+    poses, panorama_sizes : poses and (rows, columns) of the panoramas.
+    last : earlier placement; known charts keep their places in the atlas.
+    each : runs the ray casts, which are most of the work.
+    core : part that is textured; the halo gets the lowest density. None textures everything.
+
+    Raises
+    ------
+    GeometryError
+        Where the block has no geometry.
     """
     footprints = [building.footprint for building in buildings]
     streets = tuple(streets) or derive_streets(footprints)
     ground = fit_ground(ground or Ground(), streets, footprints)
     terrain = build_terrain(buildings, elevation)
-    one_page = AtlasSpec(1, texels_per_metre, page=page)
+    one_page = AtlasSpec(1, settings.texels_per_metre, page=settings.page)
     charts, mesh, refused = build_block_surfaces(
         buildings,
         streets,
         terrain=terrain,
-        ground_margin=visibility_range,
+        ground_margin=settings.visibility_range,
         largest=one_page.max_chart_side,
         within=ground.outline,
     )
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
-    cameras = _place_cameras(streets, footprints, terrain, spacing=spacing, height=height)
+    cameras = _place_cameras(
+        streets, footprints, terrain, spacing=settings.viewpoint_spacing, height=settings.viewpoint_height
+    )
     owned = np.ones(len(charts), bool)
-    if own is not None:
-        owned = core_charts(charts, buildings, streets, own)
-        cameras = core_viewpoints(cameras, streets, buildings, own, visibility_range)
+    if core is not None:
+        owned = core_charts(charts, buildings, streets, core)
+        cameras = core_viewpoints(cameras, streets, buildings, core, settings.visibility_range)
     places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
     free = free_wall_shares(charts, mesh)
-    density = texel_density(charts, free, places, texels_per_metre)
-    density[~owned] = min_texel_density(texels_per_metre)
-    ids = chart_ids(charts, density / texels_per_metre, names, finishes)
+    density = texel_density(charts, free, places, settings.texels_per_metre)
+    density[~owned] = min_texel_density(settings.texels_per_metre)
+    ids = chart_ids(charts, density / settings.texels_per_metre, names, finishes)
     placement = pack_charts(
         charts.size,
         density,
         charts.building,
-        page=page,
+        page=settings.page,
         chunk=one_page.chunk,
         gutter=one_page.gutter,
         ids=ids,
-        last=last,
+        previous=previous,
     )
-    spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
+    spec = AtlasSpec(placement.pages, settings.texels_per_metre, page=settings.page)
     scene = Scene(
         mesh,
         charts,
         placement,
         spec,
-        spacing=spacing,
-        visibility_range=visibility_range,
+        spacing=settings.viewpoint_spacing,
+        visibility_range=settings.visibility_range,
         names=names,
         finishes=finishes,
     )
 
     seen, looks = compute_view_digests(
-        scene, build_scene_objects(charts, mesh, names), ids, cameras, ground, panorama_width, each
+        scene, build_scene_objects(charts, mesh, names), ids, cameras, ground, settings.panorama_width, parallel_map
     )
-    around = streets if walls == "exemplar" else ()
-    facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
-    if own is not None:
-        facades = core_facades(facades, buildings, own)
-        streets, rows, cameras, facades = core_streets(streets, cameras, facades, own)
+    around = streets if settings.walls == "exemplar" else ()
+    facades = find_facades(scene, buildings, cameras, seen, settings.floor_height, free, around)
+    if core is not None:
+        facades = core_facades(facades, buildings, core)
+        streets, rows, cameras, facades = core_streets(streets, cameras, facades, core)
         seen, looks = [seen[row] for row in rows], tuple(looks[row] for row in rows)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
@@ -123,7 +153,7 @@ def ingest(
     textured[mesh.chart[mesh.texture >= 0]] = True
     textured &= owned
     writable = owned.copy()
-    if walls == "exemplar":
+    if settings.walls == "exemplar":
         writable[facades.chart] = False
         writable[textured] = False
     plan = Plan(
@@ -143,13 +173,13 @@ def ingest(
         view_digests=looks,
         in_core=owned,
     )
-    return replace_panoramas(plan, place_poses(poses, terrain, height), panorama_sizes)
+    return replace_panoramas(plan, place_poses(poses, terrain, settings.viewpoint_height), panorama_sizes)
 
 
 def _place_cameras(
     streets: Sequence[Street], footprints: Sequence[shapely.Polygon], terrain: Terrain, *, spacing: float, height: float
 ) -> list[Viewpoint]:
-    """The viewpoints along all streets."""
+    """Place viewpoints along all streets."""
     obstacles = shapely.STRtree(footprints)
     cameras: list[Viewpoint] = []
     for index, street in enumerate(streets):
@@ -162,7 +192,7 @@ def _place_cameras(
 
 
 def place_poses(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
-    """Poses, those without a height of their own `height` metres above the terrain."""
+    """Return poses with a height: unknown ones are `height` metres above the terrain."""
     return tuple(
         replace(pose, z=float(terrain.interpolate(np.array([[pose.x, pose.y]]))[0]) + height)
         if pose.z is None
@@ -172,7 +202,7 @@ def place_poses(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple
 
 
 def replace_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Plan:
-    """The plan of the same geometry with panoramas of these poses, on the ground, and sizes (rows, columns)."""
+    """Return the plan with panoramas of these poses, all with a height, and sizes (rows, columns)."""
     return replace(plan, poses=tuple(poses), sightings=_find_sightings(plan.scene, plan.facades, poses, sizes))
 
 
@@ -184,7 +214,9 @@ def _find_sightings(
         chart, of = int(facades.chart[index]), near.tolist()
         on_street = facades.role[index] == WallRole.STREET
         reach, least = (MAX_SIGHTING_DISTANCE_M, 0.0) if on_street else (WALL_REACH_M, MIN_OFF_STREET_SHARE)
-        for sighting in find_sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], max_distance=reach):
+        for sighting in find_sightings(
+            scene, chart, [poses[i] for i in of], [sizes[i] for i in of], max_distance=reach
+        ):
             if sighting.seen_share >= least:
                 found.append((index, of[sighting.panorama], sighting.seen_share, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]
@@ -199,7 +231,7 @@ def _find_sightings(
 def _street_waves(
     scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], writable: np.ndarray, streets: int
 ) -> np.ndarray:
-    """The conflict graph of streets by shared chunks, coloured into waves."""
+    """Colour the conflict graph of streets, by shared chunks, into waves."""
     chunks: dict[int, frozenset] = {}
     reads: list[set] = [set() for _ in range(streets)]
     writes: list[set] = [set() for _ in range(streets)]

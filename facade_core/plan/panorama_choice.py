@@ -1,4 +1,4 @@
-"""The fewest panoramas that show all of the facades which any of them shows: a set cover, chosen greedily."""
+"""Greedy set cover: the fewest panoramas that show all visible facades."""
 
 from __future__ import annotations
 
@@ -22,9 +22,16 @@ MIN_COVERED_SHARE = 0.95
 
 @dataclass(frozen=True)
 class PanoramaChoice:
-    """Which panoramas were chosen, indices in the order of choosing, and how many cover a point of a facade; facades: how
-    many there are at streets, and how many of them some panorama shows; shown, reached: square metres of facades that all
-    panoramas show, and that the chosen do."""
+    """Chosen panoramas and their coverage.
+
+    Attributes
+    ----------
+    chosen : indices of panoramas in the order of choice.
+    covering_panoramas : number of panoramas that cover a point of a facade.
+    facades : number of street facades.
+    facades_shown : number of these that a panorama shows.
+    shown, reached : square metres of facades that all panoramas show, and that the chosen ones cover.
+    """
 
     chosen: tuple[int, ...]
     covering_panoramas: int
@@ -37,11 +44,19 @@ class PanoramaChoice:
 def choose_panoramas(
     scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]
 ) -> PanoramaChoice:
-    """Choose among panoramas of poses and sizes (rows, columns) so that every facade at a street is covered.
+    """Choose panoramas so that every visible street facade is covered.
 
-    The greedy rule of set cover (Chvatal 1979): again and again the panorama that covers the most square metres of facades not
-    yet covered, the earlier of two equals; then whichever the others make needless is left out again, the last chosen first.
-    At most ln(points) times as many as the fewest there could be.
+    Greedy rule: repeatedly the panorama that adds most square metres, the earlier of equals; then redundant ones are dropped,
+    last chosen first. At most ln(points) times the optimum.
+
+    Parameters
+    ----------
+    poses : poses of the panoramas.
+    sizes : (rows, columns) of the panoramas.
+
+    References
+    ----------
+    Chvatal (1979), A greedy heuristic for the set-covering problem.
     """
     rows = np.flatnonzero(facades.role == WallRole.STREET)
     points = _facade_points(scene, facades.chart[rows], poses, sizes)
@@ -67,15 +82,29 @@ def choose_panoramas(
 def covered_area(
     scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], some: Sequence[int]
 ) -> float:
-    """The square metres of facades at streets that some of the panoramas cover, as `fewest` counts what the chosen do."""
+    """Return the square metres of street facades that some panoramas cover.
+
+    Parameters
+    ----------
+    poses : poses of the panoramas.
+    sizes : (rows, columns) of the panoramas.
+    some : indices of the panoramas to count.
+    """
     points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes)
     return float(points.weight[points.times(some) > 0].sum())
 
 
 @dataclass(frozen=True)
 class _FacadePoints:
-    """The points of facades that panoramas show: covers (panoramas, points) sparse, 1 where one covers another; weight, the
-    square metres that each stands for, and facade, the place of its facade among `facades`, (points,)."""
+    """Points of facades that panoramas show.
+
+    Attributes
+    ----------
+    covers : (panoramas, points) sparse, 1 where a panorama covers a point.
+    weight : (points,) square metres of each point.
+    facade : (points,) position of its facade.
+    facades : number of facades.
+    """
 
     covers: sparse.csr_array
     weight: np.ndarray
@@ -119,7 +148,7 @@ def _facade_points(
 
 
 def _drop_redundant(points: _FacadePoints, needs: np.ndarray, chosen: Sequence[int]) -> list[int]:
-    """The chosen panoramas without those whose points the others cover well enough."""
+    """Return the chosen panoramas without those whose points the others cover."""
     kept, times = list(chosen), points.times(chosen)
     for one in reversed(chosen):
         without = times - points.of(one)

@@ -1,4 +1,4 @@
-"""A block's plan: what ingest makes of it and every later stage reads."""
+"""Plan of a block, the result of ingest and input of all later stages."""
 
 from __future__ import annotations
 
@@ -28,8 +28,14 @@ MAX_POSE_SHIFT_M = 3.0
 
 @dataclass(frozen=True)
 class Sightings:
-    """Which panoramas show which facade, as columns, best first within a facade: facade, panorama (s,) int32 indices; seen (s,)
-    the share of the facade that the panorama shows; pixels_per_metre (s,) the panorama's resolution on it."""
+    """Sightings of facades in panoramas as columns, best first within a facade.
+
+    Attributes
+    ----------
+    facade, panorama : (s,) indices.
+    seen : (s,) share of the facade that the panorama shows.
+    pixels_per_metre : (s,) resolution of the panorama on the facade.
+    """
 
     facade: np.ndarray
     panorama: np.ndarray
@@ -37,7 +43,7 @@ class Sightings:
     pixels_per_metre: np.ndarray
 
     def panoramas_showing(self, facade: int) -> np.ndarray:
-        """The panoramas that show a facade, best first."""
+        """Return the panoramas that show a facade, best first."""
         return self.panorama[self._of_facade.rows_with(facade)]
 
     @cached_property
@@ -47,15 +53,25 @@ class Sightings:
 
 @dataclass(frozen=True)
 class Plan:
-    """A block's geometry and the order of its work.
+    """Geometry of a block and the order of its work.
 
-    streets are the given ones, or those derived from the gaps; ground is what lies between the buildings; poses are those of
-    the block's panoramas, on the ground where they had no height. refused: buildings without usable surfaces, as (id,
-    reason). textured (charts,) bool: charts with a texture of the source's own, or on a picture from above. views (k, 2)
-    int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that
-    the street stage writes; wave (streets,) int32. ids (charts,) uint64 and looks (viewpoints,) digests say what each chart
-    is and each viewpoint sees, wherever it stands in the order. own (charts,) bool: what is textured and published; the rest,
-    of a block that is a part of a city, is only seen.
+    Attributes
+    ----------
+    scene : charts, mesh and their places in the atlas.
+    streets : given streets, or those derived from the gaps.
+    ground : mapped ground between the buildings.
+    facades : facades of the block.
+    poses : poses of the panoramas, all with a height.
+    rejected_buildings : buildings without usable surfaces as (id, reason).
+    sightings : facades in panoramas.
+    textured : (charts,) True with a texture of the source, or from a picture from above.
+    viewpoints : viewpoints along the streets.
+    views : (k, 2) sorted pairs of viewpoint and chart in its panorama.
+    writable : (charts,) True where the street stage writes.
+    wave : (streets,) wave of each street.
+    ids : (charts,) chart ids.
+    view_digests : (viewpoints,) digests of everything that a viewpoint sees.
+    in_core : (charts,) True in the core region, which is textured and published; the halo is only seen.
     """
 
     scene: Scene
@@ -76,11 +92,11 @@ class Plan:
 
     @cached_property
     def scene_objects(self) -> SceneObjects:
-        """What stands in the block."""
+        """Return the objects of the block."""
         return build_scene_objects(self.scene.charts, self.scene.mesh, self.scene.names)
 
     def ground_digests(self, charts: Sequence[int]) -> list[str]:
-        """Of each ground chart among some the digest of what its ground is drawn of."""
+        """Return the digests of the ground on the ground charts among some charts."""
         return [
             self._squares.digest(chart).hex() for chart in charts if self.scene.charts.kind[chart] == ChartKind.GROUND
         ]
@@ -90,7 +106,7 @@ class Plan:
         return GroundTiles(self.ground, self.scene.charts)
 
     def buildings_with_textures(self) -> tuple[int, ...]:
-        """The buildings that have textures of their own besides those on facades."""
+        """Return the buildings with source textures besides those on facades."""
         return self._textured_buildings
 
     @cached_property
@@ -98,7 +114,7 @@ class Plan:
         return tuple(np.unique(self.scene.charts.building[self._own_charts]).tolist())
 
     def is_facade(self, chart: int) -> bool:
-        """Whether a chart is a facade."""
+        """Return whether a chart is a facade."""
         return len(self._facade_of_chart.rows_with(chart)) > 0
 
     @cached_property
@@ -106,12 +122,12 @@ class Plan:
         return RowIndex(self.facades.chart)
 
     def textured_charts(self, building: int) -> list[int]:
-        """The charts of a building, its facades aside, that have textures of their own."""
+        """Return the charts of a building, without facades, that have source textures."""
         return self._own_charts[self._own_by_building.rows_with(building)].tolist()
 
     @cached_property
     def _own_charts(self) -> np.ndarray:
-        """The charts (k,) with textures of their own that are no facades."""
+        """Return the charts (k,) with source textures that are no facades."""
         others = self.textured & self.in_core
         others[self.facades.chart] = False
         return np.flatnonzero(others)
@@ -121,7 +137,8 @@ class Plan:
         return RowIndex(self.scene.charts.building[self._own_charts])
 
     def ground_near_cameras(self) -> np.ndarray:
-        """The pieces (k,) int64 of the block's own ground, ascending, that a panorama may show: refining moves poses little."""
+        """Return the ground charts (k,) of the core, ascending, that a panorama may show after refinement of its pose.
+        """
         return self._ground_near_cameras
 
     @cached_property
@@ -135,8 +152,7 @@ class Plan:
         return ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MAX_POSE_SHIFT_M]
 
     def walls_near_cameras(self) -> dict[int, list[int]]:
-        """By building, ascending, the block's own walls and roofs that are no facades, have no texture of their own, and that a
-        panorama may show."""
+        """Return by building the plain walls and roofs of the core, no facades, that a panorama may show."""
         return self._walls_near_cameras
 
     @cached_property
@@ -159,11 +175,11 @@ class Plan:
 
     @cached_property
     def street_of_viewpoints(self) -> np.ndarray:
-        """The street of every viewpoint, (viewpoints,) int64."""
+        """Return the street of every viewpoint, (viewpoints,)."""
         return np.array([viewpoint.street for viewpoint in self.viewpoints], np.int64)
 
     def street_viewpoints(self, street: int) -> list[Viewpoint]:
-        """A street's viewpoints in their order."""
+        """Return the viewpoints of a street in their order."""
         return [self.viewpoints[row] for row in self._by_street.rows_with(street).tolist()]
 
     @cached_property
@@ -172,11 +188,11 @@ class Plan:
 
     @cached_property
     def street_charts(self) -> np.ndarray:
-        """Pairs of street and chart, (k, 2) int64, sorted: what the viewpoints of each street show."""
+        """Return the sorted pairs of street and chart in its panoramas, (k, 2)."""
         return np.unique(np.column_stack([self.street_of_viewpoints[self.views[:, 0]], self.views[:, 1]]), axis=0)
 
     def charts_of_street(self, street: int) -> np.ndarray:
-        """The charts (k,) int64 that the viewpoints of a street show, ascending."""
+        """Return the charts (k,) in the panoramas of a street, ascending."""
         return self.street_charts[self._charts_by_street.rows_with(street), 1]
 
     @cached_property
@@ -184,7 +200,7 @@ class Plan:
         return RowIndex(self.street_charts[:, 0])
 
     def streets_of_charts(self, charts: np.ndarray) -> np.ndarray:
-        """The rows (k, 2) of street_charts that are of some charts (n,)."""
+        """Return the rows (k, 2) of street_charts with some charts (n,)."""
         return self.street_charts[self._streets_by_chart.rows_with_any(charts)]
 
     @cached_property
@@ -192,7 +208,7 @@ class Plan:
         return RowIndex(self.street_charts[:, 1])
 
     def charts_of_viewpoint(self, viewpoint: int) -> np.ndarray:
-        """The charts (k,) int32 that a viewpoint shows, ascending."""
+        """Return the charts (k,) in the panorama of a viewpoint, ascending."""
         return self.views[self._charts_by_viewpoint.rows_with(viewpoint), 1]
 
     @cached_property
@@ -200,7 +216,7 @@ class Plan:
         return RowIndex(self.views[:, 0])
 
     def views_of_charts(self, charts: np.ndarray) -> np.ndarray:
-        """The rows (k, 2) of views that are of some charts (n,)."""
+        """Return the rows (k, 2) of views with some charts (n,)."""
         return self.views[self._views_by_chart.rows_with_any(charts)]
 
     @cached_property
@@ -208,11 +224,11 @@ class Plan:
         return RowIndex(self.views[:, 1])
 
     def texel_counts(self) -> np.ndarray:
-        """Texels of every chart, (charts,) int64."""
+        """Return the number of texels of every chart, (charts,)."""
         return self.scene.placement.width.astype(np.int64) * self.scene.placement.height
 
     def building_pictures(self) -> dict[int, list[int]]:
-        """The pictures that the textures of each building use, ascending, by building."""
+        """Return the source pictures of each building's textures, ascending, by building."""
         mesh = self.scene.mesh
         used = mesh.texture >= 0
         pairs = np.column_stack([self.scene.charts.building[mesh.chart[used]], mesh.texture[used]])
@@ -222,7 +238,7 @@ class Plan:
         return pictures
 
     def street_texels(self) -> np.ndarray:
-        """Per street the texels of the charts that its viewpoints see, and of those that it writes, (streets, 2) int64."""
+        """Return per street the texels that its viewpoints see, and those that it writes, (streets, 2)."""
         seen = self.street_charts
         texels = self.texel_counts()
         total = np.zeros((len(self.wave), 2), np.int64)

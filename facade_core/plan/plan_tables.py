@@ -1,4 +1,4 @@
-"""A block's plan: made by ingest, kept in the store as tables."""
+"""Tables of a plan in the store."""
 
 from __future__ import annotations
 
@@ -27,7 +27,14 @@ T = TypeVar("T", Charts, Facades, Placement, Sightings)
 
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
-    """Write the plan's tables. Every group opens in xarray with named dimensions, units and the CRS."""
+    """Write the tables of a plan. Every group opens in xarray with named dimensions, units and the CRS.
+
+    Parameters
+    ----------
+    session : writable session of the store.
+    buildings : all buildings of the block.
+    crs : projected CRS of the block.
+    """
     for name, values in _plan_values(plan, buildings).items():
         table = TABLES[name]
         attributes = {key: values.pop(key) for key in table.attributes}
@@ -35,28 +42,29 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
 
 
 def read_plan(session: icechunk.Session) -> Plan:
-    """The plan as `write_plan` wrote it, with the density of the atlas."""
+    """Read the plan, with the density of the atlas."""
     density = float(open_root(session)["atlas"].attrs["texels_per_metre"])
     return _plan_from_tables({name: read_table(session, name) for name in TABLES}, density)
 
 
 def read_facades(session: icechunk.Session) -> Facades:
+    """Read the facades of the plan."""
     return _facades_from_table(read_table(session, "facades"))
 
 
 def read_table(session: icechunk.Session, name: str) -> Values:
-    """The columns (rows, ...) and attributes of one of TABLES by name; strings as str."""
+    """Read the columns (rows, ...) and attributes of one of TABLES; strings as str."""
     return TABLES[name].read_columns(open_table(session, name).load())
 
 
 def placement_from_table(charts: Values, texels_per_metre: float) -> Placement:
-    """Where charts lie, by their table; those of an older store are all of the atlas' density."""
+    """Return the placement in a table of charts; in older stores all charts have the atlas density."""
     density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
     return _from_columns(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
 
 
 def _facades_from_table(values: Values) -> Facades:
-    """Facades; those of an older store are of whole buildings on the ground."""
+    """Return the facades of a table; in older stores buildings are whole and on the ground."""
     return _from_columns(
         Facades,
         {"raised": np.zeros(len(values["id"]), bool), "house": values["building"].astype(np.int64)} | dict(values),
@@ -64,7 +72,7 @@ def _facades_from_table(values: Values) -> Facades:
 
 
 def _from_columns(kind: type[T], values: Values, **others: Any) -> T:
-    """A value whose fields are columns of their names; others are those that are not."""
+    """Construct a dataclass from the columns of its field names; `others` are its other fields."""
     return kind(**{field.name: values[field.name] for field in fields(kind) if field.name not in others}, **others)
 
 
@@ -73,7 +81,7 @@ def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, Any]:
 
 
 def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
-    """The plan as tables."""
+    """Return the plan as tables."""
     scene, streets, refused = plan.scene, plan.streets, dict(plan.rejected_buildings)
     ways, areas = plan.ground.ways, plan.ground.areas
     placement = _columns(scene.placement)
@@ -161,7 +169,7 @@ def _plan_values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[st
 
 
 def _plan_from_tables(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
-    """The plan of some tables."""
+    """Return the plan of tables."""
     charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
     streets, buildings = tables["streets"], tables["buildings"]
     placement = placement_from_table(charts, texels_per_metre)
@@ -212,7 +220,7 @@ def _plan_from_tables(tables: Mapping[str, Values], texels_per_metre: float) -> 
 
 
 def _finishes_from_table(buildings: Values) -> tuple[Finish, ...]:
-    """What buildings are stated to be of; of an older store nothing."""
+    """Return the stated finishes of buildings; none in older stores."""
     if "wall_colour" not in buildings:
         return ()
     columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
@@ -249,7 +257,7 @@ def _ground_from_tables(ways: Values, areas: Values) -> Ground:
 
 
 def _model_textures(mesh: Mesh) -> dict[str, Any]:
-    """The columns of a mesh with textures of the source's own; a mesh without needs no room for them."""
+    """Return the texture columns of a mesh; none where it has no texture."""
     return {"texture": mesh.texture, "uv": mesh.uv} if (mesh.texture >= 0).any() else {}
 
 

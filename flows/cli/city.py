@@ -166,7 +166,7 @@ def _show(summary: dict[str, Any]) -> None:
 def _textured(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
     nothing is due, it needs none."""
-    from catalogs.published.folders import local_side
+    from catalogs.published.folders import local_folder
     from flows.server.starting import ServerDown, server
     from tasks.city.account import known
 
@@ -174,7 +174,7 @@ def _textured(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
         from flows.city import unrecorded_city
 
         return unrecorded_city(city_file, out, asked)
-    with server(local_side(out) / "prefect") as record:
+    with server(local_folder(out) / "prefect") as record:
         from flows.city import city as recorded
         from flows.city import unrecorded_city
 

@@ -135,12 +135,12 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
       streetloom demo
       streetloom demo --exemplars facades/ --out out/photos
     """
-    from catalogs.published.folders import local_side
+    from catalogs.published.folders import local_folder
     from flows.lock import locked
     from tasks.examples.demo import is_painted, write_demo
 
     with locked(out):
-        block_file = write_demo(local_side(out) / "input", exemplars)
+        block_file = write_demo(local_folder(out) / "input", exemplars)
     _run(block_file, out, workers, dask, as_json, painted=is_painted(block_file))
 
 
@@ -196,12 +196,12 @@ def _run(
 
 def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
-    from catalogs.published.folders import local_side
+    from catalogs.published.folders import local_folder
     from facade_core.core.errors import FacadeError, WithheldError
     from flows.cli.console import tell
     from flows.server.starting import ServerDown, server
 
-    with server(local_side(out) / "prefect") as record:
+    with server(local_folder(out) / "prefect") as record:
         from flows.block import city_block, unrecorded_block  # takes seconds, in which the server starts
 
         try:

@@ -36,7 +36,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     """
     from itertools import chain
 
-    from catalogs.published.folders import local_side
+    from catalogs.published.folders import local_folder
     from facade_core.core.errors import InputError
     from flows.lock import is_held
     from tasks.doctor import examine_machine
@@ -44,7 +44,7 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     if out and is_held(out):
         raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
     found = []
-    side = local_side(out) if out else Path.cwd()
+    side = local_folder(out) if out else Path.cwd()
     disk = next(folder for folder in (side, *side.parents) if folder.is_dir())  # a bucket's may not be there yet
     for finding in chain(examine_machine(disk), _examined(out) if out else ()):
         found.append(finding)
@@ -59,10 +59,10 @@ def doctor(out: Folder | None, as_json: bool) -> None:
 
 def _examined(out: Folder) -> Iterator[Finding]:
     """What is to be said of the run in a folder, or of each below it, which is then named."""
-    from catalogs.published.runs import stores_in
+    from catalogs.published.runs import find_stores
     from tasks.doctor import examine_folder
 
-    runs = {} if (out / "store").is_dir() else stores_in(out)
+    runs = {} if (out / "store").is_dir() else find_stores(out)
     if not runs:
         yield from examine_folder(out)
     for name, folder in runs.items():

@@ -28,12 +28,12 @@ def metrics(out: Folder, otlp: str | None) -> None:
     """
     from prometheus_client import generate_latest
 
-    from catalogs.published.runs import publishes, stores_in
+    from catalogs.published.runs import find_stores, publish_hint
     from facade_core.core.errors import InputError
     from tasks.metrics import metrics_of
 
-    if not (runs := stores_in(out)):
-        raise InputError(f"{out}: holds no run; {publishes(out, 'makes one')}")
+    if not (runs := find_stores(out)):
+        raise InputError(f"{out}: holds no run; {publish_hint(out, 'makes one')}")
     if otlp is None:
         click.echo(generate_latest(metrics_of(runs)).decode(), nl=False)
         return

@@ -37,9 +37,9 @@ class Place(click.ParamType):
         self._local = EXISTING_FOLDER if existing else FOLDER
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from catalogs.published.s3 import SCHEME, folder_at
+        from catalogs.published.s3 import S3_SCHEME, folder_at
 
-        if str(value).lower().startswith(SCHEME):
+        if str(value).lower().startswith(S3_SCHEME):
             return folder_at(value)
         return self._local.convert(value, param, ctx)
 

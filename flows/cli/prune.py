@@ -27,11 +27,11 @@ def prune(out: Folder, keep: int) -> None:
     Example:
       streetloom prune out/mine --keep 7
     """
-    from catalogs.published.runs import runs_in
+    from catalogs.published.runs import find_runs
     from flows.lock import locked
     from tasks.published.prune import prune as remove
 
-    runs, left_out = runs_in(out)
+    runs, left_out = find_runs(out)
     for run in runs:
         with locked(run.folder):
             for line in remove(run.folder, keep):

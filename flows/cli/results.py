@@ -74,16 +74,16 @@ def query(
       streetloom query s3://bucket/runs --where "photo > 0.5"
     """
     from catalogs.query.execution import query as find
-    from catalogs.query.formats import format_items, parquet_bytes
-    from catalogs.query.where import all_of
+    from catalogs.query.formats import format_items, to_parquet_bytes
+    from catalogs.query.where import combine_conditions
     from facade_core.core.errors import InputError
 
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
-    where = all_of(conditions)
-    found = find(folder, where=where, bbox=bbox or None, since=since, note=note)
+    where = combine_conditions(conditions)
+    found = find(folder, where=where, bbox=bbox or None, since=since, on_left_out=note)
     if style == "parquet":
-        click.echo(parquet_bytes(found), nl=False)
+        click.echo(to_parquet_bytes(found), nl=False)
     else:
         click.echo(format_items(found, style, where))
 
@@ -188,7 +188,7 @@ def catalog(folder: Folder, to: str | None) -> None:
       streetloom catalog out
       streetloom catalog out --to s3://bucket/runs
     """
-    from catalogs.published.runs import runs_in
+    from catalogs.published.runs import find_runs
     from catalogs.published.s3 import S3Folder, folder_at
     from catalogs.published.s3_copy import copy_catalog, copy_run
     from catalogs.stac.catalog import write_catalog
@@ -200,11 +200,11 @@ def catalog(folder: Folder, to: str | None) -> None:
         raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
     if to and isinstance(folder, S3Folder):
         raise InputError(f"{folder}: is in a bucket already; copy it from there to {to} by the bucket's own tools")
-    written = write_catalog(folder, note=note)
+    written = write_catalog(folder, on_left_out=note)
     if not isinstance(target, S3Folder) or not isinstance(folder, Path):
         say(written)
         return
-    runs, _ = runs_in(folder)
+    runs, _ = find_runs(folder)
     for run in runs:
         place = target if run.folder == folder else target / run.name
         with locked(run.folder), locked(place):
@@ -292,9 +292,9 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
 
 def _runs_in(folder: Folder) -> dict[str, Folder]:
     """The runs in a folder by their names."""
-    from catalogs.published.runs import stores_in
+    from catalogs.published.runs import find_stores
 
-    return stores_in(folder)
+    return find_stores(folder)
 
 
 def _run_in(folder: Folder) -> Folder:
@@ -302,12 +302,12 @@ def _run_in(folder: Folder) -> Folder:
 
     Raises InputError that names the runs where there are several, or says that there is none.
     """
-    from catalogs.published.runs import stores_in
+    from catalogs.published.runs import find_stores
     from catalogs.published.s3 import S3Folder
     from facade_core.core.errors import InputError
     from flows.lock import is_held
 
-    found = list(stores_in(folder).items())
+    found = list(find_stores(folder).items())
     if not found:
         if isinstance(folder, S3Folder):
             raise InputError(

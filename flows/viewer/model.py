@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from catalogs.published.folders import Folder
-from catalogs.published.snapshot import Snapshot, current_if_any
+from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from facade_core.core.errors import InputError, StoreError
 from tasks.viewing import View
 from tasks.viewing.opening import opening
@@ -17,7 +17,7 @@ def model(out: Folder, view: View) -> dict[str, Any]:
     """Addresses of the newest model's tiles with their boxes, world metres, and of its overview; `anchor`, the world place
     where a walk begins, and `heading`, degrees clockwise from north, None where there is no street. Raises StoreError before
     anything is published."""
-    snapshot = current_if_any(out)
+    snapshot = find_current_snapshot(out)
     if snapshot is None:
         raise StoreError("nothing is published yet: the model appears at the end of the run")
     listed = json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]
@@ -41,7 +41,7 @@ def model(out: Folder, view: View) -> dict[str, Any]:
 
 def model_file(out: Folder, of: str, tile: str | None) -> Folder:
     """The model of a tile of the snapshot `of`, or its overview. Raises InputError where that is not there."""
-    snapshot = current_if_any(out)
+    snapshot = find_current_snapshot(out)
     if snapshot is None or snapshot.id != of:
         raise InputError("another model was published since; load the page again")
     if tile is not None and tile not in _tiles(snapshot):

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.city.keys import read_city_name
-from catalogs.published.folders import Folder, at, each, local_side, move, put
-from catalogs.published.runs import CITY
+from catalogs.published.folders import Folder, join_path, local_folder, map_concurrently, move_folder, write_atomically
+from catalogs.published.runs import CITY_FILE_NAME
 from catalogs.published.s3 import S3Folder
-from catalogs.published.snapshot import current_if_any
+from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import unit_key
 from facade_core.core.errors import BlockFileError, InputError
 from tasks.city.blocks import City, CityBlock, read_city
@@ -22,7 +22,7 @@ from tasks.city.sources import source_digest, version
 
 # In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
 # is; what all come to. In that of a block: how it ended last.
-BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", CITY, "over.json", "summary.json", "ended.json"
+BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", CITY_FILE_NAME, "over.json", "summary.json", "ended.json"
 # Those of blocks that there were before it was cut otherwise: hidden from who looks for runs.
 GONE = ".gone"
 # What of a block's summary is added up.
@@ -48,7 +48,7 @@ class Ended:
 
 def tileset_of(block: Folder, snapshot: str) -> Folder:
     """A block's own 3D Tiles, in its folder; in a bucket those of each snapshot lie beside those before."""
-    return at(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
+    return join_path(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
 
 
 def stands(out: Folder, name: str, ended: Ended, digest: str, *, tiles: bool = False) -> bool:
@@ -58,7 +58,7 @@ def stands(out: Folder, name: str, ended: Ended, digest: str, *, tiles: bool = F
     """
     if ended.code not in (0, 1) or not digest or ended.digest != digest or ended.version != version():
         return False
-    snapshot = current_if_any(out / BLOCKS / name)
+    snapshot = find_current_snapshot(out / BLOCKS / name)
     if snapshot is None or snapshot.id != ended.snapshot:
         return False
     return not tiles or (ended.tiles == snapshot.id and tileset_of(out / BLOCKS / name, snapshot.id).is_file())
@@ -99,7 +99,7 @@ class Account:
 
     def due(self, out: Folder, *, tiles: bool = False) -> list[str]:
         """The blocks that do not stand, in their order."""
-        found = each(
+        found = map_concurrently(
             lambda name: stands(out, name, self.blocks[name], self.digests[name], tiles=tiles), self.blocks, out
         )
         return [name for name, standing in zip(self.blocks, found, strict=True) if not standing]
@@ -145,7 +145,7 @@ def known(city_file: Path, out: Folder) -> tuple[Account, dict[str, Path]]:
         raise InputError(f"{out}: holds the run of a block; give city {name} a folder of its own with --out")
     if account.blocks and account.name != name:
         raise InputError(f"{out}: holds city {account.name}; give city {name} a folder of its own with --out")
-    local = local_side(out)
+    local = local_folder(out)
     files = {name: local / "input" / f"{name}.yaml" for name in account.blocks}
     counted = all(one.keys() == set(WHAT) for one in account.told.values())
     whole = account.told.keys() == account.blocks.keys() and all(
@@ -169,7 +169,7 @@ def _put_away(out: Folder, names: Collection[str]) -> None:
     """Put the runs of blocks that the cut has no more where no query finds them: what they published is in other blocks now."""
     if (out / BLOCKS).is_dir():
         for folder in [one for one in (out / BLOCKS).iterdir() if one.name not in names and one.is_dir()]:
-            move(folder, out / GONE / folder.name)
+            move_folder(folder, out / GONE / folder.name)
 
 
 def read_account(out: Folder) -> Account:
@@ -177,7 +177,7 @@ def read_account(out: Folder) -> Account:
     try:
         held = json.loads((out / ACCOUNT).read_text(encoding="utf-8"))
         names = list(held["digests"])
-        blocks = dict(zip(names, each(lambda name: _read_ended(out, name), names, out), strict=True))
+        blocks = dict(zip(names, map_concurrently(lambda name: _read_ended(out, name), names, out), strict=True))
         return Account(**held, blocks=blocks, over=_read_over(out))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return Account("")
@@ -220,4 +220,4 @@ def _write(path: Folder, value: Any) -> None:
     """In one step."""
     if isinstance(path, Path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    put(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())
+    write_atomically(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())

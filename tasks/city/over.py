@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from catalogs.published import object_store
-from catalogs.published.folders import Folder, each, local_side, put, size_of
-from catalogs.published.merged_items import FOLDER as JOINED
-from catalogs.published.merged_items import join_runs
-from catalogs.published.runs import Run
-from catalogs.published.snapshot import Snapshot, current_if_any
+from catalogs.published.folders import Folder, file_size, local_folder, map_concurrently, write_atomically
+from catalogs.published.merged_items import ITEMS_FOLDER as JOINED
+from catalogs.published.merged_items import merge_run_items
+from catalogs.published.runs import PublishedRun
+from catalogs.published.snapshot import Snapshot, find_current_snapshot
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.core.errors import InputError
 from facade_core.export.models.glb_merge import merge_glbs, read_glb_file
@@ -33,12 +33,12 @@ def write_over(out: Folder, names: Sequence[str], note: Callable[[str], None]) -
     note: is told of what cannot be written or is left out, in a line each: no block waits for that. Returns whether all
     could be written.
     """
-    found = each(lambda name: current_if_any(out / BLOCKS / name), names, out)
+    found = map_concurrently(lambda name: find_current_snapshot(out / BLOCKS / name), names, out)
     published = [(name, snapshot) for name, snapshot in zip(names, found, strict=True) if snapshot is not None]
-    runs = [(Run(snapshot.out, f"{BLOCKS}/{name}"), snapshot.id) for name, snapshot in published]
+    runs = [(PublishedRun(snapshot.out, f"{BLOCKS}/{name}"), snapshot.id) for name, snapshot in published]
     steps: list[tuple[str, Callable[[], object]]] = [
-        (CATALOG, lambda: write_catalog(out, note=lambda line: None)),
-        (JOINED, lambda: join_runs(out, runs)),
+        (CATALOG, lambda: write_catalog(out, on_left_out=lambda line: None)),
+        (JOINED, lambda: merge_run_items(out, runs)),
         (TILESET, lambda: _write_tileset(out, [tileset_of(snapshot.out, snapshot.id) for _, snapshot in published])),
         (OVERVIEW, lambda: _write_overview(out, [snapshot for _, snapshot in published], note)),
     ]
@@ -55,7 +55,7 @@ def write_over(out: Folder, names: Sequence[str], note: Callable[[str], None]) -
 def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
     """A root over the tilesets of blocks, those that there are: each is loaded when it is in sight."""
     children, spheres = [], []
-    for path, tileset in zip(paths, each(_tileset, paths, out), strict=True):
+    for path, tileset in zip(paths, map_concurrently(_tileset, paths, out), strict=True):
         if tileset is None:
             continue
         sphere = _sphere(tileset["root"])
@@ -79,7 +79,7 @@ def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
         "children": children,
     }
     tileset = {"asset": {"version": "1.1"}, "geometricError": 4 * radius, "root": root}
-    put(out / TILESET, (json.dumps(tileset, indent=1) + "\n").encode())
+    write_atomically(out / TILESET, (json.dumps(tileset, indent=1) + "\n").encode())
 
 
 def _tileset(path: Folder) -> dict[str, Any] | None:
@@ -101,19 +101,19 @@ def _sphere(root: dict[str, Any]) -> np.ndarray:
 
 def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[str], None]) -> None:
     """The overviews of all blocks as one model, around the first one's origin."""
-    sizes = each(lambda snapshot: size_of(snapshot.overview), snapshots, out)
+    sizes = map_concurrently(lambda snapshot: file_size(snapshot.overview), snapshots, out)
     files = [snapshot.overview for snapshot, size in zip(snapshots, sizes, strict=True) if size is not None]
     if sum(filter(None, sizes)) > OVERVIEW_BYTES:
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return
-    with tempfile.TemporaryDirectory(dir=local_side(out), prefix=f".{OVERVIEW}.") as name:
-        parts = [read_glb_file(file) for file in each(lambda file: _at_hand(file, Path(name)), files, out)]
+    with tempfile.TemporaryDirectory(dir=local_folder(out), prefix=f".{OVERVIEW}.") as name:
+        parts = [read_glb_file(file) for file in map_concurrently(lambda file: _at_hand(file, Path(name)), files, out)]
         extras = [part.document["scenes"][0]["extras"] for part in parts]
         if parts:
             model = out / OVERVIEW if isinstance(out, Path) else Path(name) / OVERVIEW
             merge_glbs(model, parts, extras[0]["origin"], extras={"crs": extras[0]["crs"]})
             if not isinstance(out, Path):
-                object_store.put((out / OVERVIEW).path, model)
+                object_store.upload_object((out / OVERVIEW).path, model)
 
 
 def _at_hand(file: Folder, folder: Path) -> Path:

@@ -20,7 +20,7 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.folders import Folder
-from catalogs.published.snapshot import current_if_any
+from catalogs.published.snapshot import find_current_snapshot
 from tasks.city.account import BLOCKS, Ended, tileset_of
 from tasks.engine.compute.child_processes import follow
 
@@ -72,7 +72,7 @@ def _run(
         summary = {}
     failures = [f"{one['unit']}: {one['reason']}" for one in summary.get("failures", ())]
     reason = "" if code == 0 else _reason(failures, ran.said)
-    published = current_if_any(folder)
+    published = find_current_snapshot(folder)
     snapshot = published.id if published else ""
     tiled = before.tiles if snapshot and before.tiles == snapshot and tileset_of(folder, snapshot).is_file() else ""
     if code in (0, 1) and tiles and snapshot and not tiled:

@@ -23,8 +23,8 @@ from catalogs.block.corrections import (
     read_corrections,
 )
 from catalogs.published.folders import Folder
-from catalogs.published.runs import CITY, runs_in
-from catalogs.published.snapshot import current
+from catalogs.published.runs import CITY_FILE_NAME, find_runs
+from catalogs.published.snapshot import current_snapshot
 from catalogs.readers.annotations import Annotation, facades_by_picture_name, parse_corrections, read_annotations
 from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
@@ -62,7 +62,7 @@ def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when
     Raises InputError for a file that is none, ids that are not there, and values that cannot be.
     """
     by = _by(who, why, when)
-    if (out / CITY).is_file():
+    if (out / CITY_FILE_NAME).is_file():
         return _import_of_city(out, path, by)
     with published(out) as found:
         said = read_annotations(path, facades_by_picture_name(list(found.plan.facades.id)))
@@ -82,7 +82,7 @@ class Taker:
     def take(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> Imported:
         """Take corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot be. All are
         written, or none. Raises InputError as `import_corrections`."""
-        with self._lock, current(self.out).being_read() as snapshot:
+        with self._lock, current_snapshot(self.out).hold_for_reading() as snapshot:
             if self._found is None or self._found.snapshot.id != snapshot.id:
                 self._found = opened(snapshot)
             return _kept(
@@ -141,7 +141,7 @@ def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
 def _command(out: Folder, block: Path) -> str:
     """What does again what is due of a block whose run, or that of its city, is in a folder."""
     home = city_or_block_file(block)
-    if (out / CITY).is_file():
+    if (out / CITY_FILE_NAME).is_file():
         return f"streetloom city {home if home != block else 'CITY.yaml'} --out {out}"
     if home != block:
         return f"streetloom city {home} --out {out.parent.parent}"
@@ -150,11 +150,11 @@ def _command(out: Folder, block: Path) -> str:
 
 def _import_of_city(out: Folder, path: Path, by: Correction) -> Imported:
     """What a file says of a city goes to the blocks that it is of."""
-    runs = {run.name: run.folder for run in runs_in(out)[0]}
+    runs = {run.name: run.folder for run in find_runs(out)[0]}
     of: dict[str, str] = {}
     facades: list[str] = []
     for name, folder in runs.items():
-        with current(folder).being_read() as snapshot:
+        with current_snapshot(folder).hold_for_reading() as snapshot:
             mine, houses = _ids_in(snapshot.items)
         facades += mine
         of |= dict.fromkeys((*mine, *houses), name)

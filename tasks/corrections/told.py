@@ -131,7 +131,7 @@ class Told:
                 self.notes.append(f"{id}: a roof height of 0 is not taken; say by its shape that it is flat")
             return None
         try:
-            one = validate_correction(replace(by, id=id, what=what, value=value))
+            one = validate_correction(replace(by, id=id, kind=what, value=value))
         except InputError as error:
             raise InputError(f"{named}: {error}") from error
         if id not in known:

@@ -15,10 +15,10 @@ from typing import Any
 import icechunk
 
 from catalogs.block.reader import read_block
-from catalogs.published.file_list import amiss
+from catalogs.published.file_list import find_damage
 from catalogs.published.folders import Folder
-from catalogs.published.runs import publishes
-from catalogs.published.snapshot import current_if_any
+from catalogs.published.runs import publish_hint
+from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.integrity import DAMAGE_ERRORS, find_broken_tags, find_unreadable_chunks, has_all_files
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
@@ -44,7 +44,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
     again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
     store = out / "store"
     if not store.is_dir():
-        makes = publishes(out, "makes one") if source is None else f"{again} makes one"
+        makes = publish_hint(out, "makes one") if source is None else f"{again} makes one"
         yield Finding("store", False, f"{out} holds no run; {makes}")
         return
     try:
@@ -113,13 +113,13 @@ def _store(out: Folder, repository: Any, session: icechunk.Session, group: Store
 
 
 def _published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]:
-    current = current_if_any(out)
+    current = find_current_snapshot(out)
     there = out / "published"
     folders = sorted(path.name for path in there.iterdir() if path.is_dir()) if there.is_dir() else []
     leftovers = [name for name in folders if name.startswith(".")]
     if current is None:
         yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
-    elif fault := amiss(current.folder, thorough=True):
+    elif fault := find_damage(current.folder, thorough=True):
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
     elif newest is not None and (fault := unpublished(out, newest)):
         yield Finding(

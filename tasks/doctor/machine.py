@@ -101,7 +101,7 @@ def _shipped() -> dict[Path, Callable[[Path], object]]:
     from facade_core.street.translator import neural_translator
 
     return {
-        network.SHIPPED_NETWORK: network.load,
+        network.SHIPPED_NETWORK: network.load_network,
         layouts.SHIPPED_LAYOUT_MODEL: layouts.load_layout_model,
         neural_translator.SHIPPED_TRANSLATOR: neural_translator.load_translator,
     }

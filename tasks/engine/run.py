@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from catalogs.published.folders import Folder, local_side
+from catalogs.published.folders import Folder, local_folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.types import SHIPPED_MODELS, ModelFiles, Privacy
 
@@ -52,7 +52,7 @@ class Run:
     @property
     def local(self) -> Path:
         """What of it lies on this machine in any case."""
-        return local_side(self.folder)
+        return local_folder(self.folder)
 
     @property
     def store(self) -> Folder:

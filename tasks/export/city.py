@@ -181,7 +181,7 @@ def model_of(
 
     assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
     facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
-    return build_building_model(drawn, triangles, facades, layouts, origin, assumed=assumed)
+    return build_building_model(drawn, triangles, facades, layouts, origin, has_assumed_roof=assumed)
 
 
 def _free(id: str, taken: set[str]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.items import COLUMNS, Column
+from catalogs.published.items import COLUMNS, ItemColumn
 from facade_core.core.errors import InputError
 from facade_core.export.models.features import FeatureTable, MetadataProperty
 from facade_core.geometry.charts import CHART_KINDS
@@ -99,7 +99,7 @@ def building_rows(found: Published) -> dict[int, dict[str, Any]]:
     return {building: _building(found, building, of.get(name, [])) for building, name in found.names.items()}
 
 
-def _property(column: Column) -> MetadataProperty:
+def _property(column: ItemColumn) -> MetadataProperty:
     # the only times are text as ISO 8601 has them; integers of 64 bits are exact as doubles, which scripts can add up
     types = {"int64": "double", "timestamp[us, UTC]": "string"}
     return MetadataProperty(column.name, types.get(column.type, column.type), column.unit, column.meaning)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.published import object_store
-from catalogs.published.folders import Folder, at, each, local_side, remove
+from catalogs.published.folders import Folder, join_path, local_folder, map_concurrently, remove_path
 from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.core.errors import InputError
 from tasks.export.models import FACTORED
@@ -158,28 +158,28 @@ def _export(
 
 
 def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> Exported:
-    here = local_side(place) / "exports" / format
+    here = local_folder(place) / "exports" / format
     try:
         with published(place) as found:
-            target = at(place, f"exports/{format}/{found.snapshot.id}")
+            target = join_path(place, f"exports/{format}/{found.snapshot.id}")
             written = _export(found, format, here, (), False, options)
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
-        each(
-            lambda name: object_store.put(at(target, name).path, at(here, name)),
+        map_concurrently(
+            lambda name: object_store.upload_object(join_path(target, name).path, join_path(here, name)),
             [n for n in names if n != marker_of(format)],
             target,
         )
-        object_store.put((target / marker_of(format)).path, here / marker_of(format))
+        object_store.upload_object((target / marker_of(format)).path, here / marker_of(format))
     finally:
         shutil.rmtree(here, ignore_errors=True)
     _forget_exports(target)
-    files = tuple(at(target, path.relative_to(here).as_posix()) for path in written.files if isinstance(path, Path))
+    files = tuple(join_path(target, path.relative_to(here).as_posix()) for path in written.files if isinstance(path, Path))
     return Exported(target, files, written.notes)
 
 
 def _forget_exports(newest: S3Folder) -> None:
     """Remove what lies beside the newest export of a format in a bucket, but for the one before it."""
-    beside = {name: one for name, one in object_store.listed(newest.parent.path).items() if "/" in name}
+    beside = {name: one for name, one in object_store.list_objects(newest.parent.path).items() if "/" in name}
     whole = {
         name.partition("/")[0]: one.written
         for name, one in beside.items()
@@ -187,7 +187,7 @@ def _forget_exports(newest: S3Folder) -> None:
     }
     before = max(whole.keys() - {newest.name}, key=lambda name: whole[name], default=None)
     for name in {name.partition("/")[0] for name in beside} - {newest.name, before}:
-        remove(newest.parent / name)
+        remove_path(newest.parent / name)
 
 
 def _check_target(target: Path, format: str, as_file: bool) -> None:

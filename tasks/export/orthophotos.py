@@ -95,7 +95,7 @@ def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlan
             building=escape_invisible(found.names[int(found.plan.scene.charts.building[chart])]),
             world_crs=found.crs,
             **{f"world_{key}": " ".join(map(str, value)) for key, value in plane.pose().items()},
-            metres_per_texel=f"{plane.texel[0]:.9g}",
+            metres_per_texel=f"{plane.texel_size[0]:.9g}",
             TIFFTAG_COPYRIGHT=found.attribution.line,
             **found.attribution.tags(),
         )
@@ -110,7 +110,7 @@ def _item(
 
     from catalogs.stac.facts import SourceFact
     from catalogs.stac.items import PROJECTION
-    from catalogs.stac.licences import license_links, license_of, licensors
+    from catalogs.stac.licences import common_license, license_links, licensors
     from facade_core.export.bodies.wall_plane import PLANE_WKT
 
     sources = [SourceFact(one.key, one.name, one.licence) for one in found.attribution.sources]
@@ -123,7 +123,7 @@ def _item(
         row["updated"].to_pydatetime(),
         {
             "title": f"Orthophoto of the facade {name}",
-            "license": license_of(sources),
+            "license": common_license(sources),
             "providers": [one.to_dict() for one in licensors(sources)],
             "proj:code": None,
             "proj:wkt2": PLANE_WKT,

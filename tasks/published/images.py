@@ -8,7 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from catalogs.features import file_stem
-from catalogs.published.reuse import Made
+from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import picture_path, read_stored_file
@@ -41,7 +41,7 @@ class Images:
     before: Mapping[str, str]
 
 
-def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside) -> Images:
+def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: SnapshotFiles, aside: Aside) -> Images:
     """Write the folder of images; what cannot be read is set aside."""
     folder = (snapshot.report / "images").relative_to(snapshot.folder).as_posix()
     journal = block.journals["pictures"]
@@ -51,7 +51,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside
     views = []
     for record in _done(journal[:first]):
         with aside.trying(record["unit"]):
-            made.put(f"{folder}/{record['file']}.jpg", record["digest"], partial(_file, block, record))
+            made.add_file(f"{folder}/{record['file']}.jpg", record["digest"], partial(_file, block, record))
             views.append(f"{record['file']}.jpg")
     sheets: dict[str, tuple[Titled, ...]] = {}
     for record in _done(journal[first:]):
@@ -76,23 +76,23 @@ def _file(block: StoredBlock, record: Record) -> bytes:
     return read_stored_file(block.group, picture_path(record["file"]), record["digest"])
 
 
-def _sheets(folder: str, block: StoredBlock, record: Record, made: Made) -> Iterator[Titled]:
+def _sheets(folder: str, block: StoredBlock, record: Record, made: SnapshotFiles) -> Iterator[Titled]:
     """One WebP for each picture of a facade, cut out of its file, which is read where one of them is not linked."""
     whole = cache(partial(_file, block, record))
     for name, title, offset, length in record["pictures"]:
         file = f"{file_stem(record['unit'])}-{name}.webp"
         of = unit_key(record["digest"], offset, length)
-        made.put(f"{folder}/{file}", of, partial(_cut, whole, offset, length))
+        made.add_file(f"{folder}/{file}", of, partial(_cut, whole, offset, length))
         yield file, title
 
 
-def _before(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:
+def _before(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Aside) -> Iterator[Titled]:
     """One WebP for each facade that changed since an earlier capture, as that shows it: the facade's id, and the file."""
     for record in _done(block.records):
         if "before_file" in record:
             file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
             with aside.trying(f"picture of facade {record['unit']} before"):
-                made.put(
+                made.add_file(
                     f"{folder}/{file}", digest, partial(read_stored_file, block.group, record["before_file"], digest)
                 )
                 yield record["unit"], file
@@ -102,7 +102,7 @@ def _cut(whole: Callable[[], bytes], offset: int, length: int) -> bytes:
     return whole()[offset : offset + length]
 
 
-def _exemplars(folder: str, block: StoredBlock, made: Made, aside: Aside) -> dict[str, tuple[Titled, ...]]:
+def _exemplars(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Aside) -> dict[str, tuple[Titled, ...]]:
     """Two WebPs for each exemplar that is done: the picture as it was given, and what walls are made of."""
     found = {}
     for index, record in enumerate(block.journals["exemplars"]):
@@ -117,7 +117,7 @@ def _exemplars(folder: str, block: StoredBlock, made: Made, aside: Aside) -> dic
             for array, title in pictures:
                 file = f"exemplar-{index}-{array}.webp"
                 of = unit_key(stage_code("publish"), record["key"], array)
-                made.put(f"{folder}/{file}", of, partial(_exemplar, block, f"exemplars/{index}/{array}"))
+                made.add_file(f"{folder}/{file}", of, partial(_exemplar, block, f"exemplars/{index}/{array}"))
                 titled.append((file, title))
             found[record["unit"]] = tuple(titled)
     return found
@@ -130,7 +130,7 @@ def _exemplar(block: StoredBlock, path: str) -> bytes:
     return encode_image(resize_image(image, (height, width)), "WEBP", quality=82, method=2)
 
 
-def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:
+def _panoramas(folder: str, block: StoredBlock, made: SnapshotFiles, aside: Aside) -> Iterator[Titled]:
     """One JPEG for some of the viewpoints, titled by their streets and places on these."""
     streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
     done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
@@ -141,7 +141,7 @@ def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Ite
         name = f"panorama-{number}.jpg"
         with aside.trying(f"panorama {record['unit']}"):
             of = unit_key(stage_code("publish"), record["panorama"])
-            made.put(f"{folder}/{name}", of, partial(_panorama, block, number))
+            made.add_file(f"{folder}/{name}", of, partial(_panorama, block, number))
             yield name, title
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.published.folders import Folder
-from catalogs.published.runs import runs_in
-from catalogs.published.snapshot import Snapshot, current
+from catalogs.published.runs import find_runs
+from catalogs.published.snapshot import Snapshot, current_snapshot
 from facade_core.core.errors import FormatError, InputError
 from facade_core.core.types import Element
 from tasks.published.attribution import read_attribution
@@ -97,10 +97,10 @@ def published(out: Folder) -> Iterator[Published]:
 
     Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
     """
-    runs, _ = runs_in(out)
+    runs, _ = find_runs(out)
     if len(runs) > 1:
         raise InputError(f"{out}: holds {len(runs)} runs; name one, such as {runs[0].folder}")
-    with current(runs[0].folder).being_read() as snapshot:
+    with current_snapshot(runs[0].folder).hold_for_reading() as snapshot:
         yield opened(snapshot)
 
 
@@ -108,11 +108,11 @@ def opened(snapshot: Snapshot) -> Published:
     """What a snapshot that is kept from being pruned holds. Raises as `published`."""
     import icechunk
 
-    session = snapshot.session()
+    session = snapshot.open_session()
     try:
         stored = stored_block(session)
     except (FormatError, icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
-        raise snapshot.unreadable(error) from error
+        raise snapshot.store_error(error) from error
     missing = [page for page in range(stored.plan.scene.spec.pages) if not snapshot.page(page).is_file()]
     if missing:
         raise InputError(f"{snapshot.page(missing[0])} is missing; {snapshot.remedy}")

@@ -8,12 +8,12 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from catalogs.published import object_store
-from catalogs.published.file_list import FILES, note_changed, predecessor_of, tags_of
-from catalogs.published.folders import Folder, remove
-from catalogs.published.runs import publishes
+from catalogs.published.file_list import FILE_LIST_NAME, read_predecessor, read_street_tags, update_file_list
+from catalogs.published.folders import Folder, remove_path
+from catalogs.published.runs import publish_hint
 from catalogs.published.s3 import S3Folder
-from catalogs.published.snapshot import Snapshot, current_if_any
-from catalogs.stac.versions import forget_versions
+from catalogs.published.snapshot import Snapshot, find_current_snapshot
+from catalogs.stac.versions import remove_dead_links
 from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import BRANCH, expire_snapshots, open_repository, open_root
 from facade_core.core.errors import FacadeError, InputError
@@ -40,9 +40,9 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     read_for: how long somebody may read what another snapshot superseded in a bucket.
     Raises InputError where nothing is published, or the store is damaged: what it holds is not known then.
     """
-    current = current_if_any(out)
+    current = find_current_snapshot(out)
     if current is None:
-        raise InputError(f"{out}: nothing is published; {publishes(out, 'publishes')}")
+        raise InputError(f"{out}: nothing is published; {publish_hint(out, 'publishes')}")
     repository = open_repository(out / "store")
     if not has_all_files(repository, out / "store"):
         raise InputError(f"{out / 'store'}: is damaged; `streetloom run BLOCK.yaml --out {out}` mends it first")
@@ -50,20 +50,20 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     size = _size(out)
     leftovers = _leftovers(out)
     for path in leftovers:
-        remove(path)
+        remove_path(path)
     published = out / "published"
     gone, readers = 0, []
     order = _newest_first(published, current.id)
     for newer, name in list(zip(order, order[1:], strict=False))[keep - 1 :]:
-        with Snapshot(published / name).alone() as nobody:
+        with Snapshot(published / name).lock_exclusively() as nobody:
             if not nobody or _superseded_lately(published / newer, read_for):
                 readers.append(name)
                 continue
             _remove_snapshot(published, name)
             gone += 1
-    for name, paths in forget_versions(published).items():
-        note_changed(published / name, paths)
-    kept = {tag for name in _newest_first(published, current.id) for tag in tags_of(published / name)}
+    for name, paths in remove_dead_links(published).items():
+        update_file_list(published / name, paths)
+    kept = {tag for name in _newest_first(published, current.id) for tag in read_street_tags(published / name)}
     kept |= street_tags(open_root(repository.readonly_session(BRANCH)))
     tags = sorted(set(repository.list_tags()) - kept)
     for tag in tags:
@@ -92,7 +92,7 @@ def _leftovers(out: Folder) -> list[Folder]:
     if not isinstance(out, S3Folder):
         return [path for pattern in LEFTOVERS for path in out.glob(pattern)]
     # what was sent whole has a list of files
-    published = [path for path in (out / "published").iterdir() if not (path / FILES).is_file()]
+    published = [path for path in (out / "published").iterdir() if not (path / FILE_LIST_NAME).is_file()]
     return [*published, *(path for path in out.iterdir() if path.name.startswith(".seen-"))]
 
 
@@ -100,25 +100,25 @@ def _superseded_lately(newer: Folder, read_for: timedelta) -> bool:
     """Whether a snapshot in a bucket came to be what readers are told of so short a time ago."""
     if not isinstance(newer, S3Folder):
         return False
-    listed = object_store.listed(newer.path).get(FILES)
+    listed = object_store.list_objects(newer.path).get(FILE_LIST_NAME)
     return listed is not None and datetime.now(UTC) - listed.written < read_for
 
 
 def _remove_snapshot(published: Folder, name: str) -> None:
     """In one step out of sight, then file by file."""
     if isinstance(published, S3Folder):
-        (published / name / FILES).unlink()
-        remove(published / name)
+        (published / name / FILE_LIST_NAME).unlink()
+        remove_path(published / name)
         return
     os.replace(published / name, published / f".{name}.gone.tmp")
-    remove(published / f".{name}.gone.tmp")
+    remove_path(published / f".{name}.gone.tmp")
 
 
 def _newest_first(published: Folder, current: str) -> list[str]:
     """The published snapshots, each before its predecessor, those that no other leads to last."""
     folders = {path.name: path for path in published.iterdir() if path.is_dir() and not path.name.startswith(".")}
     order = [current]
-    while (before := predecessor_of(published / order[-1])) in folders and before not in order:
+    while (before := read_predecessor(published / order[-1])) in folders and before not in order:
         order.append(str(before))
     return order + sorted(folders.keys() - set(order), key=lambda name: -_written(folders[name]))
 
@@ -126,7 +126,7 @@ def _newest_first(published: Folder, current: str) -> list[str]:
 def _written(folder: Folder) -> float:
     """When a folder was written, seconds since 1970."""
     if isinstance(folder, S3Folder):
-        return max((one.written.timestamp() for one in object_store.listed(folder.path).values()), default=0.0)
+        return max((one.written.timestamp() for one in object_store.list_objects(folder.path).values()), default=0.0)
     return folder.stat().st_mtime
 
 

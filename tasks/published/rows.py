@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from catalogs.published.items import ASSUMED, ROW_KEYS
+from catalogs.published.items import ASSUMED_HEIGHT, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
@@ -200,7 +200,7 @@ def _quality(record: Mapping[str, Any], levels: int, height_source: str, role: i
         "floors-differ": role == WallRole.STREET and floors > 0 and not least <= levels <= most,
         "doubtful-cut": not record.get("cut_found", True)
         or not 1 / STRETCHED <= record.get("stretched", 1.0) <= STRETCHED,
-        ASSUMED: height_source == "default",
+        ASSUMED_HEIGHT: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"
 

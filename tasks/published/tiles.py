@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.reuse import Made
+from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
@@ -44,7 +44,7 @@ class WrittenTile:
 
 
 def write_tiles(
-    snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside, attribution: Attribution
+    snapshot: Snapshot[Path], block: StoredBlock, made: SnapshotFiles, aside: Aside, attribution: Attribution
 ) -> list[WrittenTile]:
     """Write the models of tiles, as the store has them but for whom they name, and tiles/index.json, which lists them; one that
     cannot be read is set aside."""
@@ -54,7 +54,7 @@ def write_tiles(
             continue
         path, digest = tile_paths(tile.path)[0], record["digest"]
         with aside.trying(f"tile {tile.path}"):
-            file = made.put(
+            file = made.add_file(
                 snapshot.tile(tile.path).relative_to(snapshot.folder).as_posix(),
                 unit_key(attribution.line, digest),
                 partial(_named_glb, block, path, digest, attribution),
@@ -94,7 +94,7 @@ def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attr
 
 
 def write_model(
-    snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: Made, attribution: Attribution
+    snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: SnapshotFiles, attribution: Attribution
 ) -> bool:
     """Write block.glb, the tiles joined. Returns whether it fits MODEL_BYTES."""
     if sum(one.record["bytes"] for one in tiles) > MODEL_BYTES:
@@ -106,7 +106,7 @@ def write_model(
         parts = [read_glb_file(one.file) for one in tiles]
         merge_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
-    made.put_written(snapshot.model.name, of, write)
+    made.add_written_file(snapshot.model.name, of, write)
     return True
 
 
@@ -118,7 +118,7 @@ def write_overview(
     snapshot: Snapshot[Path],
     block: StoredBlock,
     tiles: Sequence[WrittenTile],
-    made: Made,
+    made: SnapshotFiles,
     aside: Aside,
     attribution: Attribution,
 ) -> None:
@@ -143,9 +143,9 @@ def write_overview(
 
     # what is drawn of a tile's geometry is told by its digest
     of = [[one.record["digest"], one.record["coarse"]] for one in tiles]
-    made.put(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, of), make)
+    made.add_file(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, of), make)
     if any(tile_paths(one.tile.path)[1] in aside.failed for one in tiles):
-        del made.of[snapshot.overview.name]  # it is not to be linked for a whole one
+        del made.source_digests[snapshot.overview.name]  # it is not to be linked for a whole one
 
 
 def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) -> Iterator[dict[int, np.ndarray]]:

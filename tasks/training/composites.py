@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.learning.datasets import read_ecp, split
+from catalogs.learning.datasets import read_ecp, split_facades
 from facade_core.core.types import Pose
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.streets import Viewpoint
@@ -32,7 +32,7 @@ ROADWAY, PAVEMENTS = ("asphalt.jpg", 1.2), (("slabs.jpg", 1.0), ("concrete.jpg",
 def composites(data: Path, *, seed: int) -> list[TrainingPair]:
     """Pairs of views along streets whose houses show facades/ecp and facades/cmp without their held-out folds, and whose ground
     shows pictures of materials/. Raises InputError where one of these is missing."""
-    photos = [facade.image for facade in split(list(read_ecp(data / "facades" / "ecp")))[0]]
+    photos = [facade.image for facade in split_facades(list(read_ecp(data / "facades" / "ecp")))[0]]
     photos += [facade.image for facade in cmp_photos(data)[0]]
     roadway = (picture(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
     pavements = [(picture(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]

@@ -11,7 +11,7 @@ from catalogs.block.corrections import read_corrections
 from catalogs.learning.datasets import LabelledFacade
 from catalogs.learning.layouts import LayoutRecord
 from catalogs.published.folders import Folder
-from catalogs.published.runs import runs_in
+from catalogs.published.runs import find_runs
 from facade_core.core.errors import InputError
 from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.provenance import Provenance
@@ -63,7 +63,7 @@ def corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
     Raises InputError for a folder without a run, and for fewer than LEAST facades in all.
     """
     found: list[CorrectedFacade] = []
-    for folder in dict.fromkeys(one.folder for out in outs for one in runs_in(out)[0]):
+    for folder in dict.fromkeys(one.folder for out in outs for one in find_runs(out)[0]):
         found += _of_run(folder)
     if len(found) < LEAST:
         raise InputError(

@@ -8,14 +8,14 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from catalogs.learning.occluder_boxes import Looked
+from catalogs.learning.occluder_boxes import OccluderBoxes
 from facade_core.core.labels import CLASSES, FacadeClass
 from facade_core.parsing.occluder_labels import occluders_from_labels
 from facade_core.parsing.training_views import ANY_CLASS
 from facade_core.synth.exemplars import exemplars
 
 
-def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping[str, Looked]) -> list[LabelledFacade]:
+def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping[str, OccluderBoxes]) -> list[LabelledFacade]:
     """The facades of a set with another occluder map, by what a detector says of the photos "set/name"."""
     told = []
     for facade in facades:

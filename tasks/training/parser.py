@@ -6,8 +6,17 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, read_ecp, read_dataset, split, read_swiss
-from catalogs.learning.occluder_boxes import looked_in_front
+from catalogs.learning.datasets import (
+    ARTDECO,
+    CMP,
+    RUEMONGE,
+    LabelledFacade,
+    read_dataset,
+    read_ecp,
+    read_swiss,
+    split_facades,
+)
+from catalogs.learning.occluder_boxes import read_occluder_boxes
 from facade_core.core.errors import InputError
 from facade_core.core.model_file import extend_model_record, read_model_record
 from facade_core.parsing import confidence, network, network_export, network_training
@@ -39,10 +48,10 @@ def train_network(data: Path, out: Path, *, seed: int, course: TrainingSchedule 
     It learns from facades/ecp and facades/cmp without their held-out folds and, of the latter, what calibrates it; from
     streetphotos/swiss/train and from painted facades. network.state, kept beside, is where an interrupted run goes on.
     """
-    looked = looked_in_front()
+    looked = read_occluder_boxes()
     cmp, apart = cmp_photos(data)
     sets: Sets = {
-        "ecp": with_occluders("ecp", split(list(read_ecp(data / "facades" / "ecp")))[0], looked),
+        "ecp": with_occluders("ecp", split_facades(list(read_ecp(data / "facades" / "ecp")))[0], looked),
         "cmp": with_occluders("cmp", cmp, looked),
         "swiss": list(read_swiss(data / "streetphotos" / "swiss" / "train")),
         "painted": painted(PAINTED, seed=PAINTED_SEED),
@@ -72,7 +81,7 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
 def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
     """The photos of facades/cmp without its held-out fold: those to train on, and an eighth by which it is measured how sure
     the network may be."""
-    return split(split(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8)
+    return split_facades(split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[0], every=8)
 
 
 def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
@@ -81,7 +90,7 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     For the benchmark of that set only. Raises ModelError where `out` has no finished network.
     """
     facades = {
-        "artdeco": lambda: split(list(read_dataset(ARTDECO, data / "facades" / "artdeco")))[0],
+        "artdeco": lambda: split_facades(list(read_dataset(ARTDECO, data / "facades" / "artdeco")))[0],
         "ruemonge2014": lambda: list(read_dataset(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
     }[name]()
     start = network_training.read_finished_weights(out / "network.state")
@@ -112,7 +121,7 @@ def train_corrected(
     usable = [photo for photo in photos if photo is not None]
     if len(usable) < LEAST:
         raise InputError(f"pictures show {len(usable)} of {len(facades)} corrected facades; the parser needs {LEAST}")
-    learnt, held_out = split(usable)
+    learnt, held_out = split_facades(usable)
     sets: Sets = {"corrected": learnt}
     weights = network_training.train_parser_network(
         sets,

@@ -13,8 +13,8 @@ import numpy as np
 
 from catalogs.published.folders import Folder
 from catalogs.published.items import BBOX, COLUMNS
-from catalogs.published.report import to_look_at
-from catalogs.published.snapshot import current_if_any
+from catalogs.published.report import facades_to_review
+from catalogs.published.snapshot import find_current_snapshot
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
@@ -78,7 +78,7 @@ class View:
     @property
     def published(self) -> str | None:
         """The snapshot that was published last; an older one than this while a run goes on."""
-        found = current_if_any(self.out)
+        found = find_current_snapshot(self.out)
         return found.id if found else None
 
     @cached_property
@@ -141,7 +141,7 @@ class View:
             "size": extent.round(2).tolist(),
             "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN],
             "facades": facades,
-            "to_look_at": [row["id"] for row in to_look_at(facades)],
+            "to_look_at": [row["id"] for row in facades_to_review(facades)],
             "parse_colours": [[colour, name] for name, colour in PARSE_COLOURS.items()],
             "streets": [
                 {"id": s["id"], "name": s["name"] or s["id"], "line": _rounded(np.array(s["line"]) - corner)}

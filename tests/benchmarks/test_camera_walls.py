@@ -9,7 +9,7 @@ from benchmarks import camera_walls
 
 
 def test_of_a_street_whose_roofs_no_camera_shows_the_walls_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(camera_walls, "before_buildings", lambda image, pose: np.zeros(image.shape[:2], bool))
+    monkeypatch.setattr(camera_walls, "mask_building_occluders", lambda image, pose: np.zeros(image.shape[:2], bool))
     found = camera_walls.measure(buildings=2, cameras=1, width=256)
     for poses in ("given", "refined", "true"):
         assert found[poses]["roofs"] is None

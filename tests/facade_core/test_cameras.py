@@ -116,7 +116,7 @@ def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -
         cameras.append(PanoramaCamera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), typical_ground_colour(ground.squares)))
     gains = exposure_factors(squares)
     assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
-    cameras = [replace(camera, factor=own) for camera, own in zip(cameras, gains, strict=True)]
+    cameras = [replace(camera, exposure_factor=own) for camera, own in zip(cameras, gains, strict=True)]
     errors, plain = [], []
     for chart in np.flatnonzero(scene.charts.kind == ChartKind.GROUND).tolist():
         shown = fuse_ground_view(scene, chart, cameras)

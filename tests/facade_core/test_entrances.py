@@ -12,13 +12,13 @@ from scipy import ndimage
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Street
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.ground_floor import replace_shops
 from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.facade_walls import facade_wall
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import facade as paint
 from tasks.stages.facades.stage import entrances_of
@@ -41,14 +41,16 @@ def plan_of(buildings: list[Building]) -> Plan:
             Street("a", "a", shapely.LineString([(-30, -8), (60, -8)])),
             Street("b", "b", shapely.LineString([(-8, -30), (-8, 12)])),
         ],
-        texels_per_metre=8.0,
-        spacing=6.0,
-        height=2.5,
-        visibility_range=40.0,
-        panorama_width=128,
-        storey=3.2,
-        walls="exemplar",
-        page=512,
+        IngestSettings(
+            texels_per_metre=8.0,
+            viewpoint_spacing=6.0,
+            viewpoint_height=2.5,
+            visibility_range=40.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls="exemplar",
+            page=512,
+        ),
     )
 
 
@@ -91,7 +93,7 @@ def test_every_building_has_a_back_with_a_door(plan: Plan, style: ExemplarStyle)
 
 def corner(width: float) -> FacadeWall:
     free = shapely.box(0, 0, width, 16)
-    return FacadeWall(width, 16, 0, 16, 5, street=False, plain=False, free=free, corner=True)
+    return FacadeWall(width, 16, 0, 16, 5, on_street=False, is_back=False, free=free, is_corner=True)
 
 
 @pytest.mark.parametrize("width", [1.3, 2.1, 2.9])
@@ -116,7 +118,7 @@ def test_what_is_too_narrow_for_a_shop_has_none(style: ExemplarStyle) -> None:
 
 
 def test_a_back_that_is_covered_at_the_ground_has_no_door(style: ExemplarStyle) -> None:
-    wall = FacadeWall(8, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 8, 10), door=True)
+    wall = FacadeWall(8, 16, 0, 16, 5, on_street=False, is_back=True, free=shapely.box(0, 0, 8, 10), has_back_door=True)
     assert not (compose_wall(style, wall, metres_per_pixel=MPP)[1] == FacadeClass.DOOR).any()
 
 
@@ -130,7 +132,7 @@ def test_a_front_shows_a_door_where_the_map_has_one() -> None:
     painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=8)
     style = extract_style(*replace_shops(painted.image, painted.labels))
     assert style.doors.any()
-    wide = replace(FacadeWall.alone(14, 30, 5), entrances=())
+    wide = replace(FacadeWall.freestanding(14, 30, 5), entrances=())
     before = doors_of(compose_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])
     place = max(np.linspace(3, 27, 25).tolist(), key=lambda x: min(abs(x - door) for door in before))
     labels = compose_wall(style, replace(wide, entrances=(place,)), metres_per_pixel=MPP, seed=3)[1]
@@ -142,7 +144,7 @@ def test_a_front_shows_a_door_where_the_map_has_one() -> None:
 
 
 def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarStyle) -> None:
-    wall = FacadeWall(16, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 16, 16))
+    wall = FacadeWall(16, 16, 0, 16, 5, on_street=False, is_back=True, free=shapely.box(0, 0, 16, 16))
     assert not doors_of(compose_wall(style, wall, metres_per_pixel=MPP)[1])
     for place in (3.0, 13.0):
         (door,) = doors_of(compose_wall(style, replace(wall, entrances=(place,)), metres_per_pixel=MPP)[1])

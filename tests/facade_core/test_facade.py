@@ -21,8 +21,8 @@ from facade_core.facade.pipeline import (
     prepare_exemplar,
 )
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.wall_material import lit_colour
 from facade_core.parsing.occluders import remove_spill
 from facade_core.synth.facade import facade as paint

@@ -13,14 +13,13 @@ from scipy import ndimage
 from facade_core.core.labels import FacadeClass
 from facade_core.core.types import Building, Roof, Street
 from facade_core.facade.texture.building_walls import compose_wall
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import ExemplarStyle, extract_style
-from facade_core.facade.texture.storeys import FLOOR_HEIGHT_M, stack_floors
+from facade_core.facade.texture.wall_floors import FLOOR_HEIGHT_M, FacadeWall, stack_floors
 from facade_core.geometry.buildings.roof_shapes import build_roof_shell
 from facade_core.geometry.walls import WallRole, free_wall_area
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.facades import Facades
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import facade as paint
 
@@ -41,14 +40,16 @@ def plan_of(walls: str, buildings: Sequence[Building] = BUILDINGS) -> Plan:
     return ingest(
         buildings,
         [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))],
-        texels_per_metre=8.0,
-        spacing=8.0,
-        height=2.5,
-        visibility_range=40.0,
-        panorama_width=128,
-        storey=3.2,
-        walls=walls,
-        page=512,
+        IngestSettings(
+            texels_per_metre=8.0,
+            viewpoint_spacing=8.0,
+            viewpoint_height=2.5,
+            visibility_range=40.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls=walls,
+            page=512,
+        ),
     )
 
 
@@ -74,7 +75,9 @@ def test_every_wall_that_stands_free_is_a_facade(plan: Plan) -> None:
     facades = plan.facades
     counts = {name: sum(id_.startswith(f"{name}-") for id_ in facades.id) for name in ("ell", "low", "court", "tower")}
     assert counts == {"ell": 6, "low": 3, "court": 8, "tower": 16}, "of the lower one the party wall is left out"
-    assert [facades.role[i] for name in ("ell", "low", "court") for i in on(plan, name, (0, -1))[:1]] == [WallRole.STREET] * 3
+    assert [facades.role[i] for name in ("ell", "low", "court") for i in on(plan, name, (0, -1))[:1]] == [
+        WallRole.STREET
+    ] * 3
     assert all(facades.role[i] == WallRole.BACK for name in ("ell", "low") for i in on(plan, name, (0, 1)))
     assert not plan.writable[facades.chart].any()
 
@@ -190,9 +193,9 @@ def test_gables_and_narrow_walls(style: ExemplarStyle) -> None:
         style, FacadeWall(0.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 0.9, 16)), metres_per_pixel=MPP
     )[1]
     assert not windows(narrow)
-    fits = compose_wall(style, FacadeWall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP)[
-        1
-    ]
+    fits = compose_wall(
+        style, FacadeWall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP
+    )[1]
     assert len(windows(fits)) == 5
 
 
@@ -216,7 +219,7 @@ def wall_storeys(style: ExemplarStyle, wall: FacadeWall) -> list[float]:
 
 
 def test_a_lower_part_of_a_building_keeps_its_storeys(style: ExemplarStyle) -> None:
-    tall = FacadeWall.alone(19.2, 12.0, floors=6)
+    tall = FacadeWall.freestanding(19.2, 12.0, floors=6)
     low = FacadeWall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
     high, lower = (np.cumsum(wall_storeys(style, wall)[::-1]) for wall in (tall, low))
     np.testing.assert_allclose(high[: len(lower) - 1], lower[:-1], atol=1e-6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shapely
 
 from facade_core.core.types import Building, Roof, Street
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 
 HOUSE = Building("h", shapely.box(0, 0, 9, 20), 6.0, "levels", 2)
 STREETS = [
@@ -19,13 +19,15 @@ def facades(roof: Roof) -> set[tuple[str, float, int]]:
     plan = ingest(
         [house],
         STREETS,
-        texels_per_metre=8.0,
-        spacing=8.0,
-        height=2.5,
-        visibility_range=40.0,
-        panorama_width=128,
-        storey=3.0,
-        walls="exemplar",
+        IngestSettings(
+            texels_per_metre=8.0,
+            viewpoint_spacing=8.0,
+            viewpoint_height=2.5,
+            visibility_range=40.0,
+            panorama_width=128,
+            floor_height=3.0,
+            walls="exemplar",
+        ),
     ).facades
     return {
         (id, round(float(high), 3), int(floors))

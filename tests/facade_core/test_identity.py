@@ -14,7 +14,7 @@ from facade_core.geometry.charts import ChartKind, Charts
 from facade_core.geometry.walls import WallRole
 from facade_core.imagery.rectify.panorama import find_sightings
 from facade_core.plan.identity import chart_ids, serialise_finish
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 
 
@@ -38,16 +38,18 @@ def plan(
     return ingest(
         houses,
         streets,
+        IngestSettings(
+            texels_per_metre=4,
+            viewpoint_spacing=6.0,
+            viewpoint_height=2.5,
+            visibility_range=25.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls="exemplar",
+        ),
         poses=poses,
         panorama_sizes=[(256, 512)] * len(poses),
-        texels_per_metre=4,
-        spacing=6.0,
-        height=2.5,
-        visibility_range=25.0,
-        panorama_width=128,
-        storey=3.2,
-        walls="exemplar",
-        last=PreviousPlacement(last.ids, last.scene.placement) if last else None,
+        previous=PreviousPlacement(last.ids, last.scene.placement) if last else None,
     )
 
 
@@ -141,7 +143,11 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
         (facade, one.panorama, one.seen_share, one.pixels_per_metre)
         for facade, (chart, role) in enumerate(zip(found.facades.chart.tolist(), found.facades.role, strict=True))
         for one in find_sightings(
-            found.scene, chart, found.poses, [(256, 512)] * len(poses), max_distance=150.0 if role == WallRole.STREET else 40.0
+            found.scene,
+            chart,
+            found.poses,
+            [(256, 512)] * len(poses),
+            max_distance=150.0 if role == WallRole.STREET else 40.0,
         )
         if role == WallRole.STREET or one.seen_share >= 0.3
     ]

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from catalogs.block.keys import check_keys, allowed_ranges
+from catalogs.block.keys import allowed_ranges, check_keys
 from catalogs.block.reader import read_block
-from catalogs.block.yaml_files import LARGEST, read_yaml
+from catalogs.block.yaml_files import MAX_FILE_BYTES, read_yaml
 from facade_core.core.errors import BlockFileError, InputError
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -119,7 +119,7 @@ REFUSED: dict[str, tuple[str | bytes, str]] = {
     "utf-16": (GOOD.encode("utf-16"), r"is not UTF-8 text"),
     "utf-16-be": (GOOD.encode("utf-16-be"), r"line 1: not valid YAML \(special characters"),
     "latin-1": (GOOD.replace("tiny", "caf\xe9").encode("latin-1"), r"is not UTF-8 text"),
-    "huge": (GOOD + "#" * LARGEST, r"has more than 256 kB, and a block file only names data"),
+    "huge": (GOOD + "#" * MAX_FILE_BYTES, r"has more than 256 kB, and a block file only names data"),
     "path-tilde": (GOOD.replace("buildings.g", "~nosuchuser/b.g"), r"buildings.path: .*there is no user ~nosuchuser"),
     "path-long": (GOOD.replace("buildings.g", "b" * 400 + ".g"), r"buildings.path: .*cannot be opened \(File name too"),
     "path-longer": (GOOD.replace("buildings.g", "b/" * 3000 + ".g"), r"buildings.path: .* \(File name too long\)"),

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from catalogs.published.snapshot import current
+from catalogs.published.snapshot import current_snapshot
 from tasks.engine.run import Run
 from tasks.engine.store.status import nothing_due
 from tasks.stages.publish.task import publish_block
@@ -51,7 +51,7 @@ def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple
     done = nothing_due(run)
     assert done is not None
     out = Path(run.out)
-    snapshot = current(out).id
+    snapshot = current_snapshot(out).id
     published = out / "published" / snapshot
     kept = out.parent / "kept"
     shutil.copytree(out, kept)

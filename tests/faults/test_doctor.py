@@ -12,7 +12,7 @@ import yaml
 import zarr
 from click.testing import CliRunner
 
-from catalogs.published.snapshot import current
+from catalogs.published.snapshot import current_snapshot
 from facade_core.atlas.journal import clear_record, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from flows.cli.commands import main
@@ -57,7 +57,7 @@ def lose_exemplar(run: Run) -> None:
 
 def lose_model(run: Run) -> None:
     out = Path(run.out)
-    current(out).model.unlink()
+    current_snapshot(out).model.unlink()
 
 
 def cut_snapshot(run: Run) -> None:
@@ -125,7 +125,7 @@ def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
     for path in network.SHIPPED_NETWORK.parent.glob("network.*"):
         shutil.copy(path, tmp_path)
     (tmp_path / "network.onnx").write_bytes(b"cut")
-    whole, cut = models({network.SHIPPED_NETWORK: network.load, tmp_path / "network.onnx": network.load})
+    whole, cut = models({network.SHIPPED_NETWORK: network.load_network, tmp_path / "network.onnx": network.load_network})
     assert whole.well
     assert cut.well is False
     assert "checksum" in cut.said

@@ -11,8 +11,8 @@ import pytest
 import zarr
 from click.testing import CliRunner
 
-from catalogs.published.file_list import amiss
-from catalogs.published.snapshot import Snapshot, current
+from catalogs.published.file_list import find_damage
+from catalogs.published.snapshot import Snapshot, current_snapshot
 from facade_core.atlas.integrity import has_all_files
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import InputError
@@ -40,7 +40,7 @@ def published_again(run: Run, block: Path) -> str:
     zarr.open_group(session.store).attrs["ingested"] = 1.0
     commit(session, "of now")
     publish_block.fn(run, block)
-    return current(Path(run.out)).id
+    return current_snapshot(Path(run.out)).id
 
 
 def leads_to(folder: Path, name: str) -> list[str]:
@@ -55,7 +55,7 @@ def leads_to(folder: Path, name: str) -> list[str]:
 
 def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run], run: Run) -> None:
     out, block = Path(run.out), textured[0]
-    first = current(out).id
+    first = current_snapshot(out).id
     tags = open_repository(run.store).list_tags()
     second = published_again(run, block)
     published = out / "published"
@@ -70,14 +70,14 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert done is not None
     size = sum(path.stat().st_size for path in (run.store / "chunks").iterdir())
 
-    with Snapshot(published / read).being_read():
+    with Snapshot(published / read).hold_for_reading():
         said = prune(out, 1)
     assert "removed 1 published snapshots, 1 tags and 4 leftovers" in said[0]
     assert said[1:] == [f"{out}: kept {read}, which somebody reads"]
     assert sorted(path.name for path in published.iterdir()) == sorted([second, read])
     assert not [path for path in out.iterdir() if path.name.endswith(".tmp") or path.name.startswith(".seen")]
     assert leads_to(published / second, first) == []
-    assert amiss(published / second, thorough=True) is None
+    assert find_damage(published / second, thorough=True) is None
     assert open_repository(run.store).list_tags() == tags
     assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size
     assert has_all_files(open_repository(run.store), run.store)
@@ -94,7 +94,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
 
 def test_what_is_kept_is_the_newest_and_a_run_prunes_too(textured: tuple[Path, Run], run: Run) -> None:
     out = Path(run.out)
-    first = current(out).id
+    first = current_snapshot(out).id
     for name in ("A" * 20, "B" * 20):
         shutil.copytree(out / "published" / first, out / "published" / name)
     shown = CliRunner().invoke(main, ["run", str(textured[0]), "--out", run.out, "--keep", "2"])

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from catalogs.published import object_store
-from catalogs.published.folders import local_side
+from catalogs.published.folders import local_folder
 from catalogs.published.s3 import S3Folder
 from facade_core.atlas.arrays import STORE_FORMAT
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
@@ -63,7 +63,7 @@ def test_a_lock_that_is_over_is_taken_over_and_given_back(out: S3Folder) -> None
         assert held["pid"] == os.getpid()
         assert is_held(out)
     assert not is_held(out)
-    assert object_store.get(f"{out.path}/.lock") is None
+    assert object_store.download_object(f"{out.path}/.lock") is None
 
 
 def test_a_process_that_ended_on_this_machine_is_not_waited_for(
@@ -82,10 +82,10 @@ def test_a_process_that_ended_on_this_machine_is_not_waited_for(
 
 def test_a_bucket_that_keeps_no_conditions_is_refused(out: S3Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     def overwrite(path: str, data: bytes, tag: str | None) -> str:
-        object_store.put(path, data)
+        object_store.upload_object(path, data)
         return '"tag"'
 
-    monkeypatch.setattr(object_store, "put_if", overwrite)
+    monkeypatch.setattr(object_store, "upload_if_unchanged", overwrite)
     with pytest.raises(InputError, match="keeps no conditions on writing"), locked(out):
         pass
     assert not is_held(out)
@@ -145,7 +145,7 @@ def test_two_on_one_machine(out: S3Folder) -> None:
     """The file of the local side is held as a folder's is."""
     import fcntl
 
-    local = local_side(out)
+    local = local_folder(out)
     local.mkdir(parents=True)
     with (local / ".lock").open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)

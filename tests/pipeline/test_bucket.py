@@ -23,10 +23,10 @@ from click.testing import CliRunner
 import catalogs
 from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.published import object_store
-from catalogs.published.file_list import amiss
-from catalogs.published.folders import local_side
+from catalogs.published.file_list import find_damage
+from catalogs.published.folders import local_folder
 from catalogs.published.s3 import S3Folder
-from catalogs.published.snapshot import current
+from catalogs.published.snapshot import current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.snapshot import open_atlas
 from facade_core.core.errors import FacadeError, InputError
@@ -148,8 +148,8 @@ def test_a_killed_run_goes_on_to_the_same_atlas(runs: Runs) -> None:
 
 
 def test_what_it_published_is_whole_and_the_same(runs: Runs) -> None:
-    here, there = current(runs.folder), current(runs.out)
-    assert amiss(there.folder, thorough=True) is None
+    here, there = current_snapshot(runs.folder), current_snapshot(runs.out)
+    assert find_damage(there.folder, thorough=True) is None
     assert there.model.read_bytes() == here.model.read_bytes()
     left = {"updated", "seconds", "run"}
     for kind in ("facade", "page"):
@@ -214,13 +214,13 @@ def test_workers_are_asked_whether_they_reach_the_bucket(runs: Runs, monkeypatch
 
 def test_older_snapshots_stay_for_an_hour_and_then_go(runs: Runs) -> None:
     """On a copy: another snapshot is published before the one that `current` names."""
-    copy, first = S3Folder(f"{runs.out.parent.path}/copy"), current(runs.out).id
+    copy, first = S3Folder(f"{runs.out.parent.path}/copy"), current_snapshot(runs.out).id
     for name in runs.out.sizes():
-        object_store.copy(f"{runs.out.path}/{name}", f"{copy.path}/{name}")
+        object_store.copy_object(f"{runs.out.path}/{name}", f"{copy.path}/{name}")
     older = "0LDER0LDER0LDER0LDER"
     for name in (copy / "published" / first).sizes():
-        object_store.copy(f"{copy.path}/published/{first}/{name}", f"{copy.path}/published/{older}/{name}")
-    object_store.put(f"{copy.path}/published/half/items.parquet", b"of a run that was killed as it published")
+        object_store.copy_object(f"{copy.path}/published/{first}/{name}", f"{copy.path}/published/{older}/{name}")
+    object_store.upload_object(f"{copy.path}/published/half/items.parquet", b"of a run that was killed as it published")
     said = prune(copy, 1)
     assert "removed 0 published snapshots" in said[0]
     assert "1 leftovers" in said[0]
@@ -228,16 +228,16 @@ def test_older_snapshots_stay_for_an_hour_and_then_go(runs: Runs) -> None:
     said = prune(copy, 1, read_for=timedelta())
     assert "removed 1 published snapshots" in said[0]
     assert [path.name for path in (copy / "published").iterdir()] == [first]
-    assert amiss(current(copy).folder) is None
+    assert find_damage(current_snapshot(copy).folder) is None
     assert len(query(copy)) == len(query(runs.out))
     assert done(copy) == done(runs.out)
 
 
 def test_the_secret_is_nowhere(runs: Runs) -> None:
-    held = {name: object_store.get(f"nights/{name}") for name in object_store.listed("nights")}
+    held = {name: object_store.download_object(f"nights/{name}") for name in object_store.list_objects("nights")}
     assert len(held) > 100
     leaks = [name for name, found in held.items() if found and SECRET.encode() in found[0]]
-    local = [path for path in local_side(runs.out).rglob("*") if path.is_file()]
+    local = [path for path in local_folder(runs.out).rglob("*") if path.is_file()]
     assert any(path.suffix == ".jsonl" for path in local), "the log is on this machine"
     leaks += [str(path) for path in local if SECRET.encode() in path.read_bytes()]
     assert leaks == []

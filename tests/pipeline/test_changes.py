@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from catalogs.published.snapshot import current
+from catalogs.published.snapshot import current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import read_stored_file
@@ -101,7 +101,7 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
         picture_before(view, view.number(told.id["c"]))
     del open_root(session)[changed["before_file"]]
     assert find_lost_units(session) == {"facades": [view.number(told.id["a"])]}
-    report = current(out).report
+    report = current_snapshot(out).report
     text = (report / "index.html").read_text()
     assert "1 of 2 facades that two captures show changed" in text
     (before,) = (report / "images").glob("*-before.webp")

@@ -19,8 +19,8 @@ from click.testing import CliRunner
 
 import facade_core.export.pictures.views
 from catalogs.published import object_store
-from catalogs.published.folders import Folder, local_side
-from catalogs.published.merged_items import joined_in
+from catalogs.published.folders import Folder, local_folder
+from catalogs.published.merged_items import read_merged_items
 from catalogs.published.s3 import S3Folder, folder_at
 from catalogs.query.execution import query
 from facade_core.core.errors import InputError
@@ -89,7 +89,7 @@ def test_what_lies_over_its_blocks_leads_to_them(cities: tuple[Path, S3Folder, P
     _, out, folder, _ = cities
     columns = ["id", "run", "building", "kind"]
     assert query(out)[columns].equals(query(folder)[columns])
-    assert [len(one.runs) for one in joined_in(out)] == [2]
+    assert [len(one.runs) for one in read_merged_items(out)] == [2]
     children = json.loads((out / "tileset.json").read_text())["root"]["children"]
     assert len(children) == 2
     assert all((out / child["content"]["uri"]).is_file() for child in children)
@@ -121,7 +121,7 @@ def test_a_block_that_another_run_holds_stops_no_other(
     held, name = S3Folder(f"{out.parent.path}/held"), sorted(query(out)["run"].unique())[0]
     until = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
     lock = json.dumps({"host": "elsewhere", "pid": 7, "run": "0" * 32, "until": until})
-    object_store.put(f"{held.path}/{name}/.lock", lock.encode())
+    object_store.upload_object(f"{held.path}/{name}/.lock", lock.encode())
     summary = textured(file, held)
     [failure] = summary["failures"]
     assert (failure["unit"], failure["code"]) == (f"block {name.removeprefix('blocks/')}", 2), failure
@@ -167,7 +167,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
         state = flows_of_cities.city.fn(file, str(killed), until="06:00")
     assert state.name == "BlocksLeft"
     assert "0 of 2 blocks are done; 2 are left" in state.message
-    names = [name for name, *_ in (path.name.partition(".") for path in (local_side(killed) / "input").glob("*.yaml"))]
+    names = [name for name, *_ in (path.name.partition(".") for path in (local_folder(killed) / "input").glob("*.yaml"))]
 
     # one whose time is up soon after
     with monkeypatch.context() as patch:
@@ -191,7 +191,7 @@ def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
     assert resumed["atlas_digest"] == first["atlas_digest"]
     assert not resumed["failures"]
     assert resumed["units_skipped"] >= before > 0
-    assert list((local_side(killed) / "prefect").glob("*.db")), "what the next test looks through"
+    assert list((local_folder(killed) / "prefect").glob("*.db")), "what the next test looks through"
     (base / "said.txt").write_text(said)
 
 
@@ -210,7 +210,7 @@ def typed(file: Path, out: S3Folder, *more: str) -> subprocess.Popen:
 def test_the_credentials_are_nowhere(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
     """In no object, record, log, database of Prefect's or file that workers left, and nothing that was said."""
     file = cities[0]
-    held = {name: object_store.get(f"city/{name}") for name in object_store.listed("city")}
+    held = {name: object_store.download_object(f"city/{name}") for name in object_store.list_objects("city")}
     assert len(held) > 100
     here = [path for path in file.parent.rglob("*") if path.is_file()]
     assert {".jsonl", ".db", ".txt"} <= {path.suffix for path in here}, "what was said is among them"

@@ -16,8 +16,8 @@ import trimesh
 from PIL import Image
 
 from catalogs.block.reader import read_block
-from catalogs.published.file_list import amiss
-from catalogs.published.snapshot import Snapshot, current
+from catalogs.published.file_list import find_damage
+from catalogs.published.snapshot import Snapshot, current_snapshot
 from catalogs.query.execution import query
 from facade_core.atlas.journal import clear_record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
@@ -58,7 +58,7 @@ def seeded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def again(folder: Path) -> tuple[Textured, dict[str, Any], Snapshot[Path]]:
     made = texture(folder / "in" / "block.yaml", folder / "out")
     summary = publish_block.fn(made.run, folder / "in" / "block.yaml")
-    return made, summary, current(folder / "out")
+    return made, summary, current_snapshot(folder / "out")
 
 
 def copied(folder: Path, to: Path) -> Path:
@@ -71,7 +71,7 @@ def listed(snapshot: Snapshot[Path]) -> dict[str, dict[str, Any]]:
 
 
 def test_tiles_are_the_block(seeded: Path) -> None:
-    snapshot = current(seeded / "out")
+    snapshot = current_snapshot(seeded / "out")
     tiles = listed(snapshot)
     assert sorted(name for tile in tiles.values() for name in tile["buildings"]) == sorted(NAMES)
     whole = trimesh.load(snapshot.model)
@@ -101,7 +101,7 @@ def test_tiles_are_the_block(seeded: Path) -> None:
 
 def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
-    before, first = started(folder / "out"), current(folder / "out")
+    before, first = started(folder / "out"), current_snapshot(folder / "out")
     write_photo(folder / "in", "c-0", 2)
     made, _, second = again(folder)
     finished = ("pages", "tiles", "pictures")
@@ -123,7 +123,7 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
     assert {name for name in sheets if f"report/images/{name}" not in linked} == {
         name for name in sheets if name.startswith("c-0-")
     }
-    assert amiss(second.folder, thorough=True) is None
+    assert find_damage(second.folder, thorough=True) is None
     fresh = tmp_path / "fresh"
     shutil.copytree(folder / "in", fresh / "in")
     third = again(fresh)[2]
@@ -136,7 +136,7 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
 def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
-    whole = current(seeded / "out")
+    whole = current_snapshot(seeded / "out")
     with whole.tile("375_6514").open("rb") as tile:
         named = read_glb_header(tile)[0]["asset"]["copyright"]
 
@@ -181,7 +181,7 @@ def test_coarse_rasters_that_are_not_as_written_are_made_again(seeded: Path, tmp
     assert mend(made.run)
     _, summary, snapshot = again(folder)
     assert "unpublished" not in summary
-    assert snapshot.overview.read_bytes() == current(seeded / "out").overview.read_bytes()
+    assert snapshot.overview.read_bytes() == current_snapshot(seeded / "out").overview.read_bytes()
 
 
 def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Path, tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Pa
     _, summary, snapshot = again(folder)
     assert "unpublished" not in summary
     assert redone(before, folder / "out") == {("pictures", unit) for unit in ("view above", "a-0", "c-0")}
-    ours, theirs = (_images(one) for one in (snapshot, current(seeded / "out")))
+    ours, theirs = (_images(one) for one in (snapshot, current_snapshot(seeded / "out")))
     assert ours == theirs
 
 
@@ -229,7 +229,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     assert failed["view above"] == "pages/0 is not as it was written; the next run makes it again"
     summary = publish_block.fn(made.run, folder / "in" / "block.yaml")
     assert "withheld" not in summary
-    snapshot = current(folder / "out")
+    snapshot = current_snapshot(folder / "out")
     rows = query(folder / "out", where="kind = 'picture'")
     assert set(rows["id"]) == set(failed)
     assert len(list((snapshot.report / "images").glob("c-0-*.webp"))) > 3
@@ -237,7 +237,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     assert is_suspect(folder / "out")
     assert mend(made.run)
     snapshot = again(folder)[2]
-    ours, theirs = (_images(one) for one in (snapshot, current(seeded / "out")))
+    ours, theirs = (_images(one) for one in (snapshot, current_snapshot(seeded / "out")))
     assert ours == theirs
 
 
@@ -255,7 +255,7 @@ def test_publishing_copies_pictures_and_draws_none(
     session.commit("nothing to draw from")
     made = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
     publish_block.fn(made, folder / "in" / "block.yaml")
-    images = _images(current(folder / "out"))
+    images = _images(current_snapshot(folder / "out"))
     for record in read_journal(group, "pictures"):
         assert record is not None
         data = read_stored_file(group, picture_path(record["file"]), record["digest"])
@@ -272,7 +272,7 @@ def test_models_that_other_code_puts_together_are_not_linked(
     folder = copied(seeded, tmp_path)
     for reader in ("stages.publish.task", "published.tiles"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", lambda stage: f"other {stage}", raising=False)
-    first = current(folder / "out")
+    first = current_snapshot(folder / "out")
     _, _, second = again(folder)
     assert first != second
     for model in (second.model, second.overview):
@@ -300,7 +300,7 @@ def test_a_step_that_fails_leaves_the_others(
     assert "unpublished" not in summary
     assert repaired == snapshot
     assert repaired.model.is_file()
-    assert amiss(repaired.folder, thorough=True) is None
+    assert find_damage(repaired.folder, thorough=True) is None
 
 
 def test_the_report_is_an_index_with_pages_for_each_street(
@@ -309,7 +309,7 @@ def test_the_report_is_an_index_with_pages_for_each_street(
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
     monkeypatch.setattr(pictures, "STAGED", 1)
-    monkeypatch.setattr("catalogs.published.report.ON_PAGE", 1)
+    monkeypatch.setattr("catalogs.published.report.MAX_FACADES_PER_PAGE", 1)
     report = again(folder)[2].report
     pages = sorted(report.rglob("*.html"))
     facades = query(folder / "out", where="role = 'street'")

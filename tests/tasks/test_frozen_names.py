@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from catalogs.published.items import COLUMNS
 from facade_core.atlas.arrays import ARRAYS
@@ -14,6 +14,7 @@ from facade_core.atlas.table_schema import TABLES
 from tasks.engine import seeds
 from tasks.stages.journals import Journals
 from tasks.stages.order import CODE_STAGES, STAGE_NAMES
+from tasks.stages.poses.record import RefinedPoseRecord
 
 FILE = Path(__file__).parent / "frozen_names.json"
 
@@ -27,6 +28,7 @@ def names() -> dict[str, Any]:
         "columns_of_tables": {name: [column.name for column in table.columns] for name, table in TABLES.items()},
         "folders_of_files": list(FOLDERS),
         "journals": [journal_path(stage) for stage in STAGE_NAMES],
+        "records_of_bundled_panoramas": sorted(get_type_hints(RefinedPoseRecord)),
         "records": {stage: sorted(_record_keys(stage)) for stage in STAGE_NAMES},
         "seeds": [seeds.EXEMPLAR_SEED, seeds.FACADE_SEED, seeds.BUILDING_SEED],
         "stages": list(STAGE_NAMES),
@@ -34,8 +36,6 @@ def names() -> dict[str, Any]:
 
 
 def _record_keys(stage: str) -> set[str]:
-    from typing import get_args, get_type_hints
-
     (member,) = get_args(get_type_hints(Journals)[stage])
     record = next(one for one in get_args(member) if one is not type(None))
     return set(get_type_hints(record))

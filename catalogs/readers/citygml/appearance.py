@@ -43,7 +43,10 @@ class CityGmlAppearance:
 
 
 def add_parameterized_texture(texture: Element, appearance: CityGmlAppearance) -> None:
-    """Add a ParameterizedTexture; rings prefer the theme rgbTexture, else the first theme by name."""
+    """Add a ParameterizedTexture.
+
+    Rings prefer the theme rgbTexture, else the first theme by name.
+    """
     appearance.matrix_count += sum(1 for _ in texture.iter("{*}TexCoordGen"))
     uri = (texture.findtext("{*}imageURI") or "").strip()
     if uri not in appearance.pictures:

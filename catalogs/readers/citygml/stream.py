@@ -27,9 +27,10 @@ _MAX_UNPACK_RATIO = 40
 
 
 def iterate_elements(path: Path, names: Collection[str]) -> Iterator[Element]:
-    """Yield elements of the local names as they end; buildings and members are cleared afterwards.
+    """Yield elements of the local names as they end.
 
-    The parser runs in recovery mode, since prefixes without a namespace are common in irrelevant attributes.
+    Buildings and members are cleared afterwards. The parser runs in recovery mode, since prefixes without a namespace
+    are common in irrelevant attributes.
 
     Parameters
     ----------
@@ -85,6 +86,7 @@ class _BoundedFile:
         self._bytes = self._tags = 0
 
     def read(self, size: int) -> bytes:
+        """Read at most `size` bytes."""
         part = self._file.read(size)
         self._total += len(part)
         self._bytes += len(part)
@@ -100,6 +102,7 @@ class _BoundedFile:
 
 
 def local_name(element: Element) -> str:
+    """Return the name of an element without its namespace."""
     return str(element.tag).rpartition("}")[2]
 
 

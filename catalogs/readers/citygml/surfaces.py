@@ -69,9 +69,10 @@ class _Geometry:
 
 
 def collect_building_units(building: Element) -> tuple[list[BuildingUnit], bool]:
-    """Return the building, its parts and outer installations, and whether references lead out of the building.
+    """Return the units of a building, and whether references lead out of it.
 
-    Each polygon is in one unit. Thematic surfaces precede the solids that refer to their polygons.
+    Units are the building, its parts and outer installations. Each polygon is in one unit. Thematic surfaces precede
+    the solids that refer to their polygons.
     """
     references = building.xpath(".//@x:href", namespaces=_NAMESPACES)
     ids = {gml_id(e): e for e in building.xpath(".//*[@g:id or @h:id]", namespaces=_NAMESPACES)} if references else {}

@@ -53,9 +53,9 @@ class _ReaderState:
 
 
 def read_cityjson(path: Path, lod: str | None = None) -> BuildingModels:
-    """Read all buildings of a CityJSON file or CityJSONSeq in file order, with parts and installations.
+    """Read all buildings of a CityJSON file or CityJSONSeq in file order.
 
-    A sequence is read line by line.
+    Parts and installations are included. A sequence is read line by line.
 
     Parameters
     ----------

@@ -25,6 +25,7 @@ def parse_lod(text: Any) -> Lod:
 
 
 def format_lod(lod: Lod) -> str:
+    """Return a level of detail as text, such as "2.2"."""
     return ".".join(map(str, lod)) or "unknown"
 
 
@@ -60,9 +61,10 @@ def group_building_objects(objects: CityObjects) -> Iterator[tuple[str, list[str
 def select_geometries(
     ids: Sequence[str], objects: CityObjects, templates: Sequence[Any], requested_lod: Lod | None
 ) -> tuple[list[list[Mapping[str, Any]]], Lod | None]:
-    """Return the geometries of a building per object, and the level of detail that differs from the requested one.
+    """Return the geometries of a building per object, and a level that differs.
 
-    All geometries have the requested level, else the nearest lower one, else the nearest higher.
+    The second value is the first level of detail other than the requested one, or None. All geometries have the
+    requested level, else the nearest lower one, else the nearest higher.
 
     Parameters
     ----------

@@ -11,7 +11,9 @@ from catalogs.readers.faces import MAX_COORDINATE
 
 
 def apply_transform(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
-    """Return points (n, 3) scaled and translated by the transform of a file; NaN beyond MAX_COORDINATE.
+    """Return points (n, 3) scaled and translated by the transform of a file.
+
+    Coordinates beyond MAX_COORDINATE become NaN.
 
     Parameters
     ----------

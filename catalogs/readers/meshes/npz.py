@@ -17,9 +17,9 @@ _MAX_UNPACK_RATIO = 50
 
 
 def check_npz_arrays(path: Path, names: Sequence[str]) -> None:
-    """Raise InputError unless the named arrays of an .npz have the claimed sizes, within MAX_UNPACKED_BYTES together.
+    """Raise InputError unless the named arrays of an .npz have the claimed sizes.
 
-    Only the headers are decompressed.
+    Together they must not exceed MAX_UNPACKED_BYTES. Only the headers are decompressed.
 
     Parameters
     ----------

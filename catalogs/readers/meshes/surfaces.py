@@ -63,12 +63,15 @@ def surface_semantic(*names: str | None) -> str:
 
 
 def is_surface_name(name: str) -> bool:
-    """Return True for a name of a surface ("RoofSurface", "walls.001") rather than of a building."""
+    """Return True for a name of a surface, such as "RoofSurface" or "walls.001"."""
     return _SURFACE_NAME.fullmatch(name) is not None
 
 
 def is_interior_class(name: str) -> bool:
-    """Return True for a CityGML surface class outside the outer shell: closures and interior surfaces."""
+    """Return True for a CityGML surface class outside the outer shell.
+
+    These are closures and interior surfaces.
+    """
     return _INTERIOR_CLASS.fullmatch(name) is not None
 
 

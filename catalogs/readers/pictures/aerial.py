@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
+    from rasterio.io import DatasetReader
 
 # Suffixes of files with the georeference of a picture.
 WORLD_FILE_SUFFIXES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
@@ -97,7 +98,7 @@ class Aerial:
         colour[near], known[near] = _sample_bilinear(rgb, alpha, (x - left) / across - 0.5, (y - top) / down - 0.5)
         return colour, known
 
-    def _downsampling(self, raster: Any, points: np.ndarray, spacing: float) -> int:
+    def _downsampling(self, raster: DatasetReader, points: np.ndarray, spacing: float) -> int:
         """Return the number of pixels per side that are averaged at a spacing in metres."""
         middle = points.mean(axis=0)
         ends = middle + np.array([[0.0, 0.0], [spacing, 0.0], [0.0, spacing]])
@@ -142,7 +143,7 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
     return Aerial(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)
 
 
-def _content_digest(raster: Any) -> str:
+def _content_digest(raster: DatasetReader) -> str:
     """Return the digest of the files with pixels, overviews and masks, and of the transform.
 
     Decoding all pixels of a city would take minutes.
@@ -155,7 +156,7 @@ def _content_digest(raster: Any) -> str:
 
 
 @contextmanager
-def _open_orthophoto(path: Path) -> Iterator[Any]:
+def _open_orthophoto(path: Path) -> Iterator[DatasetReader]:
     driver = detect_driver(path, RASTER_DRIVERS)
     if driver is None:
         raise InputError(f"{path} is no orthophoto; {REMEDY}")
@@ -175,19 +176,19 @@ def _cached_transformer(frame: str, crs: str, thread: int) -> Transformer:
     return Transformer.from_crs(CRS.from_wkt(frame), CRS.from_wkt(crs), always_xy=True)
 
 
-def _to_pixels(raster: Any, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _to_pixels(raster: DatasetReader, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return positions (n, 2) as pixel coordinates, (n,) each; 0 is the left or upper edge, inf for none."""
     x, y = transformer.transform(points[:, 0], points[:, 1])
     back = ~raster.transform
     return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
 
 
-def _is_inside(raster: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _is_inside(raster: DatasetReader, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
 
 
 def _read_around(
-    raster: Any, x: np.ndarray, y: np.ndarray, downsampling: int
+    raster: DatasetReader, x: np.ndarray, y: np.ndarray, downsampling: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float, float]]:
     """Return colour and alpha around pixel positions, with the left and upper edge and the pixel size."""
     left, top = max(int(x.min()) - downsampling, 0), max(int(y.min()) - downsampling, 0)
@@ -206,7 +207,7 @@ def _read_around(
 
 
 def _read_box(
-    raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | None
+    raster: DatasetReader, box: tuple[int, int, int, int], size: tuple[int, int] | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return colour (h, w, 3) and alpha (h, w) of a box (left, top, width, height), averaged to `size` (h, w)."""
     from rasterio.enums import ColorInterp, Resampling
@@ -248,7 +249,7 @@ def _sample_bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.nd
     return np.round(total / np.maximum(weight, 1e-9)[:, None]).astype(np.uint8), known
 
 
-def _coverage_message(raster: Any, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
+def _coverage_message(raster: DatasetReader, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
     """Return the message for a raster that shows nothing of the block."""
     spans = []
     for crs, (west, south, east, north) in (

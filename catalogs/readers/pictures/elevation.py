@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from facade_core.core.types import Elevation
 
 if TYPE_CHECKING:
     from pyproj import CRS
+    from rasterio.io import DatasetReader
 
 MIN_CELL_M = 1.0  # m; facades show no smaller details of the ground
 MAX_CELLS = 4_000_000
@@ -87,7 +88,7 @@ def _find_driver(path: Path, depth: int = 0) -> str:
     return "VRT"
 
 
-def _read_around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
+def _read_around(raster: DatasetReader, path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
     from pyproj import Transformer
     from rasterio import Affine
     from rasterio.enums import Resampling
@@ -165,12 +166,12 @@ def _read_around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, 
     return Elevation(float(west), float(north), step, heights)
 
 
-def _overlaps(columns: np.ndarray, rows: np.ndarray, raster: Any) -> bool:
+def _overlaps(columns: np.ndarray, rows: np.ndarray, raster: DatasetReader) -> bool:
     return bool(columns.max() > 0 and rows.max() > 0 and columns.min() < raster.width and rows.min() < raster.height)
 
 
 def _coverage_message(
-    raster: Any,
+    raster: DatasetReader,
     path: Path,
     raster_crs: CRS,
     crs: CRS,

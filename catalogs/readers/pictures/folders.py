@@ -50,9 +50,9 @@ def check_picture(path: Path) -> None:
 
 
 def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
-    """Return the photo of each facade by id, the file name without suffix, and a fault for each missing file.
+    """Return the photo of each facade by id, and a fault for each missing file.
 
-    Truncated photos are included: their facade fails when it is processed.
+    The id is the file name without suffix. Truncated photos are included: their facade fails when it is processed.
 
     Raises
     ------

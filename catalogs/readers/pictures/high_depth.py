@@ -12,6 +12,8 @@ from facade_core.core.errors import ImageError
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+    from rasterio.io import DatasetReader
+    from rasterio.windows import Window
 
 # Bit depths of cameras and scanners; the first that holds all values is assumed.
 BIT_DEPTHS = (8, 10, 12, 14, 16)
@@ -27,7 +29,7 @@ _UNSIGNED_FORMAT = 1
 
 
 def is_high_depth(image: Image) -> bool:
-    """Return True where Pillow would clip the values of a picture or cut them to the upper 8 bits."""
+    """Return True where Pillow would clip values or cut them to the upper 8 bits."""
     if image.mode.startswith(("I", "F")):
         return True
     tags: Any = getattr(image, "tag_v2", {})
@@ -39,7 +41,7 @@ def is_high_depth(image: Image) -> bool:
 
 
 def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """Read a picture as 8-bit RGB, as stored, averaged over blocks of `factor` x `factor` pixels.
+    """Read a picture as 8-bit RGB, averaged over blocks of `factor` x `factor` pixels.
 
     Integers are scaled by the smallest of BIT_DEPTHS that holds them all; fractions range from 0 to 1 or from 0 to 255.
     The file is read twice, a few rows at a time, so that memory does not grow with the file.
@@ -100,7 +102,7 @@ def read_high_depth(path: Path, factor: int) -> tuple[np.ndarray, np.ndarray]:
     return rgb, hidden
 
 
-def _colour_bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]:
+def _colour_bands(path: Path, raster: DatasetReader) -> tuple[list[int], int | None, bool]:
     """Return the colour bands, the alpha band or None, and whether the lowest value is white."""
     from rasterio.enums import ColorInterp, PhotometricInterp
 
@@ -112,7 +114,7 @@ def _colour_bands(path: Path, raster: Any) -> tuple[list[int], int | None, bool]
     return list(range(1, colours + 1)), alpha, inverted
 
 
-def _read_values(raster: Any, bands: list[int], window: Any) -> np.ndarray:
+def _read_values(raster: DatasetReader, bands: list[int], window: Window) -> np.ndarray:
     """Return values (bands, rows, columns), NaN for nodata."""
     values = raster.read(bands, window=window)
     unknown = None if raster.nodata is None else values == raster.nodata

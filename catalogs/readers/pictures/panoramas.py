@@ -195,7 +195,9 @@ def _distance_outside(pose: Pose, bounds: Sequence[float]) -> float:
 def project_pose(
     source: SourcePose, view: tuple[float, float, float, float], crs: CRS, transformers: dict[str | None, Transformer]
 ) -> Pose:
-    """Project a pose into the frame of a block; north, true or of a grid, turns with the frame.
+    """Project a pose into the frame of a block.
+
+    North, true or of a grid, turns with the frame.
 
     Parameters
     ----------
@@ -262,9 +264,9 @@ def _read_metadata(path: Path) -> tuple[tuple[float, float, float, float], Sourc
 
 
 def read_exif_pose(path: Path) -> SourcePose | None:
-    """Return the position, and the heading if stated, in the EXIF of a picture; None without a position.
+    """Return the EXIF position of a picture, with the heading if stated.
 
-    Headings from magnetic north are taken as true.
+    None without a position. Headings from magnetic north are taken as true.
     """
     with open_picture(path) as image:
         return _embedded_pose({}, _exif_gps(image))[0]

@@ -64,9 +64,9 @@ class SourcePose:
 
 
 def read_poses(path: Path) -> dict[str, SourcePose | str]:
-    """Read poses by the name of the picture, with or without suffix; a defect replaces an unusable pose.
+    """Read poses by the name of the picture, with or without suffix.
 
-    Formats:
+    A text with the defect replaces an unusable pose. Formats:
     - CSV with a header: file, x, y or lon, lat; heading; optional z, pitch, roll. Separated by comma, semicolon or tab.
     - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll, captured}}}.
       Without crs, x and y are in the frame of the block; lon and lat are WGS 84.
@@ -123,7 +123,10 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
 
 
 def degrees_from_dms(value: Any, reference: Any) -> float:
-    """Return the degrees of an EXIF coordinate: a number, or degrees, minutes and seconds; negative for S and W."""
+    """Return the degrees of an EXIF coordinate, negative for S and W.
+
+    The value is a number, or degrees, minutes and seconds.
+    """
     parts = value if isinstance(value, list | tuple) else [value]
     total = sum(float(part) / 60**power for power, part in enumerate(parts))
     letter = (reference.decode("ascii", "ignore") if isinstance(reference, bytes) else str(reference or "")).strip(

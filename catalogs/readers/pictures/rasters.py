@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from catalogs.crs import has_east_north_axes, parse_crs
 from catalogs.reader_errors import single_line, wrap_reader_errors
@@ -17,6 +17,7 @@ from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS
+    from rasterio.io import DatasetReader
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +55,7 @@ def detect_driver(path: Path, drivers: Mapping[bytes, str]) -> str | None:
 
 
 @contextmanager
-def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
+def open_raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[DatasetReader]:
     """Open a raster with a driver.
 
     Parameters
@@ -98,7 +99,7 @@ def _silence_unraisable() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def check_georeference(raster: Any, path: Path, remedy: str) -> None:
+def check_georeference(raster: DatasetReader, path: Path, remedy: str) -> None:
     """Raise InputError where the cells of a raster are no parallelograms on the ground.
 
     Parameters
@@ -120,8 +121,8 @@ def check_georeference(raster: Any, path: Path, remedy: str) -> None:
         )
 
 
-def read_raster_crs(raster: Any, path: Path, crs: str | None = None) -> CRS | None:
-    """Return the horizontal coordinate system that is given, or that a raster states; None without either.
+def read_raster_crs(raster: DatasetReader, path: Path, crs: str | None = None) -> CRS | None:
+    """Return the given horizontal coordinate system, or that of a raster, or None.
 
     Parameters
     ----------
@@ -148,7 +149,7 @@ def read_raster_crs(raster: Any, path: Path, crs: str | None = None) -> CRS | No
     return frame
 
 
-def _check_size(raster: Any, path: Path) -> None:
+def _check_size(raster: DatasetReader, path: Path) -> None:
     if (
         raster.driver == "AAIGrid" and _count_words(path) < raster.width * raster.height
     ):  # GDAL looks for the others without end

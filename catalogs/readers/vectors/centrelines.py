@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -12,10 +12,13 @@ from catalogs.features import Centreline, Centrelines, Fault
 from catalogs.reader_errors import fault_reason
 from catalogs.readers.faces import MAX_COORDINATE
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
 _DUPLICATE_TOLERANCE = 1e-7  # degrees or metres; lines that differ by less are equal
 
 
-def build_centrelines(crs: str | None, features: Iterable[tuple[str, Any, str | None]]) -> Centrelines:
+def build_centrelines(crs: str | None, features: Iterable[tuple[str, BaseGeometry | None, str | None]]) -> Centrelines:
     """Build centrelines from (id, geometry, name).
 
     Parts of one geometry become id-0, id-1, ...; the two directions of a street are merged. Features without a geometry, a
@@ -44,7 +47,7 @@ def build_centrelines(crs: str | None, features: Iterable[tuple[str, Any, str | 
     return Centrelines(crs, tuple(items), tuple(faults))
 
 
-def _find_defect(part: Any) -> str | None:
+def _find_defect(part: BaseGeometry) -> str | None:
     if part.geom_type not in ("LineString", "LinearRing"):
         return f"is a {part.geom_type}, no line; draw it as a line, or remove it"
     if not (np.abs(shapely.get_coordinates(part)) < MAX_COORDINATE).all():
@@ -54,7 +57,7 @@ def _find_defect(part: Any) -> str | None:
     return None
 
 
-def finite_points(geometry: Any) -> Any:
+def finite_points(geometry: BaseGeometry) -> BaseGeometry | None:
     """Return the vertices of a geometry with finite coordinates; None without any."""
     points = shapely.get_coordinates(geometry)
     points = points[np.isfinite(points).all(axis=1)]

@@ -73,7 +73,10 @@ def parse_finish(tags: Mapping[str, str]) -> Finish:
 
 
 def parse_colour(text: str) -> Colour | None:
-    """Return RGB of "#a0522d", "a0522d", "#a52" or an English name, of a list the first; None for others."""
+    """Return RGB of "#a0522d", "a0522d", "#a52" or an English name, else None.
+
+    Of a list the first colour counts.
+    """
     from PIL import ImageColor
 
     text = text[:_MAX_TEXT_LENGTH].partition(";")[0].strip().lower().replace(" ", "").replace("_", "").replace("-", "")

@@ -191,9 +191,10 @@ def record_tags(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]
 
 
 def cell_text(value: Any) -> str:
-    """Return the text of a cell, empty for null, NaN and blanks; integers have no decimal point.
+    """Return the text of a cell, empty for null, NaN and blanks.
 
-    A list of one value counts as the value, since GDAL converts a column to lists where one cell is a list.
+    Integers have no decimal point. A list of one value counts as the value, since GDAL converts a column to lists
+    where one cell is a list.
     """
     if isinstance(value, np.ndarray):
         value = value.tolist()

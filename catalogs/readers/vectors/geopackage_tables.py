@@ -14,7 +14,7 @@ _ALLOWED_MODULES = ("rtree",)
 
 
 def check_geopackage_tables(path: Path) -> None:
-    """Raise InputError where views or virtual tables replace the layers or contents of a GeoPackage.
+    """Raise InputError where views or virtual tables replace layers of a GeoPackage.
 
     Only the schema is read, which is a table in every file.
     """

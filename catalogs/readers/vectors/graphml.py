@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import shapely
 from shapely import LineString
@@ -17,6 +17,9 @@ from catalogs.reader_errors import is_system_error
 from catalogs.readers.vectors.centrelines import build_centrelines
 from catalogs.readers.vectors.osm import is_street, split_values
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 
 def read_graphml(path: Path) -> Centrelines:
@@ -39,7 +42,7 @@ def read_graphml(path: Path) -> Centrelines:
     nowhere: dict[str, None] = {}
     ground: list[GroundFeature] = []
 
-    def streets() -> Iterator[tuple[str, Any, str | None]]:
+    def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None]]:
         for start, end, tags in edges:
             line = None
             if "geometry" in tags:

@@ -84,7 +84,7 @@ def normalize_word(text: str) -> str:
 
 
 def ground_tags(tags: Mapping[str, str], layer: str = "", *, is_area: bool = False) -> dict[str, str]:
-    """Return the tags of a ground feature with those of its classes, else of the name of its layer.
+    """Return the tags of a ground feature with those of its classes or layer name.
 
     Parameters
     ----------

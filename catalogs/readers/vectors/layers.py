@@ -23,6 +23,7 @@ from facade_core.core.errors import InputError
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
+    from shapely.geometry.base import BaseGeometry
 
 # Limits of decompression of GeoParquet, the larger of both.
 _MIN_UNPACK_LIMIT_BYTES = 64 * 2**20
@@ -60,7 +61,7 @@ class LayerFeatures:
 
     crs: str | None
     ids: Sequence[str]
-    geometries: Sequence[Any]
+    geometries: Sequence[BaseGeometry | None]
     tags: Sequence[dict[str, str]]
     id_remarks: Mapping[str, str]
     layer: str

@@ -12,7 +12,10 @@ _INCH_M = 0.0254
 
 
 def parse_length(text: str) -> float | None:
-    """Return the metres of an OpenStreetMap length: "12", "12.5 m", "40 ft", 7'4"; None for others."""
+    """Return the metres of an OpenStreetMap length: "12", "12.5 m", "40 ft", 7'4".
+
+    None for other texts.
+    """
     text = text.strip()
     if match := _FEET_INCHES_TEXT.fullmatch(text):
         return _finite_or_none(float(match[1]) * _FOOT_M + float(match[2].replace(",", ".")) * _INCH_M)
@@ -27,7 +30,10 @@ def _finite_or_none(value: float) -> float | None:
 
 
 def parse_levels(text: str) -> float | None:
-    """Return the floor count of building:levels: "5", "3.5", of a list such as "4;5" the largest; None for others."""
+    """Return the floor count of building:levels, such as "5" and "3.5".
+
+    Of a list such as "4;5" the largest counts; None for other texts.
+    """
     try:
         levels = max(float(part.replace(",", ".")) for part in text.split(";"))
     except ValueError:

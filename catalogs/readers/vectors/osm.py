@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from catalogs.crs import LONLAT
 from catalogs.features import Centrelines, Fault, Footprint, Footprints, GroundFeature, Remark
@@ -22,6 +22,9 @@ from catalogs.readers.vectors.lengths import parse_length, parse_levels
 from catalogs.readers.vectors.roofs import parse_roof, parse_roof_height
 from facade_core.core.errors import InputError
 from facade_core.core.types import Roof
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 # Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
 STREET_HIGHWAYS = frozenset(
@@ -79,7 +82,7 @@ def read_osm_footprints(path: Path, lod: str | None = None) -> Footprints:
 
 
 def parse_footprint(
-    feature: str, geometry: Any, tags: Mapping[str, str], remarks: list[Remark], *, is_lonlat: bool
+    feature: str, geometry: BaseGeometry, tags: Mapping[str, str], remarks: list[Remark], *, is_lonlat: bool
 ) -> Footprint | None:
     """Return the footprint of a tagged building; None where it cannot be extruded.
 
@@ -122,7 +125,7 @@ def parse_footprint(
 
 
 def is_building_part(tags: Mapping[str, str]) -> bool:
-    """Return True where a feature is tagged as a building part; it may be tagged as a building too."""
+    """Return True for a building part, which may be tagged as a building too."""
     return tags.get("building:part", "no") != "no"
 
 
@@ -180,7 +183,7 @@ def read_osm_centrelines(path: Path) -> Centrelines:
     """
     ground: list[GroundFeature] = []
 
-    def streets() -> Iterator[tuple[str, Any, str | None]]:
+    def streets() -> Iterator[tuple[str, BaseGeometry, str | None]]:
         for feature, geometry, tags in _read_features(path, lambda osm: osm.get_network("all")):
             ground.append(GroundFeature(feature, geometry, tags))
             for line in getattr(geometry, "geoms", [geometry]):
@@ -198,7 +201,7 @@ def read_osm_centrelines(path: Path) -> Centrelines:
     return replace(found, ground=tuple(ground))
 
 
-def is_street(line: Any, tags: Mapping[str, str]) -> bool:
+def is_street(line: BaseGeometry, tags: Mapping[str, str]) -> bool:
     """Return True where a camera can travel a `highway` above ground between facades."""
     above = tags.get("tunnel") not in ("yes", "T") and _number_tag(tags, "layer") >= 0
     # a closed pedestrian way is the outline of a square, with or without area=yes
@@ -207,7 +210,10 @@ def is_street(line: Any, tags: Mapping[str, str]) -> bool:
 
 
 def split_values(text: str) -> list[str]:
-    """Return the values of an attribute that OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
+    """Return the values of an attribute that OSMnx writes as "['a', 'b']".
+
+    A plain attribute is its only value.
+    """
     if text.startswith("[") and len(text) < _MAX_LIST_LENGTH:
         try:
             return [str(value) for value in ast.literal_eval(text)] or [""]
@@ -216,7 +222,7 @@ def split_values(text: str) -> list[str]:
     return [text]
 
 
-def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
+def _read_features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, BaseGeometry, dict[str, str]]]:
     """Yield (id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
     with path.open("rb") as file:
         if b"OSMHeader" not in file.read(64):
@@ -248,7 +254,7 @@ def _record_tags(record: dict[str, Any]) -> dict[str, str]:
     return tags | {key: value for key, value in record.items() if isinstance(value, str)}
 
 
-def _exclusion_reason(geometry: Any, tags: Mapping[str, str]) -> str | None:
+def _exclusion_reason(geometry: BaseGeometry | None, tags: Mapping[str, str]) -> str | None:
     """Return the reason why a building cannot be extruded; None where it can."""
     if geometry is None or geometry.is_empty:
         return "buildings with an empty geometry"

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
 from facade_core.core.types import Roof
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 # Synonyms of shapes; other shapes pass unchanged.
 _SHAPE_SYNONYMS = {
@@ -31,7 +34,7 @@ _MAX_DEFAULT_HEIGHT_M = 5.0  # m; roofs of wide buildings are flatter
 _MAX_HEIGHT_M = 100.0  # m; larger tags are errors
 
 
-def parse_roof(tags: Mapping[str, str], outline: Any, *, is_lonlat: bool) -> Roof | None:
+def parse_roof(tags: Mapping[str, str], outline: BaseGeometry, *, is_lonlat: bool) -> Roof | None:
     """Return the roof of the tags; None without a shape.
 
     The height is roof:height, else roof:levels x ROOF_FLOOR_HEIGHT_M, else from roof:angle and the width of the outline, else
@@ -68,9 +71,11 @@ def parse_roof_height(tags: Mapping[str, str]) -> float | None:
 
 
 def estimate_roof_height(
-    outline: Any, shape: str, is_across: bool = False, is_lonlat: bool = False, pitch_deg: float | None = None
+    outline: BaseGeometry, shape: str, is_across: bool = False, is_lonlat: bool = False, pitch_deg: float | None = None
 ) -> float:
-    """Return the height in metres of a pitched roof over the minimum rotated rectangle of an outline.
+    """Return the height in metres of a pitched roof.
+
+    The span is that of the minimum rotated rectangle of the outline.
 
     Parameters
     ----------

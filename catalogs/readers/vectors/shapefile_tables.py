@@ -11,7 +11,7 @@ _HEADER_BYTES = 32  # bytes of a table's header before its fields
 
 
 def check_shapefile_table(path: Path) -> None:
-    """Raise InputError where the .dbf is missing, truncated, or has another number of rows than shapes."""
+    """Raise InputError where the .dbf is missing, truncated or of another row count."""
     table, index = _sibling_file(path, ".dbf"), _sibling_file(path, ".shx")
     remedy = "copy it again from where the Shapefile came from, or export that as GeoPackage"
     if not table.is_file():

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -24,6 +24,9 @@ from catalogs.readers.vectors.ground_classes import ground_tags
 from catalogs.readers.vectors.layers import LayerFeatures, read_layer_features, read_layers
 from catalogs.readers.vectors.osm import is_building_part, is_street, parse_footprint, split_values
 from facade_core.core.errors import InputError
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
 
 _BUILDING_LAYERS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 # Columns of ground layers, and tags of ground features.
@@ -102,7 +105,7 @@ def read_vector_centrelines(path: Path) -> Centrelines:
     opendrive = any(tags.get("junction") == "-1" for tags in features.tags)
     from_osm = any("highway" in tags for tags in features.tags)
 
-    def streets() -> Iterator[tuple[str, Any, str | None]]:
+    def streets() -> Iterator[tuple[str, BaseGeometry | None, str | None]]:
         for id, geometry, stated in zip(features.ids, features.geometries, features.tags, strict=True):
             if opendrive and stated.get("junction") != "-1":
                 continue
@@ -197,7 +200,7 @@ def _layer_remarks(features: LayerFeatures) -> list[Remark]:
     ]
 
 
-def _base_heights(geometries: Any) -> list[float | None]:
+def _base_heights(geometries: Sequence[BaseGeometry | None]) -> list[float | None]:
     """Return the lowest z of each geometry; None for all where one has no z or all z are zero."""
     drawn = [geometry for geometry in geometries if geometry is not None and not geometry.is_empty]
     if not drawn or not shapely.has_z(drawn).all():
@@ -206,13 +209,13 @@ def _base_heights(geometries: Any) -> list[float | None]:
     return lowest if any(lowest) else [None] * len(geometries)
 
 
-def _lowest_z(geometry: Any) -> float | None:
+def _lowest_z(geometry: BaseGeometry | None) -> float | None:
     heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
     heights = heights[np.isfinite(heights)]
     return float(heights.min()) if len(heights) else None
 
 
-def _plan_outline(geometry: Any) -> Any:
+def _plan_outline(geometry: BaseGeometry) -> BaseGeometry:
     """Return a geometry in plan: of a collection the polygons, of faces of a solid the covered area."""
     flat = shapely.force_2d(geometry)
     if geometry.geom_type == "GeometryCollection":

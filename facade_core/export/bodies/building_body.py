@@ -105,7 +105,9 @@ def _chart_polygons(
     return weld_polygons(polygons, of, [chart_surfaces[chart] for chart in of], origin)
 
 
-def _close_shell(whole: PolygonMesh, ground: int, origin: np.ndarray, peel: bool) -> tuple[float, PolygonMesh, PolygonMesh] | None:
+def _close_shell(
+    whole: PolygonMesh, ground: int, origin: np.ndarray, peel: bool
+) -> tuple[float, PolygonMesh, PolygonMesh] | None:
     """The body among some polygons as a closed shell, with the area in m2 that was left beside it or closed without a surface
     there, and what is beside it; None where it cannot be closed. peel: polygons with edges open over the foot are beside."""
     pieces = connected_patches(whole.patches)
@@ -203,7 +205,11 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
     def named(patch: Patch) -> Patch:
         down = ring_area_vector(shell.points[list(patch.rings[0])])
         level = down[2] < -0.9 * np.linalg.norm(down)
-        return replace(patch, semantic=ground) if level and shell.points[patch.rings[0][0], 2] < low + MAX_FOOT_HEIGHT_M else patch
+        return (
+            replace(patch, semantic=ground)
+            if level and shell.points[patch.rings[0][0], 2] < low + MAX_FOOT_HEIGHT_M
+            else patch
+        )
 
     return PolygonMesh(shell.points, (*shell.patches, *map(named, covers)))
 

@@ -96,7 +96,9 @@ def build_building_model(
     semantics: dict[int, int] = {}
     for chart in np.unique(mesh.chart[triangles]).tolist():
         own_kind = int(source.charts.kind[chart])
-        kind = SURFACE_TYPES[CHART_KINDS[ChartKind.ROOF if has_assumed_roof and own_kind == ChartKind.WINDOW else own_kind]]
+        kind = SURFACE_TYPES[
+            CHART_KINDS[ChartKind.ROOF if has_assumed_roof and own_kind == ChartKind.WINDOW else own_kind]
+        ]
         semantics[chart] = surfaces.add(kind, facade=facades[chart]) if chart in facades else surfaces.get_or_add(kind)
     ground, closing = surfaces.get_or_add("GroundSurface"), surfaces.get_or_add("WallSurface")
     body = build_body(source, triangles, semantics, ground, origin)
@@ -109,10 +111,15 @@ def build_building_model(
         if elements and source.charts.kind[chart] == ChartKind.WALL:
             wall = _chart_polygon(packed, [body.shell.points[list(ring)] for ring in patch.rings], chart)
             before = place_balconies(wall, elements) if wall.is_valid else []
-            faces += _cut_openings(packed, body.shell, patch, extend_windows_behind_railings(elements, before), surfaces, behind)
+            faces += _cut_openings(
+                packed, body.shell, patch, extend_windows_behind_railings(elements, before), surfaces, behind
+            )
             if wall.is_valid:
                 balconies += [(facades[chart], _attach_to_wall(packed, chart, balcony_faces(box))) for box in before]
-                ledges += [(facades[chart], _attach_to_wall(packed, chart, ledge_faces(box))) for box in place_ledges(wall, elements)]
+                ledges += [
+                    (facades[chart], _attach_to_wall(packed, chart, ledge_faces(box)))
+                    for box in place_ledges(wall, elements)
+                ]
         else:
             rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)
             faces.append(make_face(packed, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
@@ -133,7 +140,9 @@ def make_face(
     places = []
     for k, ring in enumerate(rings):
         of = np.full(len(ring), chart)
-        uv = packed.texture_coordinates(of, packed.source.charts.coordinates(of, ring) if chart_rings is None else chart_rings[k])
+        uv = packed.texture_coordinates(
+            of, packed.source.charts.coordinates(of, ring) if chart_rings is None else chart_rings[k]
+        )
         places.append(np.column_stack([uv[:, 0], 1 - uv[:, 1]]))
     page = int(packed.layout.page[np.searchsorted(packed.charts, chart)])
     return ModelFace(tuple(rings), semantic, tuple(places), page)
@@ -167,7 +176,9 @@ def _attach_to_wall(packed: PackedCharts, chart: int, body: Sequence[WallFrameFa
     charts, surfaces = packed.source.charts, SemanticSurfaces()
     faces = []
     for rings, looks, kind in body:
-        points = [charts.points(chart, ring[:, 0], ring[:, 1]) + ring[:, 2:] * charts.normals()[chart] for ring in rings]
+        points = [
+            charts.points(chart, ring[:, 0], ring[:, 1]) + ring[:, 2:] * charts.normals()[chart] for ring in rings
+        ]
         faces.append(make_face(packed, points, surfaces.get_or_add(kind), chart, looks))
     return ModelPart(faces, surfaces.surfaces, False)
 
@@ -187,9 +198,13 @@ def _group_attachments(body: BuildingBody) -> list[list[PolygonMesh]]:
     """The pieces beside a body in groups whose boxes come within BESIDE_M of each other."""
     if not body.attachments:
         return []
-    corners = [piece.points[sorted({c for p in piece.patches for r in p.rings for c in r})] for piece in body.attachments]
+    corners = [
+        piece.points[sorted({c for p in piece.patches for r in p.rings for c in r})] for piece in body.attachments
+    ]
     low, high = (np.array([edge(own, axis=0) for own in corners]) for edge in (np.min, np.max))
-    near = ((low[:, None] <= high[None] + MAX_GROUP_GAP_M) & (high[:, None] >= low[None] - MAX_GROUP_GAP_M)).all(axis=-1)
+    near = ((low[:, None] <= high[None] + MAX_GROUP_GAP_M) & (high[:, None] >= low[None] - MAX_GROUP_GAP_M)).all(
+        axis=-1
+    )
     _, of = connected_components(near, directed=False)
     return [[body.attachments[i] for i in np.flatnonzero(of == k)] for k in range(of.max() + 1)]
 

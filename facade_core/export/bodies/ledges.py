@@ -30,7 +30,10 @@ def detect_ledges(image: np.ndarray, labels: np.ndarray, elements: Sequence[Elem
     return [
         Element(LEDGE_LABEL, 0.0, band.top, width, band.foot)
         for above, band, below in zip([None, *bands], bands, [*bands[1:], None], strict=False)
-        if band.is_moulding and MIN_LEDGE_HEIGHT_M <= band.height <= MAX_LEDGE_HEIGHT_M and below is not None and _is_lighter(band, above, below)
+        if band.is_moulding
+        and MIN_LEDGE_HEIGHT_M <= band.height <= MAX_LEDGE_HEIGHT_M
+        and below is not None
+        and _is_lighter(band, above, below)
     ]
 
 
@@ -44,7 +47,12 @@ def place_ledges(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
     """The ledges of a wall in its chart's frame, as rectangles within it that cross no other element."""
     west, north, east, south = wall.bounds
     others = [
-        shapely.box(e.x0 - ELEMENT_CLEARANCE_M, e.y0 - ELEMENT_CLEARANCE_M, e.x1 + ELEMENT_CLEARANCE_M, e.y1 + ELEMENT_CLEARANCE_M)
+        shapely.box(
+            e.x0 - ELEMENT_CLEARANCE_M,
+            e.y0 - ELEMENT_CLEARANCE_M,
+            e.x1 + ELEMENT_CLEARANCE_M,
+            e.y1 + ELEMENT_CLEARANCE_M,
+        )
         for e in elements
         if e.label != LEDGE_LABEL
     ]

@@ -40,7 +40,9 @@ class WallBand:
         return self.foot - self.top
 
 
-def free_wall_mask(labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float) -> np.ndarray:
+def free_wall_mask(
+    labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float
+) -> np.ndarray:
     """The wall (h, w) bool of labels (h, w) beside boxes (x0, y0, x1, y1), metres."""
     free = np.isin(labels, (FacadeClass.WALL, FacadeClass.ROOF))
     for x0, y0, x1, y1 in boxes:

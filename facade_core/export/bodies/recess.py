@@ -40,13 +40,22 @@ class RecessedOpening(NamedTuple):
             along = self.chart_ring[other] - self.chart_ring[one]
             # y is down: outside of a ring that runs counter-clockwise for the eye is to the left in the frame
             away = np.array([-along[1], along[0]]) / np.linalg.norm(along) * self.depth
-            flat = np.array([self.chart_ring[one], self.chart_ring[other], self.chart_ring[other] + away, self.chart_ring[one] + away])
+            flat = np.array(
+                [
+                    self.chart_ring[one],
+                    self.chart_ring[other],
+                    self.chart_ring[other] + away,
+                    self.chart_ring[one] + away,
+                ]
+            )
             pane = self.pane_ring
             found.append((np.array([self.ring[one], self.ring[other], pane[other], pane[one]]), flat))
         return found
 
 
-def recess_opening(opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]) -> RecessedOpening:
+def recess_opening(
+    opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]
+) -> RecessedOpening:
     """An opening in a chart's frame, set back as far as there is room.
 
     wall (k, 3): corners of the polygon that it lies in, whose plane it takes; behind: triangles (t, 3, 3) of all other surfaces

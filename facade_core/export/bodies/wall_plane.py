@@ -64,5 +64,6 @@ def wall_outlines(source: TexturedMesh, chart: int) -> list[list[np.ndarray]]:
     corners = source.coordinates[source.mesh.triangles[source.mesh.chart_triangles(chart)]]
     scale = source.texels[chart] / source.extent[chart]
     return [
-        [np.asarray(ring.coords) * scale for ring in (flat.exterior, *flat.interiors)] for flat in chart_outlines(corners)
+        [np.asarray(ring.coords) * scale for ring in (flat.exterior, *flat.interiors)]
+        for flat in chart_outlines(corners)
     ]

@@ -90,7 +90,9 @@ class PolygonWriter:
             ring = add_element(add_element(polygon, "gml:interior" if number else "gml:exterior"), "gml:LinearRing")
             ring.set(qualified_name("gml:id"), f"{id}-r{number}")
             closed = np.concatenate([world, world[:1]])
-            add_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set("srsDimension", "3")
+            add_element(ring, "gml:posList", " ".join(f"{v:.3f}" for v in closed.ravel().tolist())).set(
+                "srsDimension", "3"
+            )
             self.low, self.high = np.minimum(self.low, world.min(axis=0)), np.maximum(self.high, world.max(axis=0))
             if uv is not None:
                 shown.append((f"{id}-r{number}", np.concatenate([uv, uv[:1]]).ravel().tolist()))
@@ -160,7 +162,9 @@ def boundary_surfaces(
         owner = surface(face.semantic)
         if face.semantic not in members:
             multi = etree.Element(qualified_name(f"bldg:lod{lod}MultiSurface"), nsmap=NAMESPACES)
-            first = next((i for i, child in enumerate(owner) if child.tag == qualified_name("bldg:opening")), len(owner))
+            first = next(
+                (i for i, child in enumerate(owner) if child.tag == qualified_name("bldg:opening")), len(owner)
+            )
             owner.insert(first, multi)
             members[face.semantic] = add_element(multi, "gml:MultiSurface")
         holder = add_element(members[face.semantic], "gml:surfaceMember")

@@ -102,7 +102,11 @@ def _grid_area(grid: np.ndarray) -> float:
 
 
 def build_geometry(
-    faces: Sequence[ModelFace], surfaces: Sequence[Mapping[str, Any]], pool: VertexPool, lod: str, kind: str = "MultiSurface"
+    faces: Sequence[ModelFace],
+    surfaces: Sequence[Mapping[str, Any]],
+    pool: VertexPool,
+    lod: str,
+    kind: str = "MultiSurface",
 ) -> dict[str, Any]:
     """A geometry of faces, its vertices put into the pool. surfaces: what the faces' `semantic` counts; those without a face
     left are dropped. `kind` is MultiSurface; Solid, of faces that close; or CompositeSurface, which has no semantics here."""
@@ -147,7 +151,9 @@ def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]
     return {"surfaces": kept, "values": [index[value] for value in values]}
 
 
-def empty_document(title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution) -> dict[str, Any]:
+def empty_document(
+    title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution
+) -> dict[str, Any]:
     """An empty CityJSON 2.0 document. reference_system: the URL of its CRS. Whom to name is in the extension for it: the core
     has no place but a point of contact with an address."""
     return {

@@ -82,7 +82,9 @@ def encode_factored_glb(
     # an unlit look has one picture
     materials = build_gltf_materials([MaterialTextures(b"")] * len(shown), encoder)
     images = [
-        {"uri": picture} if isinstance(picture, str) else {"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type}
+        {"uri": picture}
+        if isinstance(picture, str)
+        else {"bufferView": buffer.add_view(picture), "mimeType": encoder.mime_type}
         for picture in (pictures[texture] for texture in shown)
     ]
     textures = [
@@ -92,7 +94,11 @@ def encode_factored_glb(
     required = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
-        "extensionsUsed": [*sorted({*materials.extensions_used, *required}), "EXT_mesh_features", "EXT_structural_metadata"],
+        "extensionsUsed": [
+            *sorted({*materials.extensions_used, *required}),
+            "EXT_mesh_features",
+            "EXT_structural_metadata",
+        ],
         **({"extensionsRequired": required} if required else {}),
         "extensions": {"EXT_structural_metadata": metadata},
         "scene": 0,

@@ -43,7 +43,9 @@ def _unevenness(grain: WallGrain) -> float:
     step = len(light) // EVENNESS_PARTS
     if step == 0:  # plain colour
         return 1.0
-    parts = np.square(light - light.mean())[: step * EVENNESS_PARTS, : step * EVENNESS_PARTS].reshape(EVENNESS_PARTS, step, EVENNESS_PARTS, step)
+    parts = np.square(light - light.mean())[: step * EVENNESS_PARTS, : step * EVENNESS_PARTS].reshape(
+        EVENNESS_PARTS, step, EVENNESS_PARTS, step
+    )
     energy = parts.mean(axis=(1, 3))
     return float(energy.max() / max(float(np.median(energy)), 1e-9))
 

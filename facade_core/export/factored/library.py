@@ -160,7 +160,9 @@ def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
     return most_similar_band(band, library.bands)
 
 
-def _synthesise_grains(fine: np.ndarray, free: np.ndarray, bands: Sequence[WallBand], density: float, seed: int) -> dict[int, WallGrain]:
+def _synthesise_grains(
+    fine: np.ndarray, free: np.ndarray, bands: Sequence[WallBand], density: float, seed: int
+) -> dict[int, WallGrain]:
     """The grain of every band that is no moulding; those of nearly one colour are of one material."""
     groups: list[list[int]] = []
     for number, band in enumerate(bands):
@@ -213,7 +215,10 @@ def _assign_types(
     materials: list[np.ndarray] = []
     groups: list[list[int]] = []
     for k, wall in enumerate(np.sqrt(walls)):
-        number = next((n for n, other in enumerate(materials) if np.abs(wall - other).max() < MAX_MATERIAL_DIFFERENCE), len(materials))
+        number = next(
+            (n for n, other in enumerate(materials) if np.abs(wall - other).max() < MAX_MATERIAL_DIFFERENCE),
+            len(materials),
+        )
         if number == len(materials):
             materials.append(wall)
             groups.append([])
@@ -230,7 +235,9 @@ def _assign_types(
     return levels, chosen
 
 
-def _assign_material_types(image: np.ndarray, units: Sequence[FacadeUnit], density: float) -> tuple[np.ndarray, dict[int, int]]:
+def _assign_material_types(
+    image: np.ndarray, units: Sequence[FacadeUnit], density: float
+) -> tuple[np.ndarray, dict[int, int]]:
     """The same of units in walls of one material."""
     shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
     hierarchy = encode(image, shown)
@@ -268,7 +275,7 @@ def _make_type(
         tuple(
             (a * density - left, b * density - top, c * density - left, d * density - top) for a, b, c, d in unit.panes
         ),
-        mean_light(wall, (left / density, top / density, right / density, foot / density), coarse),
+        mean_light(wall_light, (left / density, top / density, right / density, foot / density), coarse),
         density,
     )
 
@@ -285,7 +292,8 @@ def _make_moulding(fine: np.ndarray, free: np.ndarray, band: WallBand, density: 
     rows = fine[top:foot]
     if stop - start < MIN_MOULDING_M * density + fade:
         means = [
-            srgb_to_linear(row[own] if own.any() else row).mean(axis=0) for row, own in zip(rows, free[top:foot], strict=True)
+            srgb_to_linear(row[own] if own.any() else row).mean(axis=0)
+            for row, own in zip(rows, free[top:foot], strict=True)
         ]
         column = linear_to_srgb(np.stack(means))
         picture = np.repeat(column[:, None], max(8, round(MIN_MOULDING_M * density)), axis=1)

@@ -90,7 +90,11 @@ def pack_unfactored_charts(
     triangles_of: the mesh's by chart."""
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
-    share, most = np.where((kind == ChartKind.GROUND)[:, None], (GROUND_SHARE, MAX_GROUND_DENSITY), (UNFACTORED_SHARE, MAX_UNFACTORED_DENSITY)).T
+    share, most = np.where(
+        (kind == ChartKind.GROUND)[:, None],
+        (GROUND_SHARE, MAX_GROUND_DENSITY),
+        (UNFACTORED_SHARE, MAX_UNFACTORED_DENSITY),
+    ).T
     most = np.clip(share * density, MIN_DENSITY, most)
     share = np.where(np.isin(kind, (ChartKind.WINDOW, ChartKind.DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)

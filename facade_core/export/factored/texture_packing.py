@@ -63,7 +63,7 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
         light = min(most, limit)
         pictures.append(linear_to_srgb(grain.relative_light * light))
         for key in keys:
-            place[key] = (len(pictures) - 1, np.zeros(2), np.full(2, 1 / grain.width_m))
+            placement[key] = (len(pictures) - 1, np.zeros(2), np.full(2, 1 / grain.width_m))
             gain[key] = light
     repeated = [True] * len(pictures)
     rasters, scale = [], _type_scales(pieces)
@@ -75,8 +75,8 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
         gain[key] = max(1.0, min(_light_quantile(pieces, key), most))
         rasters.append(linear_to_srgb(bright * gain[key]))
     pages, where = _pack_on_pages(rasters, [len(pictures)])
-    place |= dict(zip(flat, where, strict=True))
-    return PackedTextures(pictures + pages, repeated + [False] * len(pages), place, gain, scale)
+    placement |= dict(zip(flat, where, strict=True))
+    return PackedTextures(pictures + pages, repeated + [False] * len(pages), placement, gain, scale)
 
 
 def _type_scales(pieces: WallPieces) -> dict[TextureKey, float]:
@@ -112,7 +112,11 @@ def _pack_on_pages(
     for i, raster in enumerate(rasters):
         rows, columns = (side * CELL_TEXELS for side in masks[i].shape)
         h, w = raster.shape[:2]
-        padded = np.pad(raster, [(CELL_TEXELS, rows - h - CELL_TEXELS), (CELL_TEXELS, columns - w - CELL_TEXELS), (0, 0)], mode="edge")
+        padded = np.pad(
+            raster,
+            [(CELL_TEXELS, rows - h - CELL_TEXELS), (CELL_TEXELS, columns - w - CELL_TEXELS), (0, 0)],
+            mode="edge",
+        )
         page, x, y = int(layout.page[i]), int(layout.x[i]), int(layout.y[i])
         pages[page][y - CELL_TEXELS : y - CELL_TEXELS + rows, x - CELL_TEXELS : x - CELL_TEXELS + columns] = padded
         corner, span = np.array([x, y]), np.array([w, h])

@@ -77,7 +77,9 @@ class FactoredLeaves:
             last = number == len(levels) - 1
             self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
             error = 0.0 if last else RECESS_DEPTHS_M[0] * ERROR_PIXELS / MIN_RECESS_PIXELS
-            found.append(DetailLevel(level, glb, bounding_corners([part.position for part in shown.values()]), error, len(shown)))
+            found.append(
+                DetailLevel(level, glb, bounding_corners([part.position for part in shown.values()]), error, len(shown))
+            )
         return found
 
     def is_unfactored(self, cell: QuadtreeCell) -> bool:

@@ -46,13 +46,17 @@ class WallDecomposition:
         self.light = srgb_to_linear(facade.colour)
         self.wall_light = smooth_known(self.light, self.free, SHADE_SMOOTHING_M * density)
         self.bands = [
-            (band, find_similar_band(library, band), self._band_light(band)) for band in segment_bands(facade.base_layer, self.free, density)
+            (band, find_similar_band(library, band), self._band_light(band))
+            for band in segment_bands(facade.base_layer, self.free, density)
         ]
         ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
         around = smooth_known(srgb_to_linear(facade.base_layer), self.free, SHADE_SMOOTHING_M * density)
         named = []
         for unit in ordered:
-            look, wall = unit_descriptor(facade.base_layer, unit.box, density), surrounding_wall_light(around, unit.box, density)
+            look, wall = (
+                unit_descriptor(facade.base_layer, unit.box, density),
+                surrounding_wall_light(around, unit.box, density),
+            )
             named.append((unit, library.find_similar_unit(unit, look, wall)))
         self.units = [(unit, own) for unit, own in named if own is not None]
 

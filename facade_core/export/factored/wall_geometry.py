@@ -160,7 +160,9 @@ class _WallBuilder:
             key = ("grain", self.library_index, own if own is not None else -1)
         self._add_piece(key, corners, place, light)
 
-    def insert_unit(self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]) -> shapely.Geometry:
+    def insert_unit(
+        self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]
+    ) -> shapely.Geometry:
         """Set a unit into what is free of the wall; what is left free."""
         kind, density = self.decomposition.library.types[shown], self.decomposition.facade.density
         x0, y0, x1, y1 = unit.box
@@ -194,7 +196,11 @@ class _WallBuilder:
                 for low, high in ((top, foot), (left, right))
             )
             mine = srgb_to_linear(kind.picture[rows, columns]).mean(axis=(0, 1))
-            within = np.clip(mean_light(self.decomposition.light, box, density) / np.maximum(mine, 1e-4), MIN_LIGHT_FACTOR, MAX_LIGHT_FACTOR)
+            within = np.clip(
+                mean_light(self.decomposition.light, box, density) / np.maximum(mine, 1e-4),
+                MIN_LIGHT_FACTOR,
+                MAX_LIGHT_FACTOR,
+            )
             corners, _ = _triangulate_areas(np.array([pane]))
             self._add_piece(key, corners, ((corners - corner) / step) / size, within, found.depth)
             self._add_reveals(found.reveals())
@@ -233,7 +239,9 @@ class _WallBuilder:
             -1, 3
         )
 
-    def _add_piece(self, key: TextureKey, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0) -> None:
+    def _add_piece(
+        self, key: TextureKey, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0
+    ) -> None:
         """Triangles with corners (t, 3, 2) in the chart's frame, places on their picture (t, 3, 2) and light (3,) or (3 t, 3);
         corners that have all the same are one."""
         if not len(corners):

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from facade_core.core.types import SURFACES, Ground
-from facade_core.export.lighting.surface_materials import GRAVEL, GROUND_MATERIALS, SLABS
+from facade_core.export.lighting.pbr_materials import GROUND_MATERIALS, PbrMaterial
 from facade_core.geometry.charts import Charts
 
 # Fixed-point bits of outlines.
@@ -25,7 +25,7 @@ class GroundMaterials:
         """The substances (h, w) uint8 of a piece of ground."""
         import cv2
 
-        out = np.full(shape, GRAVEL, np.uint8)
+        out = np.full(shape, PbrMaterial.GRAVEL, np.uint8)
         shapes, tree = self._outlines, self._tree
         origin, axes = charts.origin[chart, :2], np.stack([charts.axis_u[chart, :2], charts.axis_v[chart, :2]])
         axes = axes / (axes**2).sum(axis=1, keepdims=True)  # places as seen from above
@@ -34,11 +34,17 @@ class GroundMaterials:
             outline, of = shapes[number]
             for part in shapely.get_parts(outline):
                 rings = [
-                    np.round((((np.asarray(ring.coords)[:, :2] - origin) @ axes.T) * texels - 0.5) * 2**FIXED_POINT_BITS)
+                    np.round(
+                        (((np.asarray(ring.coords)[:, :2] - origin) @ axes.T) * texels - 0.5) * 2**FIXED_POINT_BITS
+                    )
                     for ring in (part.exterior, *part.interiors)
                 ]
                 cv2.fillPoly(
-                    out, [np.clip(ring, -(2**26), 2**26).astype(np.int32) for ring in rings], of, cv2.LINE_8, FIXED_POINT_BITS
+                    out,
+                    [np.clip(ring, -(2**26), 2**26).astype(np.int32) for ring in rings],
+                    of,
+                    cv2.LINE_8,
+                    FIXED_POINT_BITS,
                 )
         return out
 
@@ -47,8 +53,14 @@ class GroundMaterials:
         areas = [(one.outline, GROUND_MATERIALS[SURFACES.index(one.surface)]) for one in self._ground.areas]
         roads = sorted((way for way in self._ground.ways if way.kind == "road"), key=lambda way: way.rank)
         paths = [way for way in self._ground.ways if way.kind in ("path", "cycle", "steps")]
-        beside = [(way.line.buffer(way.width / 2 + max(way.pavement)), SLABS) for way in roads if max(way.pavement) > 0]
-        on = [(way.line.buffer(way.width / 2), GROUND_MATERIALS[SURFACES.index(way.surface)]) for way in (*paths, *roads)]
+        beside = [
+            (way.line.buffer(way.width / 2 + max(way.pavement)), PbrMaterial.SLABS)
+            for way in roads
+            if max(way.pavement) > 0
+        ]
+        on = [
+            (way.line.buffer(way.width / 2), GROUND_MATERIALS[SURFACES.index(way.surface)]) for way in (*paths, *roads)
+        ]
         found = [*areas, *beside, *on]
         return [(shape, of) for shape, of in found if shape.geom_type.endswith("Polygon") and not shape.is_empty]
 

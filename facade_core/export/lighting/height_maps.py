@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.core.labels import FacadeClass
-from facade_core.export.lighting.surface_materials import RELIEF
+from facade_core.export.lighting.pbr_materials import RELIEF
 from facade_core.street.materials.relief import relief_depth
 
 # Bars and frames stand so far out of their panes, metres.

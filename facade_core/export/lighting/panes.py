@@ -21,7 +21,13 @@ MAX_PANE_SLOPE = 0.012
 # A flat is so wide and high, metres. Places of windows count by steps of this, so that finer textures have the same ones lit.
 FLAT_WIDTH_M, FLOOR_HEIGHT_M, PLACE_STEP_M = 6.5, 3.2, 0.5
 # The share of flats that are lit in a house, least and most; of windows in these; of storeys where few are, and how few there.
-LIT_FLAT_SHARE_RANGE, LIT_WINDOW_SHARE, DIM_FLOOR_SHARE, DIM_FLOOR_FACTOR, LIT_SHOP_SHARE = (0.3, 0.65), 0.8, 0.2, 0.3, 0.85
+LIT_FLAT_SHARE_RANGE, LIT_WINDOW_SHARE, DIM_FLOOR_SHARE, DIM_FLOOR_FACTOR, LIT_SHOP_SHARE = (
+    (0.3, 0.65),
+    0.8,
+    0.2,
+    0.3,
+    0.85,
+)
 # Light of lamps, linear red, green and blue, and their shares: warm, warmer, neutral, cool, a screen.
 LAMP_COLOURS = np.array(
     [[1.0, 0.62, 0.3], [1.0, 0.52, 0.2], [1.0, 0.76, 0.5], [0.86, 0.92, 1.0], [0.35, 0.5, 0.9]], np.float32
@@ -182,7 +188,9 @@ def emitted_light(opening: FacadeOpening, density: float, height_m: float, rando
         share *= DIM_FLOOR_FACTOR
     if random.per_wall(flat, storey, 24) >= share or random.per_wall(*at, 25) >= LIT_WINDOW_SHARE:
         return None
-    lamp = LAMP_COLOURS[int(np.searchsorted(LAMP_CUMULATIVE_SHARES, random.per_wall(flat, storey, 26)).clip(0, len(LAMP_COLOURS) - 1))]
+    lamp = LAMP_COLOURS[
+        int(np.searchsorted(LAMP_CUMULATIVE_SHARES, random.per_wall(flat, storey, 26)).clip(0, len(LAMP_COLOURS) - 1))
+    ]
     level = _interpolate(WINDOW_LIGHT_RANGE, random.per_wall(*at, 27))
     from_lamp = ((x - (0.25 + 0.5 * random.per_wall(*at, 28))) ** 2)[None] * 2 + ((y - 0.2) ** 2)[:, None] * 1.6
     light = level * (0.35 + 0.65 * np.exp(-2 * from_lamp))
@@ -202,7 +210,11 @@ def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], ran
     """The same of a shop: its panes, as bright as its lamps are and what they fall on."""
     high, wide = opening.shape
     shop = int(at[0] * PLACE_STEP_M / (2 * FLAT_WIDTH_M))  # windows of one shop side by side
-    level = _interpolate(SHOP_LIGHT_RANGE, random.per_wall(shop, 12)) if random.per_wall(shop, 11) < LIT_SHOP_SHARE else CLOSED_SHOP_LIGHT
+    level = (
+        _interpolate(SHOP_LIGHT_RANGE, random.per_wall(shop, 12))
+        if random.per_wall(shop, 11) < LIT_SHOP_SHARE
+        else CLOSED_SHOP_LIGHT
+    )
     lamp = LAMP_COLOURS[SHOP_LAMPS[int(np.searchsorted(SHOP_LAMP_CUMULATIVE_SHARES, random.per_wall(shop, 13)))]]
     panes = _shop_pane_rows(high)
     within = (panes.stop - panes.start, wide)

@@ -26,14 +26,7 @@ from facade_core.export.lighting.panes import (
     pane_slope,
     snap_to_boxes,
 )
-from facade_core.export.lighting.surface_materials import (
-    BRICK,
-    CHART_MATERIALS,
-    PHOTOGRAPHED,
-    PLASTER,
-    ROUGHNESS,
-    classify_facade,
-)
+from facade_core.export.lighting.pbr_materials import CHART_MATERIALS, ROUGHNESS, PbrMaterial, classify_facade
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.facade.wall_material import measure_wall_material
@@ -43,7 +36,7 @@ from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.contact_shadow import contact_light
 from facade_core.street.lighting.sun import SKY_LIGHT, SUN_LIGHT, sunlight_share
 from facade_core.street.materials.field import MIN_OPEN_SKY
-from facade_core.street.materials.field_kernels import OCCLUSION_LOSS
+from facade_core.street.materials.field_kernels import OCCLUSION_LOSS, SurfaceMaterial
 from facade_core.street.propagation.render import daylight_grey
 
 # Charts whose colours and maps are held: those of a building, of which a shell asks for each again and again.
@@ -96,7 +89,9 @@ class _ChartRelighter:
         colour, shape = self.source.raster(chart), provenance.shape
         light = np.ones((*shape, 1), np.float32)
         if inputs.sun is not None:
-            light = (SKY_LIGHT + sunlight_share(self.scene, chart, inputs.sun)[..., None] * SUN_LIGHT).astype(np.float32)
+            light = (SKY_LIGHT + sunlight_share(self.scene, chart, inputs.sun)[..., None] * SUN_LIGHT).astype(
+                np.float32
+            )
         painted = (provenance > Provenance.UNSEEN) & (provenance <= Provenance.TRANSLATED)
         if painted.any():
             clear, left = self.sky_visibility(chart, shape), contact_light(self.scene, chart)
@@ -136,32 +131,33 @@ class _ChartRelighter:
         size = (-(-shape[1] // 2), -(-shape[0] // 2))
         half = (size[1], size[0])
         small = downscale(colour, size).astype(np.float32).mean(axis=2)
-        made = CHART_MATERIALS[int(inputs.chart_materials[chart])]
+        made = CHART_MATERIALS[SurfaceMaterial(inputs.chart_materials[chart])]
         turn, shown, frames = None, None, np.zeros(half, bool)
         if inputs.has_source_texture[chart]:
-            substance = np.full(half, PHOTOGRAPHED, np.uint8)
-            roughness = ROUGHNESS[substance]
+            material = np.full(half, PbrMaterial.PHOTOGRAPHED, np.uint8)
+            roughness = ROUGHNESS[material]
         elif labels is not None:
-            wall = measure_wall_material(colour, labels, density)
-            of_wall = BRICK if wall is not None and wall.brick else PLASTER if made != BRICK else BRICK
+            measured = measure_wall_material(colour, labels, density)
+            is_brick = made == PbrMaterial.BRICK or (measured is not None and measured.brick)
+            wall = PbrMaterial.BRICK if is_brick else PbrMaterial.PLASTER
             panes, leans, lit = self.pane_maps(chart, colour, labels)
-            whole = classify_facade(labels, of_wall, panes)
-            roughness, substance = downscale(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]
+            whole = classify_facade(labels, wall, panes)
+            roughness, material = downscale(ROUGHNESS[whole][..., None], size)[..., 0], whole[::2, ::2]
             share = downscale(panes.astype(np.float32)[..., None], size)[..., 0]
             opening = labels[::2, ::2] == FacadeClass.WINDOW
             frames, turn = opening & (share < 0.5), leans[::2, ::2] * (share > 0.5)[..., None]
             shown = None if lit is None else downscale(lit, size)
         else:
             on_ground = self.scene.charts.kind[chart] == ChartKind.GROUND
-            substance = (
-                grounds.rasterise(self.scene.charts, chart, half) if on_ground else np.full(half, made, np.uint8)
-            )
-            roughness = ROUGHNESS[substance]
+            material = grounds.rasterise(self.scene.charts, chart, half) if on_ground else np.full(half, made, np.uint8)
+            roughness = ROUGHNESS[material]
             if self.scene.charts.kind[chart] == ChartKind.WINDOW:
                 pane = FacadeOpening(FacadeClass.WINDOW, 0, 0, *size)
-                shown = emitted_light(pane, density / 2, float(self.scene.charts.size[chart, 1]), self.seeded_random(chart))
+                shown = emitted_light(
+                    pane, density / 2, float(self.scene.charts.size[chart, 1]), self.seeded_random(chart)
+                )
         coarse = None if labels is None else labels[::2, ::2]
-        height = estimate_heights(coarse, substance, small, frames, density / 2)
+        height = estimate_heights(coarse, material, small, frames, density / 2)
         occlusion = self.sky_visibility(chart, half) * cavity_visibility(height, density / 2)
         left = contact_light(self.scene, chart)
         if left is not None:

@@ -26,13 +26,17 @@ TABLE_TOP, UNDER_TABLE_LIGHT = 0.68, 0.4
 FLOOR_TOP, FLOOR_LIGHT = 0.93, 0.6
 
 
-def shop_interior_light(shape: tuple[int, int], density: float, kind: float, uniform: Callable[..., float]) -> np.ndarray:
+def shop_interior_light(
+    shape: tuple[int, int], density: float, kind: float, uniform: Callable[..., float]
+) -> np.ndarray:
     """Light (h, w, 3) float32 of a shop's pane of so many texels (h, w), shares of its lamps' light. kind: 0..1, what the shop
     is; uniform: a number 0..1 for whole numbers, the pane's own. The same at any density, but for what is smaller than a
     texel."""
     high, wide = shape
     x, y = (np.arange(wide, dtype=np.float32) + 0.5) / density, (np.arange(high, dtype=np.float32) + 0.5) / high
-    light = (WALL_LIGHT_FLOOR + (WALL_LIGHT_TOP - WALL_LIGHT_FLOOR) * np.exp(-np.square(y / WALL_FALLOFF)))[:, None] * np.ones((1, wide))
+    light = (WALL_LIGHT_FLOOR + (WALL_LIGHT_TOP - WALL_LIGHT_FLOOR) * np.exp(-np.square(y / WALL_FALLOFF)))[
+        :, None
+    ] * np.ones((1, wide))
     to_lamp = (x + LAMP_SPACING_M * uniform(41)) % LAMP_SPACING_M - LAMP_SPACING_M / 2
     cone = np.exp(-np.square(to_lamp[None] / (0.15 + 0.9 * y[:, None]))) * np.exp(-2.5 * y)[:, None]
     light = light + CONE_LIGHT * cone
@@ -41,7 +45,9 @@ def shop_interior_light(shape: tuple[int, int], density: float, kind: float, uni
         _draw_shelves(shown, x, y, uniform)
     else:
         shown[y > TABLE_TOP] *= UNDER_TABLE_LIGHT
-        hangs = np.square((y - LAMP_TOP - 0.2) / (2 * LAMP_HEIGHT))[:, None] + np.square(to_lamp / (2 * LAMP_WIDTH_M))[None]
+        hangs = (
+            np.square((y - LAMP_TOP - 0.2) / (2 * LAMP_HEIGHT))[:, None] + np.square(to_lamp / (2 * LAMP_WIDTH_M))[None]
+        )
         shown += LAMP_LIGHT * np.exp(-hangs)[..., None]
     shown[y > FLOOR_TOP] *= FLOOR_LIGHT
     lamps = np.square((y - LAMP_TOP) / LAMP_HEIGHT)[:, None] + np.square(to_lamp / LAMP_WIDTH_M)[None]
@@ -56,7 +62,9 @@ def _draw_shelves(shown: np.ndarray, x: np.ndarray, y: np.ndarray, uniform: Call
         for number in range(goods[-1] + 1):
             if uniform(row, number, 43) >= GOODS_SHARE:
                 continue
-            tall = step * (GOODS_HEIGHT_RANGE[0] + (GOODS_HEIGHT_RANGE[1] - GOODS_HEIGHT_RANGE[0]) * uniform(row, number, 44))
+            tall = step * (
+                GOODS_HEIGHT_RANGE[0] + (GOODS_HEIGHT_RANGE[1] - GOODS_HEIGHT_RANGE[0]) * uniform(row, number, 44)
+            )
             bright = GOODS_LIGHT_RANGE[0] + (GOODS_LIGHT_RANGE[1] - GOODS_LIGHT_RANGE[0]) * uniform(row, number, 45)
             tint = GOODS_TINTS[int(uniform(row, number, 46) * len(GOODS_TINTS))]
             rows, columns = np.flatnonzero((y > board - tall) & (y < board)), np.flatnonzero(goods == number)

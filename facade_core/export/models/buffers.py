@@ -29,7 +29,9 @@ class GlbBuffer:
         self.length += len(self.chunks[-1])
         return len(self.views) - 1
 
-    def add_accessor(self, values: np.ndarray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any) -> int:
+    def add_accessor(
+        self, values: np.ndarray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any
+    ) -> int:
         """Index of an accessor of values (n, k), whose rows are padded to four bytes where they are a vertex'."""
         stride = {}
         if target == ARRAY_BUFFER:

@@ -85,7 +85,9 @@ def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
 
 # ETC1S becomes BC7, ETC2 or ASTC on the card: a byte a texel or half of that. The others are held as red, green, blue, alpha.
 ENCODERS = {
-    "jpeg": TextureEncoder("image/jpeg", None, 4.0, MAX_VIEW_MB, lambda image: encode_jpeg(image, JPEG_QUALITY), _jpeg_data),
+    "jpeg": TextureEncoder(
+        "image/jpeg", None, 4.0, MAX_VIEW_MB, lambda image: encode_jpeg(image, JPEG_QUALITY), _jpeg_data
+    ),
     "webp": TextureEncoder("image/webp", "EXT_texture_webp", 4.0, MAX_VIEW_MB, _webp, _webp),
     "ktx2": TextureEncoder(
         "image/ktx2", "KHR_texture_basisu", 1.0, MAX_KTX2_VIEW_MB, _ktx2, lambda image: _ktx2(image, srgb=False)

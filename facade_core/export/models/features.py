@@ -76,11 +76,18 @@ class FeatureTable:
     def structural_metadata(self, rows: np.ndarray, add_view: AddView) -> dict[str, Any]:
         """EXT_structural_metadata of some rows (k,)."""
         shown = [self.rows[row] for row in rows.tolist()]
-        columns = {one.name: found for one in self.properties if (found := one.table_property(shown, add_view)) is not None}
+        columns = {
+            one.name: found for one in self.properties if (found := one.table_property(shown, add_view)) is not None
+        }
         schema = {
             "id": "streetloom",
             "description": "parts of a textured block, by the columns of its catalogue",
-            "classes": {METADATA_CLASS: {"name": METADATA_CLASS, "properties": {one.name: one.schema() for one in self.properties}}},
+            "classes": {
+                METADATA_CLASS: {
+                    "name": METADATA_CLASS,
+                    "properties": {one.name: one.schema() for one in self.properties},
+                }
+            },
         }
         table = {"name": "parts", "class": METADATA_CLASS, "count": len(shown), "properties": columns}
         return {"schema": schema, "propertyTables": [table]}

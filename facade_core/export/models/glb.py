@@ -81,7 +81,9 @@ def encode_glb(
 
     What is a picture alone is unlit: it holds the light of the day on which it was taken.
     """
-    gltf = build_gltf_materials([one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials], time=time)
+    gltf = build_gltf_materials(
+        [one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials], time=time
+    )
     nodes = [node for node in nodes if node.primitives]
     primitives = [primitive for node in nodes for primitive in node.primitives]
     position = [np.ascontiguousarray(p.position, "<f4") for p in primitives]

@@ -55,7 +55,9 @@ class GltfMaterials:
     primitives: tuple[dict[str, Any], ...]
 
 
-def build_gltf_materials(pages: Sequence[MaterialTextures], encoder: TextureEncoder = ENCODERS["jpeg"], time: TimeOfDay = "day") -> GltfMaterials:
+def build_gltf_materials(
+    pages: Sequence[MaterialTextures], encoder: TextureEncoder = ENCODERS["jpeg"], time: TimeOfDay = "day"
+) -> GltfMaterials:
     """The materials of pages, at a time of day."""
     pictures: list[bytes] = []
     textures: list[dict[str, Any]] = []
@@ -107,7 +109,7 @@ def build_gltf_materials(pages: Sequence[MaterialTextures], encoder: TextureEnco
             day, night = (other, i) if first == NIGHT else (i, other)
             mappings = [{"material": day, "variants": [0]}, {"material": night, "variants": [1]}]
             primitives[i] = {"material": i, "extensions": {"KHR_materials_variants": {"mappings": mappings}}}
-    document_parts: dict[str, Any] = {"materials": materials + after, "textures": textures}
+    document: dict[str, Any] = {"materials": materials + after, "textures": textures}
     if "KHR_materials_variants" in used:
         document["extensions"] = {"KHR_materials_variants": {"variants": [{"name": DAY}, {"name": NIGHT}]}}
     return GltfMaterials(tuple(pictures), document, tuple(dict.fromkeys(used)), tuple(primitives))

@@ -118,7 +118,9 @@ def fill_between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarr
     return colour
 
 
-def draw_page(layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER_TEXELS) -> np.ndarray:
+def draw_page(
+    layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER_TEXELS
+) -> np.ndarray:
     """One page (h, w, 3) uint8 with the rasters of its pieces, their borders repeated, and the mean colour between."""
     width, height = layout.pages[page].tolist()
     drawn = np.zeros((height, width, 3), np.uint8)

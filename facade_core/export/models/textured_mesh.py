@@ -195,7 +195,9 @@ def draw_page_images(drawn: PackedCharts, page: int) -> PageImages:
     maps, half = drawn.source.maps, halve_layout(drawn.layout)
     return PageImages(
         _draw_base_colour(drawn, page),
-        None if maps is None else draw_page_maps(drawn, page, lambda raster: draw_page(half, page, raster, GUTTER_TEXELS // 2)),
+        None
+        if maps is None
+        else draw_page_maps(drawn, page, lambda raster: draw_page(half, page, raster, GUTTER_TEXELS // 2)),
     )
 
 
@@ -207,7 +209,9 @@ def _draw_base_colour(drawn: PackedCharts, page: int) -> np.ndarray:
     return draw_page(drawn.layout, page, raster)
 
 
-def draw_page_maps(drawn: PackedCharts, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]) -> PbrMaps:
+def draw_page_maps(
+    drawn: PackedCharts, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]
+) -> PbrMaps:
     """The maps of a page; `draw` puts rasters of its pieces at half their texels on it."""
     assert drawn.source.maps is not None
     found: dict[int, tuple[np.ndarray | None, ...]] = {}
@@ -228,7 +232,9 @@ def draw_page_maps(drawn: PackedCharts, page: int, draw: Callable[[Callable[[int
     return PbrMaps(normal, orm, emissive)
 
 
-def build_nodes(drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: ModelFrame) -> tuple[list[GltfNode], np.ndarray]:
+def build_nodes(
+    drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: ModelFrame
+) -> tuple[list[GltfNode], np.ndarray]:
     """One node per building, in their order, then the ground, from layouts whose pages follow one another.
 
     names: building -> name. Second, the least and greatest corner (2, 3) of the model in its frame, after glTF.
@@ -262,4 +268,6 @@ def build_nodes(drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: 
             )
         before += len(part.layout.pages)
     owners = sorted(primitives, key=lambda owner: (owner < 0, owner))
-    return [GltfNode(names.get(owner, GROUND_NODE), tuple(primitives[owner])) for owner in owners], np.array([low, high])
+    return [GltfNode(names.get(owner, GROUND_NODE), tuple(primitives[owner])) for owner in owners], np.array(
+        [low, high]
+    )

@@ -115,7 +115,9 @@ def write_usd_block(
     layer.comment = comment
     layer.customLayerData = {NAMESPACE: dict(custom_data)}
     for name, asset in parts.items():
-        UsdGeom.Xform.Define(stage, f"/{ROOT_PRIM}/{prim_identifier(name)}").GetPrim().GetReferences().AddReference(asset)
+        UsdGeom.Xform.Define(stage, f"/{ROOT_PRIM}/{prim_identifier(name)}").GetPrim().GetReferences().AddReference(
+            asset
+        )
     if time:
 
         def choose(one: str) -> None:

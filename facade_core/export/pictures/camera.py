@@ -111,10 +111,15 @@ def _visible_worth(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
     return float((worth * charts.size.prod(axis=1) * np.clip(charts.normals() @ side, 0, None)).sum())
 
 
-def street_camera(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray) -> PerspectiveCamera:
+def street_camera(
+    scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray
+) -> PerspectiveCamera:
     """As who walks along a street sees its one side, ASIDE of the way ahead or back: from the viewpoint and in the direction
     that show most of what is worth seeing (per chart)."""
-    rows, columns = slice(SEARCH_WIDTH_PX // 8, SEARCH_WIDTH_PX // 4), slice(SEARCH_WIDTH_PX * 3 // 8, SEARCH_WIDTH_PX * 5 // 8)
+    rows, columns = (
+        slice(SEARCH_WIDTH_PX // 8, SEARCH_WIDTH_PX // 4),
+        slice(SEARCH_WIDTH_PX * 3 // 8, SEARCH_WIDTH_PX * 5 // 8),
+    )
     best, found = -1.0, (viewpoints[0], 0.0)
     for viewpoint in viewpoints:
         _, depth, chart = scene.cast_panorama(viewpoint, SEARCH_WIDTH_PX)
@@ -129,7 +134,11 @@ def street_camera(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int
     viewpoint, turn = found
     heading = float(np.degrees(np.arctan2(*viewpoint.forward))) + turn
     return PerspectiveCamera.from_heading(
-        lower_to_eye_height(scene, viewpoint.position), heading=heading, pitch=STREET_PITCH_DEG, field_of_view=75.0, size=size
+        lower_to_eye_height(scene, viewpoint.position),
+        heading=heading,
+        pitch=STREET_PITCH_DEG,
+        field_of_view=75.0,
+        size=size,
     )
 
 
@@ -137,14 +146,18 @@ def close_up_camera(scene: Scene, facades: np.ndarray, size: tuple[int, int], wo
     """At the foot of the facade (charts (n,), at least one) that is most worth seeing (per chart and area), aslant from the
     pavement: of those with nothing before them, or the first."""
     charts = scene.charts
-    order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][:MAX_CLOSE_UPS_TRIED]
+    order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][
+        :MAX_CLOSE_UPS_TRIED
+    ]
     found = None
     for chart in order.tolist():
         width, height = charts.size[chart]
         foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
         looked_at = foot + np.array([0.0, 0.0, min(CLOSE_UP_TARGET_M, height / 2)])
         for aside in (CLOSE_UP_OFFSET_M, -CLOSE_UP_OFFSET_M):
-            place = foot + CLOSE_UP_DISTANCE_M * charts.normals()[chart] + aside * charts.axis_u[chart] + [0.0, 0.0, 3.0]
+            place = (
+                foot + CLOSE_UP_DISTANCE_M * charts.normals()[chart] + aside * charts.axis_u[chart] + [0.0, 0.0, 3.0]
+            )
             camera = PerspectiveCamera(lower_to_eye_height(scene, place), looked_at, 62.0, size)
             found = found or camera
             _, hit = scene.caster.cast(camera.position, (looked_at - camera.position)[None])

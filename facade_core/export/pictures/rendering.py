@@ -62,9 +62,13 @@ class RenderedView:
             depth = self.depth[here]
             share = np.array(raster.shape[1::-1]) / (place.width[chart], place.height[chart])
             density = place.texels_per_metre[chart] * share
-            levels = filtering.build_mip_pyramid(raster, float(depth.max() / focal * density.max()) * filtering.MAX_ANISOTROPY)
+            levels = filtering.build_mip_pyramid(
+                raster, float(depth.max() / focal * density.max()) * filtering.MAX_ANISOTROPY
+            )
             flat = self.rgb.reshape(-1, 3)
-            filtering.paint_pixels(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)
+            filtering.paint_pixels(
+                flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels
+            )
 
     def apply_haze(self) -> np.ndarray:
         """The painted picture with the haze between what is nearest and what is far, (h, w, 3) uint8."""
@@ -98,7 +102,9 @@ def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> R
     return RenderedView(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
 
 
-def render_perspective(scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], np.ndarray], *, samples: int = 2) -> np.ndarray:
+def render_perspective(
+    scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], np.ndarray], *, samples: int = 2
+) -> np.ndarray:
     """The textured block as a camera sees it, (h, w, 3) uint8: filtered, with sky and haze.
 
     raster gives the raster (h, w, 3) uint8 of a chart; that of published pages is `build_textured_mesh(scene, page).raster`, as
@@ -109,7 +115,9 @@ def render_perspective(scene: Scene, camera: PerspectiveCamera, raster: Callable
             rgb = perspective(found.plan.scene, camera, found.textured.raster)
     """
     picture = cast_view(scene, camera, samples=samples)
-    for chart in picture.visible_charts[np.argsort(scene.placement.page[picture.visible_charts], kind="stable")].tolist():
+    for chart in picture.visible_charts[
+        np.argsort(scene.placement.page[picture.visible_charts], kind="stable")
+    ].tolist():
         picture.paint({chart: raster(chart)})
     return average_samples(picture.apply_haze(), samples)
 

@@ -132,7 +132,9 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
     )
     yield from _variation_pictures(facade, record.get("variation_levels") or 0)
     if facade.read_raster("atlas/provenance").any():  # its surface is finished
-        yield StagePicture(partial(facade.read_raster, "atlas/colour"), StageTitle("street", "In the street: final texture"))
+        yield StagePicture(
+            partial(facade.read_raster, "atlas/colour"), StageTitle("street", "In the street: final texture")
+        )
 
 
 def _crop_note(record: Mapping[str, Any]) -> str:
@@ -161,4 +163,8 @@ def _variation_pictures(facade: StoredFacade, levels: int) -> Iterator[StagePict
 
 def select_report_levels(levels: int) -> list[int]:
     """The levels of a hierarchy that the report draws: the first, the last, and what fits between."""
-    return sorted({round(i * (levels - 1) / max(1, MAX_REPORT_LEVELS - 1)) for i in range(MAX_REPORT_LEVELS)}) if levels else []
+    return (
+        sorted({round(i * (levels - 1) / max(1, MAX_REPORT_LEVELS - 1)) for i in range(MAX_REPORT_LEVELS)})
+        if levels
+        else []
+    )

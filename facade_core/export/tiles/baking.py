@@ -47,7 +47,10 @@ def bake_rasters(
         x = (np.arange(width * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
         y = (np.arange(height * SAMPLES_PER_TEXEL) + 0.5) / SAMPLES_PER_TEXEL / density
         # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
-        x, y = (np.clip(v, MIN_EDGE_DISTANCE_M, side - MIN_EDGE_DISTANCE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
+        x, y = (
+            np.clip(v, MIN_EDGE_DISTANCE_M, side - MIN_EDGE_DISTANCE_M)
+            for v, side in zip((x, y), charts.size[chart], strict=True)
+        )
         points = charts.points(chart, x[None], y[:, None])
         wall = charts.kind[chart] == ChartKind.WALL
         before = RAY_START_M if wall else highest - charts.origin[chart, 2] + 1.0
@@ -68,7 +71,9 @@ def _complete_rasters(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dic
     return {chart: _average_samples(_fill_missing(colour, found, mean)) for chart, (colour, found) in shown.items()}
 
 
-def _sample_colours(source: TexturedMesh, chart: np.ndarray, points: np.ndarray, raster_of_chart: Callable[[int], np.ndarray]) -> np.ndarray:
+def _sample_colours(
+    source: TexturedMesh, chart: np.ndarray, points: np.ndarray, raster_of_chart: Callable[[int], np.ndarray]
+) -> np.ndarray:
     """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
     share = source.charts.coordinates(chart, points) / source.extent[chart]
     colours = np.empty((len(chart), 3), np.uint8)
@@ -93,5 +98,7 @@ def _fill_missing(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np
 
 def _average_samples(colour: np.ndarray) -> np.ndarray:
     height, width, _ = colour.shape
-    cells = colour.reshape(height // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, width // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, 3)
+    cells = colour.reshape(
+        height // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, width // SAMPLES_PER_TEXEL, SAMPLES_PER_TEXEL, 3
+    )
     return cells.mean(axis=(1, 3)).round().astype(np.uint8)

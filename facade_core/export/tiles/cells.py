@@ -53,7 +53,11 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
         return QuadtreeCell(path, *members.split(inside), total, COARSE_SCALE * 0.5 ** float(steps), children)
 
     def divided(inside: np.ndarray, path: str) -> bool:
-        return int(members.texel_counts[inside].sum()) > DIVISION_FACTOR * MAX_COARSE_TILE_TEXELS and len(inside) > 1 and len(path) < MAX_DEPTH
+        return (
+            int(members.texel_counts[inside].sum()) > DIVISION_FACTOR * MAX_COARSE_TILE_TEXELS
+            and len(inside) > 1
+            and len(path) < MAX_DEPTH
+        )
 
     def divide(path: str, inside: np.ndarray, corner: np.ndarray, side: float) -> QuadtreeCell:
         if not divided(inside, path):

@@ -14,7 +14,7 @@ from facade_core.export.bodies.footprints import building_footprint
 from facade_core.export.models.pages import PbrMaps, downscale
 from facade_core.export.models.textured_mesh import TexturedMesh, triangle_areas
 from facade_core.export.tiles.baking import bake_rasters
-from facade_core.geometry.charts import ChartKind, Charts, Mesh, ChartBuilder
+from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh
 from facade_core.geometry.ground.ground_charts import add_level_surface, add_planar_chart
 
 # Corners nearer than this to their neighbours' line are left out of an outline.
@@ -43,7 +43,9 @@ class BuildingShells:
     deviation_m: Mapping[int, float]
 
 
-def build_shells(source: TexturedMesh, density: float, on_progress: Callable[[], None] = lambda: None) -> BuildingShells:
+def build_shells(
+    source: TexturedMesh, density: float, on_progress: Callable[[], None] = lambda: None
+) -> BuildingShells:
     """A shell for every building, with rasters of `density` texels per metre; `on_progress` is called after each building."""
     pieces, kept = ChartBuilder(), []
     off: dict[int, float] = {}
@@ -95,9 +97,13 @@ def _shell_outlines(source: TexturedMesh, triangles: np.ndarray) -> tuple[list[P
     if not len(roof):
         return None
     corners = mesh.vertices[mesh.triangles[roof]]
-    covered = shapely.union_all(shapely.buffer(building_footprint(source, triangles), GAP_CLOSING_M, join_style="mitre"))
+    covered = shapely.union_all(
+        shapely.buffer(building_footprint(source, triangles), GAP_CLOSING_M, join_style="mitre")
+    )
     outlines = [
-        shapely.orient_polygons(Polygon(part.exterior, [r for r in part.interiors if Polygon(r).area > MIN_COURTYARD_M2]))
+        shapely.orient_polygons(
+            Polygon(part.exterior, [r for r in part.interiors if Polygon(r).area > MIN_COURTYARD_M2])
+        )
         for part in shapely.get_parts(shapely.simplify(covered, TOLERANCE_M))
         if part.area > TOLERANCE_M**2
     ]

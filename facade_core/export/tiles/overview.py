@@ -43,7 +43,9 @@ def overview_scale(texels: np.ndarray) -> float:
     return scale
 
 
-def encode_overview(source: TexturedMesh, charts: np.ndarray, extras: Mapping[str, Any], *, copyright: str = "") -> bytes:
+def encode_overview(
+    source: TexturedMesh, charts: np.ndarray, extras: Mapping[str, Any], *, copyright: str = ""
+) -> bytes:
     """Some charts (k,), ascending, of a source of coarse rasters as one node around `extras["origin"]`, world metres; of
     OVERVIEW_BYTES at most: where it is more it is made coarser, and where it cannot be of fewer charts."""
     whole = replace(source, charts=replace(source.charts, building=np.zeros_like(source.charts.building)))
@@ -51,7 +53,9 @@ def encode_overview(source: TexturedMesh, charts: np.ndarray, extras: Mapping[st
     scale = 1.0
     while True:
         drawn = pack_charts(whole, charts, scale)
-        data = encode_glb(build_nodes([drawn], {0: OVERVIEW_NODE}, frame)[0], encode_pages(drawn), extras=extras, copyright=copyright)
+        data = encode_glb(
+            build_nodes([drawn], {0: OVERVIEW_NODE}, frame)[0], encode_pages(drawn), extras=extras, copyright=copyright
+        )
         if len(data) <= MAX_OVERVIEW_BYTES or not len(charts):
             return data
         if scale * source.texels[charts].max() > 1:

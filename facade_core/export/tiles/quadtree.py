@@ -52,7 +52,9 @@ def collect_members(charts: Charts, texels: np.ndarray, drawn: np.ndarray) -> Qu
     own = [drawn[by_building[building]] for building in owner.tolist()]
     middle = np.array([centres[mine].mean(axis=0) for mine in own]).reshape(-1, 2)
     size = np.array([texels[mine].sum() for mine in own], np.int64)
-    return QuadtreeMembers(owner, ground, np.concatenate([middle, centres[ground]]), np.concatenate([size, texels[ground]]))
+    return QuadtreeMembers(
+        owner, ground, np.concatenate([middle, centres[ground]]), np.concatenate([size, texels[ground]])
+    )
 
 
 def split_quadrants(points: np.ndarray, corner: np.ndarray, side: float) -> dict[int, np.ndarray]:

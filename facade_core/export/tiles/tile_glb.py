@@ -60,7 +60,9 @@ def encode_tile_glb(
         bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
         attributes = {
             "POSITION": buffer.add_accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
-            "NORMAL": buffer.add_accessor(np.round(batch.normal * MAX_BYTE).astype("i1"), BYTE, "VEC3", normalized=True),
+            "NORMAL": buffer.add_accessor(
+                np.round(batch.normal * MAX_BYTE).astype("i1"), BYTE, "VEC3", normalized=True
+            ),
             "TEXCOORD_0": buffer.add_accessor(
                 np.round(batch.uv * MAX_UNSIGNED_SHORT).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
             ),

@@ -74,7 +74,9 @@ def build_tile_model(
     origin = np.array(extras["origin"], float)
     nodes, bounds = build_nodes([drawn], names, LocalFrame(origin))
     corners = bounds[:, [0, 2, 1]] * [1, -1, 1] + origin
-    return TileModel(encode_glb(nodes, pictures, extras=extras), np.sort(corners, axis=0), coarse, tuple(picture_digests))
+    return TileModel(
+        encode_glb(nodes, pictures, extras=extras), np.sort(corners, axis=0), coarse, tuple(picture_digests)
+    )
 
 
 def coarse_size(texels: np.ndarray) -> np.ndarray:

@@ -72,17 +72,25 @@ class _TilesetWriter:
     def __post_init__(self) -> None:
         self.tilesets: dict[str, Any] = {}
         self.page_texels, self.used_texels, self.draw_calls, self.bytes = 0, 0.0, 0, 0
-        self.shell_rows = self.features.select_building_rows(self.shells.textured_mesh.charts.building, self.source.charts.building)
+        self.shell_rows = self.features.select_building_rows(
+            self.shells.textured_mesh.charts.building, self.source.charts.building
+        )
 
     def write_content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
         """Write a tile of pages with the rows (charts, 2) of their charts; its least and greatest corner (2, 3), z up."""
         batches, page_textures = [], []
         for pages, rows in parts:
             batches += _page_batches(pages, rows, self.frame)
-            page_textures += [encode_textures(pages.draw_images(page), self.encoder) for page in range(len(pages.packed.layout.pages))]
+            page_textures += [
+                encode_textures(pages.draw_images(page), self.encoder) for page in range(len(pages.packed.layout.pages))
+            ]
             self.page_texels += pages.page_texels
             self.used_texels += pages.used_texels
-        self.write_model(uri, encode_tile_glb(batches, page_textures, self.encoder, self.features, self.copyright, self.time), len(batches))
+        self.write_model(
+            uri,
+            encode_tile_glb(batches, page_textures, self.encoder, self.features, self.copyright, self.time),
+            len(batches),
+        )
         return bounding_corners([batch.position for batch in batches])
 
     def write_model(self, uri: str, data: bytes, draws: int) -> None:
@@ -96,7 +104,11 @@ class _TilesetWriter:
         charts = cell_charts(self.source, cell)
         uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
         corners = self.write_content(uri, [(pack_tile_pages(self.source, charts, self.scale), self.rows)])
-        return {"boundingVolume": {"box": _bounding_box(corners)}, "geometricError": 0.0, "content": {"uri": f"../{uri}"}}
+        return {
+            "boundingVolume": {"box": _bounding_box(corners)},
+            "geometricError": 0.0,
+            "content": {"uri": f"../{uri}"},
+        }
 
     def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> dict[str, Any]:
         """Levels of detail, each of which the next replaces."""
@@ -121,7 +133,9 @@ class _TilesetWriter:
 
     def finer_tiles(self, cell: QuadtreeCell) -> list[dict[str, Any]]:
         """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
-        finer = [t for c in cell.children for t in ([self.linked_tile(c)] if c.scale > cell.scale else self.finer_tiles(c))]
+        finer = [
+            t for c in cell.children for t in ([self.linked_tile(c)] if c.scale > cell.scale else self.finer_tiles(c))
+        ]
         return finer or [self.full_tile(cell)]
 
     def linked_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
@@ -192,7 +206,13 @@ def write_tileset(
         "geometricError": max(reach, 2 * root["geometricError"]),
         "root": root,
     }
-    return WrittenTileset({"tileset.json": top, **writer.tilesets}, writer.page_texels, writer.used_texels, writer.draw_calls, writer.bytes)
+    return WrittenTileset(
+        {"tileset.json": top, **writer.tilesets},
+        writer.page_texels,
+        writer.used_texels,
+        writer.draw_calls,
+        writer.bytes,
+    )
 
 
 def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:
@@ -207,7 +227,12 @@ def bounding_corners(positions: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def view_scale(
-    source: TexturedMesh, shells: BuildingShells, cells: QuadtreeCell, encoder: TextureEncoder, max_bytes: float, time: TimeOfDay = "day"
+    source: TexturedMesh,
+    shells: BuildingShells,
+    cells: QuadtreeCell,
+    encoder: TextureEncoder,
+    max_bytes: float,
+    time: TimeOfDay = "day",
 ) -> float:
     """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
     tiles within VIEW_M of the middle of any of them, and of the coarse tiles above these, which viewers keep beside them."""
@@ -222,7 +247,8 @@ def view_scale(
     while True:
         fine = np.array([pack_tile_pages(source, cell_charts(source, leaf), scale).page_texels for leaf in leaves])
         more = [
-            sum(one.page_texels for part in pack_coarse_pages(source, shells, cell, scale) for one in part) for cell in coarse
+            sum(one.page_texels for part in pack_coarse_pages(source, shells, cell, scale) for one in part)
+            for cell in coarse
         ]
         held = float((near @ fine + above @ np.array(more)).max()) * texel_bytes
         if held <= max_bytes or scale < COARSE_SCALE:

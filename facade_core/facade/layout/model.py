@@ -54,7 +54,7 @@ class LayoutModel:
 
     densities: Densities
     weights: np.ndarray
-    averages_termsages_terms: bool
+    averages_terms: bool
     policies: np.ndarray
     label_shares: np.ndarray
     priors: ElementPriors
@@ -138,7 +138,7 @@ def _to_record(model: LayoutModel) -> dict[str, Any]:
         "symmetry": model.densities.symmetry.tolist(),
         "compatibility": model.densities.compatibility.tolist(),
         "weights": dict(zip(TERMS, model.weights.tolist(), strict=True)),
-        "mean": model.averages_termsages_terms,
+        "mean": model.averages_terms,
         "policies": model.policies.tolist(),
         "labels": model.label_shares.tolist(),
         "doors": model.priors.door_sizes.tolist(),

@@ -15,8 +15,14 @@ from facade_core.core.types import Lattice
 from facade_core.facade.texture.entrances import DOOR_SIZE_M, choose_door_position, paint_corner_shop, paint_door
 from facade_core.facade.texture.genetic import POPULATION_SIZE
 from facade_core.facade.texture.retargeting import PRICE_NOISE, ExemplarStyle, fit_sizes, initial_tiling, refine_tiling
-from facade_core.facade.texture.storeys import FacadeWall, WallFloor, plainest_floor, shows_ground_floor, stack_floors
 from facade_core.facade.texture.tile_composition import compose_tiles
+from facade_core.facade.texture.wall_floors import (
+    FacadeWall,
+    WallFloor,
+    plainest_floor,
+    shows_ground_floor,
+    stack_floors,
+)
 
 # Wall on either side of a window, to the wall's edge or to a neighbour.
 WINDOW_MARGIN_M = 0.25
@@ -59,10 +65,10 @@ def compose_wall(
     rng = np.random.default_rng(seed)
     plain = plainest_floor(style)
     stack, scale = stack_floors(style, wall, metres_per_pixel, floor_style)
-    floors = [storey.floor for storey in stack]
+    floors = [wall_floor.exemplar_floor for wall_floor in stack]
 
-    bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (BACK_BAY_FACTOR if wall.is_back else 1.0)
-    window = scale * float(np.mean([right - left for left, right in style.exemplar.bays]))
+    bay = scale * float(np.diff(style.structure.bay_cuts).mean()) * (BACK_BAY_FACTOR if wall.is_back else 1.0)
+    window = scale * float(np.mean([right - left for left, right in style.structure.bays]))
     blank = wall.width < max(0.5 * bay, window + 2 * WINDOW_MARGIN_M)
     ends = [0.0, wall.width] if blank else _wall_sections(wall, bay)
     counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
@@ -79,10 +85,10 @@ def compose_wall(
         source[1] = wide + 1
     elif not wall.on_street:
         row = 0
-        for storey in stack:  # what is behind the windows differs from storey to storey
+        for wall_floor in stack:  # what is behind the windows differs from storey to storey
             bays = rng.choice(_plain_bays(style, plain), count)
-            source[1, row : row + len(storey.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
-            row += len(storey.heights)
+            source[1, row : row + len(wall_floor.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
+            row += len(wall_floor.heights)
     if blank:
         across = np.array([0.0, wall.width])
     else:
@@ -95,7 +101,7 @@ def compose_wall(
         apart = max(SEAM_MARGIN_M, SEAM_MARGIN_TEXELS * (texel_m or pixel))
         across = _move_off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
     attic = stack[0].attic
-    down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
+    down = attic + np.concatenate([[0.0], np.cumsum([height for wall_floor in stack for height in wall_floor.heights])])
     _blank_cells(style, wall, stack, source, down, across, plain, blank)
     ground = len(stack[-1].heights)
     if wall.is_corner:
@@ -133,7 +139,7 @@ def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: np.ndarray, acr
     doors = np.flatnonzero(style.doors)
     if not len(doors):
         return
-    cuts, band = style.exemplar.bay_cuts, slice(style.exemplar.ground_top, style.exemplar.bottom)
+    cuts, band = style.structure.bay_cuts, slice(style.structure.ground_top, style.structure.bottom)
     shop = [(style.labels[band, a:b] == FacadeClass.SHOP).any() for a, b in pairwise(cuts)]
     entered = np.array([*(style.doors | np.array(shop)), False])  # the last: bare wall
     for place in wall.entrances:
@@ -144,11 +150,11 @@ def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: np.ndarray, acr
             source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
-def _blank_ground(style: ExemplarStyle, storey: WallFloor, source: np.ndarray, plain: int) -> None:
-    """Show bare wall all over the lowest storey, in `source` as of `_blank_cells`: that of the ground floor where it has any."""
-    count, bare = len(storey.heights), len(style.grid.columns)
+def _blank_ground(style: ExemplarStyle, wall_floor: WallFloor, source: np.ndarray, plain: int) -> None:
+    """Show bare wall all over the lowest wall_floor, in `source` as of `_blank_cells`: that of the ground floor where it has any."""
+    count, bare = len(wall_floor.heights), len(style.grid.columns)
     if not (
-        shows_ground_floor(style, storey)
+        shows_ground_floor(style, wall_floor)
         and _is_mostly_wall(style, source[0, -count:, 0], plain, MIN_CORNER_WALL_SHARE)
     ):
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
@@ -191,7 +197,7 @@ def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float)
 def _plain_bays(style: ExemplarStyle, plain: int) -> np.ndarray:
     """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
     others."""
-    rows, cuts = style.grid.rows, style.exemplar.bay_cuts
+    rows, cuts = style.grid.rows, style.structure.bay_cuts
     band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == FacadeClass.BALCONY
     adorned = np.add.reduceat(band.mean(axis=0), cuts[:-1]) / np.diff(cuts)
     plainest = np.flatnonzero(adorned <= adorned.min() + 0.002)
@@ -212,18 +218,18 @@ def _blank_cells(
     """Show, in `source` (2, M, N) rows and columns of the exemplar's lattice, wall in place of bays whose windows, doors or
     shops reach beyond what is free, and of what crowns an exemplar where the wall is not crowned; cells have the borders
     down (M + 1,), across (N + 1,), metres."""
-    exemplar, bare = style.exemplar, len(style.grid.columns)
+    exemplar, bare = style.structure, len(style.grid.columns)
     free = wall.free.buffer(0.02)
     shapely.prepare(free)
     row = 0
-    for storey in stack:
-        count = len(storey.heights)
+    for wall_floor in stack:
+        count = len(wall_floor.heights)
         rows = slice(row, row + count)
         own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
-        if storey.floor == 0 and not storey.crowned and exemplar.kinds[0] == "middle":
+        if wall_floor.exemplar_floor == 0 and not wall_floor.is_crowned and exemplar.kinds[0] == "middle":
             source[0, row] = 3 * plain
         if blank:
-            if (storey.floor < 0 or exemplar.kinds[storey.floor] == "ground") and not _is_mostly_wall(
+            if (wall_floor.exemplar_floor < 0 or exemplar.kinds[wall_floor.exemplar_floor] == "ground") and not _is_mostly_wall(
                 style, source[0, rows, 0], plain
             ):
                 source[0, rows, 0] = own
@@ -247,7 +253,7 @@ def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
     wall = (style.labels[rows[0] : rows[-1]] == FacadeClass.WALL).mean(axis=0)
     colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
     best, found = -np.inf, (0, len(wall))
-    bay = float(np.diff(style.exemplar.bay_cuts).mean())
+    bay = float(np.diff(style.structure.bay_cuts).mean())
     for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE_WIDTH_SHARES}):
         uneven = np.max([np.ptp(sliding_window_view(colour, width), axis=1) for colour in colours], axis=0)
         walled = sliding_window_view(wall, width).mean(axis=1)

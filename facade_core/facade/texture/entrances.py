@@ -38,7 +38,7 @@ def paint_corner_shop(
     labels (h, w) uint8, from row `top` on; scale: the metres that a pixel of the exemplar takes. Where it has no shop that
     fits, the ground floor stays as it is."""
     width = labels.shape[1] * metres_per_pixel
-    band = slice(style.exemplar.ground_top, style.exemplar.bottom)
+    band = slice(style.structure.ground_top, style.structure.bottom)
     shop = _find_corner_shop(style.labels[band], scale, width)
     if shop is None or top >= len(labels):
         return

@@ -30,7 +30,7 @@ class ExemplarStyle:
 
     image: np.ndarray
     labels: np.ndarray
-    exemplar: FloorStructure
+    structure: FloorStructure
     grid: Lattice
     floor_price: np.ndarray
     bay_price: dict[str, np.ndarray]
@@ -126,7 +126,7 @@ def _compose_facade(
     noise: float,
 ) -> Synthesis:
     storeys, scale = choose_floors(plan, size[0], floors, rng, noise)
-    exemplar = plan.exemplar
+    exemplar = plan.structure
     bay_sizes = np.diff(exemplar.bay_cuts)
     fitting = size[1] / (scale * float(bay_sizes.mean()))
     blank = columns is None and fitting < 0.5
@@ -146,7 +146,7 @@ def choose_floors(
     style: ExemplarStyle, height: int, floors: int, rng: np.random.Generator, noise: float
 ) -> tuple[list[int], float]:
     """Exemplar floors to show from top to bottom (-1: a ground band without windows), and the scale that fits."""
-    exemplar = style.exemplar
+    exemplar = style.structure
     kinds = np.array(exemplar.kinds)
     middle = np.flatnonzero(kinds == "middle")
     roofs = list(np.flatnonzero(kinds == "roof"))
@@ -177,7 +177,7 @@ def initial_tiling(
     style: ExemplarStyle, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> np.ndarray:
     """A first tiling: the storeys' rows times, for every band, its own cheapest walk over the bays."""
-    exemplar, wide = style.exemplar, len(style.grid.columns) - 1
+    exemplar, wide = style.structure, len(style.grid.columns) - 1
     bays = len(exemplar.bays)
     ends = np.zeros(bays), np.zeros(bays)
     ends[0][1:], ends[1][:-1] = 1.0, 1.0
@@ -202,7 +202,7 @@ def initial_tiling(
 
 def lattice_rows(style: ExemplarStyle, floor: int) -> range:
     return (
-        range(3 * len(style.exemplar.floors), len(style.grid.rows) - 1)
+        range(3 * len(style.structure.floors), len(style.grid.rows) - 1)
         if floor < 0
         else range(3 * floor, 3 * floor + 3)
     )
@@ -212,7 +212,7 @@ def refine_tiling(
     style: ExemplarStyle, floors: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """The genetic algorithm within bands: roof and ground stay, borders stay, floors swap tiles of like height."""
-    exemplar, grid = style.exemplar, style.grid
+    exemplar, grid = style.structure, style.grid
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
     kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in floors for _ in lattice_rows(style, s)]

@@ -44,5 +44,5 @@ def _check_photo(image: np.ndarray) -> None:
         raise ImageError(f"facade image: need a (H, W, 3) uint8 array, not {image.shape} {image.dtype}")
     if max(image.shape) > _MAX_SIDE_PX:
         raise ImageError(
-            f"facade image: {image.shape[1]} x {image.shape[0]} px, at most {_LARGEST} a side; downsample it"
+            f"facade image: {image.shape[1]} x {image.shape[0]} px, at most {_MAX_SIDE_PX} a side; downsample it"
         )

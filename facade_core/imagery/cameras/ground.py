@@ -1,7 +1,7 @@
 """Ground charts from posed panoramas: each texel from the best camera, where cameras agree.
 
-Objects that the model lacks (cars, people, kerbs, the camera's own vehicle) appear at different ground positions in each
-camera, by parallax. Squares in which cameras contradict each other are left to the material.
+Objects that the model lacks (cars, people, kerbs, the camera's own vehicle) appear at different ground positions in
+each camera, by parallax. Squares in which cameras contradict each other are left to the material.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ DOUBT_RIM_M = 0.3
 def fuse_ground_view(scene: Scene, chart: int, cameras: Sequence[PanoramaCamera]) -> CameraView | None:
     """Fuse a ground chart from panoramas.
 
-    A square that several cameras show comes from those that agree with another one. A square that only one camera shows is used
-    if it is far enough from the camera, has the typical ground colour, and if other squares of that camera are confirmed.
+    A square that several cameras show comes from those that agree with another one. A square that only one camera shows
+    is used if it is far enough from the camera, has the typical ground colour, and if other squares of that camera are
+    confirmed.
 
     Parameters
     ----------

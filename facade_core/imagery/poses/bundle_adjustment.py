@@ -1,7 +1,7 @@
 """Bundle adjustment of panoramas whose points are on known walls, by least squares over rotations and positions.
 
-Panorama i at p_i with rotation R_i (camera to world) has the unknowns m_i, a translation, and w_i, a rotation of the world.
-A patch on the wall with normal n through o, seen along the camera ray r, has the position
+Panorama i at p_i with rotation R_i (camera to world) has the unknowns m_i, a translation, and w_i, a rotation of the
+world. A patch on the wall with normal n through o, seen along the camera ray r, has the position
 
     x_i = p_i + m_i + s d,    d = exp(w_i) R_i r,    s = n . (o - p_i - m_i) / n . d
 
@@ -11,8 +11,8 @@ and two panoramas agree where x_i = x_j on the wall. The adjustment minimises th
     rho(slope / LINE_SIGMA_DEG; LINE_CAUCHY_DEG / LINE_SIGMA_DEG) of lines, each times its length,
     (m_i, w_i)' C_i^-1 (m_i, w_i)                                 of panoramas, C_i the covariance of the prior pose
 
-with Cauchy's rho(e; c) = c^2 log(1 + (e / c)^2). The lines of `wall_lines` are level or upright. A pose stays as close to its
-prior as its own evidence requires. The unknowns contain no points: the surfaces are the model's.
+with Cauchy's rho(e; c) = c^2 log(1 + (e / c)^2). The lines of `wall_lines` are level or upright. A pose stays as close
+to its prior as its own evidence requires. The unknowns contain no points: the surfaces are the model's.
 """
 
 from __future__ import annotations

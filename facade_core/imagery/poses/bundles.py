@@ -26,9 +26,10 @@ def group_bundles(
 ) -> list[tuple[int, ...]]:
     """Group panoramas that show the same walls into bundles of two to MAX_BUNDLE_SIZE.
 
-    Two panoramas are connected if both show MIN_WALL_SHARE of one wall and were taken within MAX_DAYS_APART. Connected components
-    become bundles. A larger component is divided by squares of the world, whose side is halved until few enough panoramas are in
-    each, and connected again there. Thus an added panorama changes the bundle of its square only.
+    Two panoramas are connected if both show MIN_WALL_SHARE of one wall and were taken within MAX_DAYS_APART. Connected
+    components become bundles. A larger component is divided by squares of the world, whose side is halved until few
+    enough panoramas are in each, and connected again there. Thus an added panorama changes the bundle of its square
+    only.
 
     Parameters
     ----------

@@ -86,8 +86,8 @@ def refine_jointly(
 ) -> list[JointPose]:
     """Refine the poses of a bundle of panoramas by common walls and ground.
 
-    Runs ROUNDS of `match_shared_walls` and `BundleAdjustment`. A panorama keeps its prior pose, and the others are refined
-    without it, if the joint pose is worse by held-out patches, by its lines or by the agreement of whole walls.
+    Runs ROUNDS of `match_shared_walls` and `BundleAdjustment`. A panorama keeps its prior pose, and the others are
+    refined without it, if the joint pose is worse by held-out patches, by its lines or by the agreement of whole walls.
 
     Parameters
     ----------
@@ -225,7 +225,8 @@ def _find_worse(
 def _split_holdout(matches: PatchMatches) -> np.ndarray:
     """Holdout half, 0 or 1, of each match (k,): every other wall of a pair.
 
-    With fewer than MIN_HOLDOUT_WALLS walls, the upper and lower part of each: half of the walls would not determine a pose.
+    With fewer than MIN_HOLDOUT_WALLS walls, the upper and lower part of each: half of the walls would not determine a
+    pose.
     """
     half = np.zeros(len(matches), np.int64)
     for pair in np.unique(matches.panorama, axis=0):

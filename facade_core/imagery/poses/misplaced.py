@@ -68,8 +68,8 @@ def explain_misplacement(scene: Scene, image: np.ndarray, pose: Pose, edges: Out
         mirrored = image_gradients(np.ascontiguousarray(image[:, ::-1]), pose, *COARSE_RESOLUTION)
         if (found_fit := _best_fit_nearby(edges, mirrored, pose)) >= min_fit:
             return (
-                f"is mirrored: outlines of buildings fit its mirror image {found_fit:.2f} and itself {best_fit:.2f}; turn it over, "
-                "or remove it"
+                f"is mirrored: outlines of buildings fit its mirror image {found_fit:.2f} and itself {best_fit:.2f}; "
+                "turn it over, or remove it"
             )
     turns = np.arange(MIN_TURN_DEG, 360 - MIN_TURN_DEG + 1e-9, TURN_STEP_DEG)
     turn = float(
@@ -79,8 +79,8 @@ def explain_misplacement(scene: Scene, image: np.ndarray, pose: Pose, edges: Out
     if (found_fit := find_place(edges, pictures, turned, heading_deg=1.0).fit) >= min_fit:
         difference = (turned.heading - pose.heading + 180) % 360 - 180
         return (
-            f"is turned: outlines of buildings fit {found_fit:.2f} at a heading {difference:+.0f} degrees off and {best_fit:.2f} at its "
-            "own; mend its heading, or remove it"
+            f"is turned: outlines of buildings fit {found_fit:.2f} at a heading {difference:+.0f} degrees off and "
+            f"{best_fit:.2f} at its own; mend its heading, or remove it"
         )
     moved = _best_grid_pose(edges, image_gradients(image, pose, *GRID_RESOLUTION), pose)
     if (
@@ -89,8 +89,8 @@ def explain_misplacement(scene: Scene, image: np.ndarray, pose: Pose, edges: Out
     ):
         east, north = (camera_position(moved) - camera_position(pose))[:2]
         return (
-            f"was taken elsewhere: outlines of buildings fit {found_fit:.2f} about {east:+.1f} m east and {north:+.1f} m north of "
-            f"its place and {best_fit:.2f} there; mend its place, or remove it"
+            f"was taken elsewhere: outlines of buildings fit {found_fit:.2f} about {east:+.1f} m east and {north:+.1f} m north "
+            f"of its place and {best_fit:.2f} there; mend its place, or remove it"
         )
     return ""
 

@@ -111,7 +111,7 @@ class PlaceEstimate:
 
     offset: np.ndarray
     turn_deg: float
-    outline_fit: float
+    fit: float
     covariance: np.ndarray
 
 
@@ -167,7 +167,8 @@ def _surface_edges(scene: Scene, place: np.ndarray) -> np.ndarray:
 def _visible_outline(
     scene: Scene, place: np.ndarray, point: np.ndarray, along: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Visibility of samples (k, 3) with different surfaces on both sides, the ground excluded; and sky on a side: (k,) bool each."""
+    """Visibility of samples (k, 3) with different surfaces on both sides, the ground excluded; and sky on a side: (k,)
+    bool each."""
     charts = scene.charts
     rays = point - place
     distance = np.linalg.norm(rays, axis=1)
@@ -266,8 +267,8 @@ def find_place(
 ) -> PlaceEstimate:
     """Find the position near a pose at which the outline fits best.
 
-    Searches a grid on coarse gradients, then runs simplexes on coarse and fine ones. Positions farther from the pose must fit
-    better.
+    Searches a grid on coarse gradients, then runs simplexes on coarse and fine ones. Positions farther from the pose
+    must fit better.
 
     Parameters
     ----------
@@ -275,8 +276,8 @@ def find_place(
     pictures : coarse and fine gradients, see `search_gradients`.
     pose : pose to start from.
     heading_deg : expected error of the heading in degrees.
-    height_is_assumed : the pose's height is the usual camera height above the ground, or the roofs around have guessed heights;
-        then neither corrects the other.
+    height_is_assumed : the pose's height is the usual camera height above the ground, or the roofs around have guessed
+        heights; then neither corrects the other.
     """
     from scipy.optimize import minimize
 
@@ -317,7 +318,8 @@ def find_place(
 def _fit_covariance(
     cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.ndarray, expected: np.ndarray
 ) -> np.ndarray:
-    """Covariance (4, 4) at the minimum: inverse curvature over `steps` times SIGMA_COST, bounded by the errors `expected`.
+    """Covariance (4, 4) at the minimum: inverse curvature over `steps` times SIGMA_COST, bounded by the errors
+    `expected`.
 
     The fit hardly changes along an edge, or with distance to a far edge: height and distance are correlated.
     """

@@ -1,8 +1,9 @@
 """Matching of photos to walls, from the stated position and the photo's own content.
 
-The rectification of a photo gives the camera's angle to the wall, so that each candidate wall implies a camera heading. Rays
-through the photo's middle start at positions sampled around the stated one. The likelihood of a wall is the share of rays
-that hit it, weighted by the agreement of the heading with the stated one and of the roof's height with the photo.
+The rectification of a photo gives the camera's angle to the wall, so that each candidate wall implies a camera heading.
+Rays through the photo's middle start at positions sampled around the stated one. The likelihood of a wall is the share
+of rays that hit it, weighted by the agreement of the heading with the stated one and of the roof's height with the
+photo.
 """
 
 from __future__ import annotations
@@ -105,8 +106,8 @@ def camera_from_homography(
 
     Returns
     -------
-    Rotation (3, 3) from the plane's axes (x right, y down, z into it) to the camera's, and the camera's position (3,) in plane
-    pixels, whose third component is its distance.
+    Rotation (3, 3) from the plane's axes (x right, y down, z into it) to the camera's, and the camera's position (3,)
+    in plane pixels, whose third component is its distance.
     """
     height, width = size
     intrinsic = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])

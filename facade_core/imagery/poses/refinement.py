@@ -72,14 +72,15 @@ class RefinedPose:
     lines : number of lines.
     outlines : number of outline groups.
     reasons : reasons why parts of the pose stay as stated.
-    covariance : (4, 4) of the position (metres east, north, up) and heading (degrees), None where outlines do not determine it.
+    covariance : (4, 4) of the position (metres east, north, up) and heading (degrees), None where outlines do not
+        determine it.
     """
 
     pose: Pose
     given_degrees: float
     residual_degrees: float
     given_fit: float
-    outline_fit: float
+    fit: float
     moved_m: float
     turned_deg: float
     lines: int
@@ -91,9 +92,9 @@ class RefinedPose:
 def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, height_is_assumed: bool = False) -> RefinedPose:
     """Refine the pose of a panorama by about a metre and a few degrees, where the evidence is clear.
 
-    The rotation comes first: lines on walls must be level or upright, at any position. Then the position and the last tenth of a
-    degree of the heading: corners, eaves and silhouettes of the mesh must match image edges. The height may change by up to three
-    metres unless it is assumed. Position and rotation stay as stated without clear evidence.
+    The rotation comes first: lines on walls must be level or upright, at any position. Then the position and the last
+    tenth of a degree of the heading: corners, eaves and silhouettes of the mesh must match image edges. The height may
+    change by up to three metres unless it is assumed. Position and rotation stay as stated without clear evidence.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""Common patches of walls and ground in panoramas, by correlation of gradient magnitudes: whole surfaces, then patches."""
+"""Common patches of walls and ground in panoramas, by correlation of gradient magnitudes: whole surfaces, then
+patches."""
 
 from __future__ import annotations
 
@@ -97,8 +98,8 @@ def match_shared_walls(
 ) -> tuple[PatchMatches, list[WallAgreement]]:
     """Match patches of surfaces between panoramas.
 
-    Uses normalised correlation of gradient magnitudes, which depend less on the exposure than colours. A parabola through three
-    correlations gives the subpixel position.
+    Uses normalised correlation of gradient magnitudes, which depend less on the exposure than colours. A parabola
+    through three correlations gives the subpixel position.
 
     Parameters
     ----------

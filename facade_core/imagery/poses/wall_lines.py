@@ -64,7 +64,8 @@ class WallLines:
         return len(self.weight)
 
     def slopes(self, turn: np.ndarray) -> np.ndarray:
-        """Compute the angles (k,) in degrees between lines and axes on the rectified walls, after a world rotation (3, 3)."""
+        """Compute the angles (k,) in degrees between lines and axes on the rectified walls, after a world rotation (3,
+        3)."""
         along = np.cross(self.plane @ turn.T, self.wall)
         return (
             np.degrees(

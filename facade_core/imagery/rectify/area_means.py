@@ -55,7 +55,8 @@ def area_mean(
 ) -> None:
     """Write the mean colour of a parallelogram into `out`.
 
-    Beyond the image the content repeats, or the border does. Magnified pixels are interpolated by a cubic (Catmull-Rom).
+    Beyond the image the content repeats, or the border does. Magnified pixels are interpolated by a cubic
+    (Catmull-Rom).
 
     Parameters
     ----------

@@ -61,8 +61,8 @@ class ChangeMap:
 
         Returns
         -------
-        One text per row from the top, one character per cell from the left: changed tenths of the compared area, 0 to 9, or "-" where
-        less than half of the cell is compared.
+        One text per row from the top, one character per cell from the left: changed tenths of the compared area, 0 to
+        9, or "-" where less than half of the cell is compared.
         """
         import cv2
 
@@ -128,8 +128,8 @@ def _changed_cells(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], t
 def change_cues(newer: ChartView, older: ChartView, texels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
     """Compute the cues of a change by cell.
 
-    The cues are: structure (1 - correlation of logarithms, weighted by contrast), edges, contrast ratio, colour beyond white
-    balance, brightness, and products of these.
+    The cues are: structure (1 - correlation of logarithms, weighted by contrast), edges, contrast ratio, colour beyond
+    white balance, brightness, and products of these.
 
     Parameters
     ----------

@@ -67,9 +67,9 @@ def crop_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None 
 def street_mask(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> np.ndarray:
     """Mask the street below the foot of a wall in a posed panorama.
 
-    Heights of models, cameras and the ground are rarely exact to the metre. Per column, a run of street pixels counts from the
-    last row up; hidden pixels do not interrupt it. Neighbours and sky are ignored: the model gives the wall's ends, a bare wall
-    resembles a neighbour, and sky resembles plaster.
+    Heights of models, cameras and the ground are rarely exact to the metre. Per column, a run of street pixels counts
+    from the last row up; hidden pixels do not interrupt it. Neighbours and sky are ignored: the model gives the wall's
+    ends, a bare wall resembles a neighbour, and sky resembles plaster.
 
     Parameters
     ----------

@@ -137,8 +137,8 @@ def _clustered_segments(segments: np.ndarray, view: FacadeCamera) -> np.ndarray:
         total.append(
             cv2.boxFilter(amount, -1, (MAX_GAP_CELLS, MAX_GAP_CELLS), normalize=False, borderType=cv2.BORDER_CONSTANT)
         )
-    # Walls of other directions share the vertical with this one: only level lines distinguish them. A small facade in clutter
-    # has too few of them anywhere.
+    # Walls of other directions share the vertical with this one: only level lines distinguish them. A small facade in
+    # clutter has too few of them anywhere.
     shared = np.logical_and(near[0], near[1])
     is_clustered = np.zeros(len(segments), np.bool_)
     for share in (MIN_LEVEL_SHARE, 0.0):

@@ -19,7 +19,8 @@ MIN_BRIGHTNESS = 40.0
 def is_fisheye(image: np.ndarray) -> bool:
     """Return True if a picture (h, w, 3) uint8 shows one fisheye circle, or two next to each other.
 
-    The corners outside a circle in each square are black, and the inside is not. A panorama's corners are sky and street.
+    The corners outside a circle in each square are black, and the inside is not. A panorama's corners are sky and
+    street.
     """
     grey = image.mean(axis=2)
     height, width = grey.shape

@@ -1,7 +1,8 @@
 """Fusion of several views of a chart into one raster, with matched exposures and hidden seams.
 
-The choice of a view per cell minimises, by alpha-expansion (Boykov, Veksler & Zabih 2001), the loss of quality and the colour
-difference along seams (Kwatra et al. 2003). The gains follow Brown & Lowe 2007, with a median as each pair's ratio.
+The choice of a view per cell minimises, by alpha-expansion (Boykov, Veksler & Zabih 2001), the loss of quality and the
+colour difference along seams (Kwatra et al. 2003). The gains follow Brown & Lowe 2007, with a median as each pair's
+ratio.
 """
 
 from __future__ import annotations
@@ -201,7 +202,8 @@ def _unary_costs(colour: np.ndarray, seen: np.ndarray, clear: np.ndarray, qualit
 
 
 def _fill_unseen(colour: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Colours of the cells, with unseen ones copied from the views that see them: a seam at a view's border costs nothing."""
+    """Colours of the cells, with unseen ones copied from the views that see them: a seam at a view's border costs
+    nothing."""
     is_seen = (seen > 0).astype(np.float32)[..., None]
     others = (colour * is_seen).sum(axis=0) / np.maximum(is_seen.sum(axis=0), 1)
     return np.where(is_seen > 0, colour, others)

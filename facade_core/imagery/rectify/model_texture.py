@@ -21,8 +21,8 @@ CROP_MARGIN = 4
 def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Render a chart from its model's own textures, at its size in the atlas.
 
-    Triangles without texture, or without a picture, stay black. Colours extend one texel beyond the textured triangles, which
-    counts as covered.
+    Triangles without texture, or without a picture, stay black. Colours extend one texel beyond the textured triangles,
+    which counts as covered.
 
     Parameters
     ----------
@@ -58,7 +58,8 @@ def render_model_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarr
 def _used_part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     """Part of a picture that coordinates (t, 3, 2) use, their pixels in it (t, 3, 2), and True if it repeats.
 
-    Charts mostly use a small part of a shared picture. Coordinates within the picture take no colour from the opposite border.
+    Charts mostly use a small part of a shared picture. Coordinates within the picture take no colour from the opposite
+    border.
     """
     height, width = image.shape[:2]
     pixels = uv * (width, -height) + (0.0, height)

@@ -27,8 +27,8 @@ NO_DATA_RIM = 3
 def no_data_mask(image: np.ndarray) -> np.ndarray:
     """Mask the black corners of an image: flat black that is connected to a corner of the picture.
 
-    Dark regions elsewhere at the border, and upright ones at the foot (gateways), belong to the content. A picture that is black
-    as a whole has no corners.
+    Dark regions elsewhere at the border, and upright ones at the foot (gateways), belong to the content. A picture that
+    is black as a whole has no corners.
 
     Parameters
     ----------

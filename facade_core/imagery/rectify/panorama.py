@@ -68,8 +68,8 @@ def find_sightings(
 ) -> list[Sighting]:
     """Find the panoramas that show a chart, best first.
 
-    A point counts as seen if nothing occludes it, the angle is not grazing and the picture contains it. The score is the seen
-    share, reduced for pictures coarser than the atlas and for oblique ones, which displace protruding parts.
+    A point counts as seen if nothing occludes it, the angle is not grazing and the picture contains it. The score is
+    the seen share, reduced for pictures coarser than the atlas and for oblique ones, which displace protruding parts.
 
     Parameters
     ----------
@@ -137,7 +137,8 @@ def point_visibility(
 
     Returns
     -------
-    (panoramas, points) resolution over the atlas' resolution, at most 1, times the sine of the viewing angle; 0 where not seen.
+    (panoramas, points) resolution over the atlas' resolution, at most 1, times the sine of the viewing angle; 0 where
+    not seen.
     """
     points = _sample_points(scene, chart)
     visibility = np.zeros((len(poses), len(points)))
@@ -199,8 +200,8 @@ def rectify_view(
 ) -> ChartView:
     """Rectify a chart from a panorama.
 
-    A texel is the mean of the pixels it covers. Not seen are texels behind other surfaces, at a grazing angle, outside the
-    picture or in the flat mask at its bottom.
+    A texel is the mean of the pixels it covers. Not seen are texels behind other surfaces, at a grazing angle, outside
+    the picture or in the flat mask at its bottom.
 
     Parameters
     ----------

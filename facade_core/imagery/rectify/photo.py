@@ -56,13 +56,14 @@ class Rectified:
 def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
     """Rectify the dominant facade of a photo and crop to it, with true proportions.
 
-    The principal point is the photo's centre. Radial distortion is estimated; the result is the homography nearest to the whole
-    map. A photo that is already rectified keeps its full extent.
+    The principal point is the photo's centre. Radial distortion is estimated; the result is the homography nearest to
+    the whole map. A photo that is already rectified keeps its full extent.
 
     Parameters
     ----------
     photo : (H, W, 3) uint8 RGB, or (H, W, 4) with alpha that hides.
-    focal : focal length in pixels, from EXIF; None estimates it from the vanishing points and an expected 31 mm equivalent.
+    focal : focal length in pixels, from EXIF; None estimates it from the vanishing points and an expected 31 mm
+        equivalent.
 
     Raises
     ------

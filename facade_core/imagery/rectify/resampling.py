@@ -90,7 +90,8 @@ def resample_panorama(
 
 
 def _needed_columns(x: np.ndarray, margin: float, width: int, turn: float) -> tuple[int, np.ndarray]:
-    """First column and all columns of the picture that texels at x need; a full panorama continues across its border."""
+    """First column and all columns of the picture that texels at x need; a full panorama continues across its
+    border."""
     if turn > width:
         first = max(0, int(x.min() - margin))
         return first, np.arange(first, min(width, int(x.max() + margin) + 1))
@@ -205,7 +206,8 @@ def _resample_texels(
     rgb: np.ndarray,
     seen: np.ndarray,
 ) -> None:
-    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; clear masked ones."""
+    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; clear masked
+    ones."""
     rows, columns = seen.shape
     for r in range(rows):
         for c in range(columns):

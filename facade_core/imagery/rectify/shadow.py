@@ -27,8 +27,8 @@ _MIN_LUMINANCE = 4.0
 def shadow_share(image: np.ndarray, labels: np.ndarray) -> float:
     """Compute the share of a picture's wall that its largest shadow covers, 0 to 1.
 
-    The brightness of a cell is the median of its wall, because mouldings and sills cast small shadows everywhere. Evenly lit
-    walls, in the sun or in the shade, have almost none. A floor of far darker stone counts as shadow too.
+    The brightness of a cell is the median of its wall, because mouldings and sills cast small shadows everywhere.
+    Evenly lit walls, in the sun or in the shade, have almost none. A floor of far darker stone counts as shadow too.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Camera and axes of a facade from line segments, by jointly estimated vanishing points.
 
-Lengths are shares of the photo's half diagonal, from its centre, x right and y down; the camera looks along z. A facade's
-vertical and horizontal lines have two vanishing points, which a focal length turns into two orthogonal directions. RANSAC over
-pairs of segments finds the vertical one. Given it and a focal length, one angle remains, which is searched in steps. Least
-squares over the agreeing segments then refine rotation, focal length and distortion.
+Lengths are shares of the photo's half diagonal, from its centre, x right and y down; the camera looks along z. A
+facade's vertical and horizontal lines have two vanishing points, which a focal length turns into two orthogonal
+directions. RANSAC over pairs of segments finds the vertical one. Given it and a focal length, one angle remains, which
+is searched in steps. Least squares over the agreeing segments then refine rotation, focal length and distortion.
 """
 
 from __future__ import annotations
@@ -161,7 +161,8 @@ def _agreement_scores(
 ) -> np.ndarray:
     """Length of segments (n, 2, 2) that agrees with a facade's down (3,) or with its right at each yaw (k,): (k,).
 
-    Segments at eye level agree with every yaw. Therefore a segment counts by its agreement above the average over all yaws.
+    Segments at eye level agree with every yaw. Therefore a segment counts by its agreement above the average over all
+    yaws.
     """
     scale = np.array([focal, focal, 1.0])
     vertical = _agreement(_angles(segments, (down * scale)[None]), tolerance)
@@ -212,7 +213,8 @@ def _agreement(miss: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _angles(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Signed angles (n, k) in radians from segments (n, 2, 2) to the rays from their middles to points (k, 3) or (n, k, 3)."""
+    """Signed angles (n, k) in radians from segments (n, 2, 2) to the rays from their middles to points (k, 3) or (n, k,
+    3)."""
     step = segments[:, 1] - segments[:, 0]
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
     middle = segments.mean(axis=1)

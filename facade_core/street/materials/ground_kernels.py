@@ -107,7 +107,7 @@ def ground_colour(
     along, across, aside = np.empty(n), np.empty(n), np.empty(n)
     over, hidden, frame = np.zeros(n), np.zeros(n), np.zeros(5)
     low_x, low_y = drawn.tile_origin[square, 0], drawn.tile_origin[square, 1]
-    last_cell, is_uniform, surface = -1, False, GroundSurface.GRAVEL
+    last_cell, is_uniform, surface = -1, False, GroundSurface.GRAVEL.value
     for k in range(n):
         column = min(max(int((x[k] - low_x) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
         row = min(max(int((y[k] - low_y) * (1 / LOOKUP_CELL_M)), 0), CELLS_PER_SIDE - 1)
@@ -166,21 +166,21 @@ def _uniform_surface(cell: int, drawn: GroundTileArrays) -> int:
     if drawn.start_mark[cell + 1] > drawn.start_mark[cell]:
         return -1
     if first == last:
-        return GroundSurface.GRAVEL
+        return GroundSurface.GRAVEL.value
     if last > first + 1 or drawn.first_edge[last] > drawn.first_edge[first]:
         return -1
-    layer = drawn.layer[first]
+    layer = int(drawn.layer[first])
     if layer < PAVEMENT_LAYER:
         return layer
     if layer == PAVEMENT_LAYER:
-        return GroundSurface.SLABS
+        return GroundSurface.SLABS.value
     if layer < ROAD_LAYER:
         return layer - FIRST_PATH_LAYER
     start, end = drawn.start_road[cell], drawn.start_road[cell + 1]
     for f in range(start + 1, end):
         if drawn.roads[f, 6] != drawn.roads[start, 6]:
             return -1
-    return int(drawn.roads[start, 6]) if end > start else GroundSurface.ASPHALT
+    return int(drawn.roads[start, 6]) if end > start else GroundSurface.ASPHALT.value
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -262,13 +262,10 @@ def _add_layers(
                     weight[surface] *= 1 - fallen
                 weight[GroundSurface.LEAVES] += fallen
         elif share > 0:
-            weight[
-                layer
-                if layer < PAVEMENT_LAYER
-                else GroundSurface.SLABS
-                if layer == PAVEMENT_LAYER
-                else layer - FIRST_PATH_LAYER
-            ] += share
+            if layer == PAVEMENT_LAYER:
+                weight[GroundSurface.SLABS] += share
+            else:
+                weight[layer if layer < PAVEMENT_LAYER else layer - FIRST_PATH_LAYER] += share
     for m in range(drawn.start_mark[cell], drawn.start_mark[cell + 1]):
         share = _mark_share(px, py, wide, drawn.marks, m)
         if share > 0:
@@ -306,7 +303,7 @@ def _add_carriageway(
             if covered > 0:
                 weight[int(frames[f, 6])] += left * covered
                 left *= 1 - covered
-        weight[int(frames[nearest, 6]) if nearest >= 0 else GroundSurface.ASPHALT] += left
+        weight[int(frames[nearest, 6]) if nearest >= 0 else GroundSurface.ASPHALT.value] += left
     if abs(outside) >= EDGE_REACH_M:
         return
     gutter = _overlap_share(-GUTTER_M, 0.0, outside, wide) * GUTTER_LOSS

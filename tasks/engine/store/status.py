@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from catalogs.published.file_list import amiss
+from catalogs.published.file_list import find_damage
 from catalogs.published.folders import Folder
-from catalogs.published.runs import CITY
-from catalogs.published.snapshot import current_if_any, snapshot_in
+from catalogs.published.runs import CITY_FILE_NAME
+from catalogs.published.snapshot import find_current_snapshot, snapshot_at
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.integrity import DAMAGE_ERRORS, has_all_files
 from facade_core.atlas.journal import Record
@@ -32,10 +32,10 @@ SOURCE = "source"
 
 def unpublished(out: Folder, snapshot: str) -> str | None:
     """Why a snapshot is not what `current` names, whole; None where it is."""
-    found = current_if_any(out)
+    found = find_current_snapshot(out)
     if found is None or found.id != snapshot:
         return "it is not published yet"
-    if fault := amiss(found.folder):
+    if fault := find_damage(found.folder):
         return f"published/{snapshot}: {fault}"
     try:
         json.loads((out / CATALOG).read_text(encoding="utf-8"))
@@ -50,7 +50,7 @@ def record_source(out: Folder, source: Path) -> None:
     noted = source
     if isinstance(out, Path):
         city = out.parent.parent
-        if source.is_relative_to(out) or (source.is_relative_to(city) and (city / CITY).is_file()):
+        if source.is_relative_to(out) or (source.is_relative_to(city) and (city / CITY_FILE_NAME).is_file()):
             noted = Path(os.path.relpath(source, out))
     if _noted(out) != noted:
         (out / SOURCE).write_text(f"{noted}\n")
@@ -101,7 +101,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
             return None
     except (StoreError, *DAMAGE_ERRORS):
         return None
-    summary = snapshot_in(run.folder, session.snapshot_id).outcome()
+    summary = snapshot_at(run.folder, session.snapshot_id).read_outcome()
     told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]
     set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}

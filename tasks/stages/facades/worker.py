@@ -35,7 +35,7 @@ from facade_core.geometry.walls import WallRole
 from facade_core.imagery.detect.detection import detectors_available
 from facade_core.imagery.detect.signs import shop_names
 from facade_core.imagery.privacy import apply_privacy
-from facade_core.parsing.confidence import masked_share
+from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
 from tasks.engine.context import plan_of_run, worker_name
@@ -327,7 +327,7 @@ def _summary(result: Facade) -> dict[str, Any]:
     for name, plural in _COUNTED.items():
         own = [element for element in result.elements if element.label == name]
         counts[plural] = len(own)
-        counts[f"{plural}_seen"] = sum(masked_share(~pictured, element) <= MAX_HIDDEN_SHARE for element in own)
+        counts[f"{plural}_seen"] = sum(box_coverage(~pictured, element) <= MAX_HIDDEN_SHARE for element in own)
     told: dict[str, Any] = {
         "window_to_wall": round(float((result.labels == FacadeClass.WINDOW).mean()), 4),
         "floors": result.floors,

@@ -9,7 +9,7 @@ from facade_core.geometry.chart_packing import PreviousPlacement
 from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.plan.core_region import CoreRegion
 from facade_core.plan.identity import ParallelMap, map_in_process
-from facade_core.plan.ingest import ingest, place_poses, replace_panoramas
+from facade_core.plan.ingest import IngestSettings, ingest, place_poses, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.stage_code import stage_code
 from tasks.stages.shared.images import image_size
@@ -26,20 +26,22 @@ def plan_of(block: Block, last: PreviousPlacement | None = None, each: ParallelM
     plan = ingest(
         block.buildings,
         block.streets,
+        IngestSettings(
+            texels_per_metre=texture.texels_per_metre,
+            viewpoint_spacing=texture.viewpoint_spacing,
+            viewpoint_height=texture.viewpoint_height,
+            visibility_range=texture.visibility_range,
+            panorama_width=texture.panorama_width,
+            floor_height=block.storey,
+            walls=texture.walls,
+        ),
         ground=block.ground,
         elevation=block.terrain,
         poses=[panorama.pose for panorama in block.panoramas],
         panorama_sizes=_sizes(block),
-        texels_per_metre=texture.texels_per_metre,
-        spacing=texture.viewpoint_spacing,
-        height=texture.viewpoint_height,
-        visibility_range=texture.visibility_range,
-        panorama_width=texture.panorama_width,
-        storey=block.storey,
-        walls=texture.walls,
-        last=last,
-        each=each,
-        own=None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets)),
+        previous=last,
+        parallel_map=each,
+        core=None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets)),
     )
     return plan if block.aerial is None else under_aerial(plan, block.aerial)
 

@@ -15,13 +15,19 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.block.sources import block_sources
-from catalogs.published.file_list import amiss, predecessor_of, write_files
-from catalogs.published.folders import Folder, local_side
+from catalogs.published.file_list import find_damage, read_predecessor, write_file_list
+from catalogs.published.folders import Folder, local_folder
 from catalogs.published.items import write_items
-from catalogs.published.reuse import Made
+from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.s3 import S3Folder
-from catalogs.published.snapshot import Snapshot, current_if_any, make_current, pointer_tag, snapshot_in
-from catalogs.published.upload import send
+from catalogs.published.snapshot import (
+    Snapshot,
+    current_pointer_tag,
+    find_current_snapshot,
+    set_current_snapshot,
+    snapshot_at,
+)
+from catalogs.published.upload import upload_snapshot
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.store import BRANCH, commit, expire_snapshots, open_repository, open_root
@@ -61,23 +67,23 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     _stand_by_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     out = run.folder
-    final, over, last = snapshot_in(out, session.snapshot_id), pointer_tag(out), current_if_any(out)
+    final, over, last = snapshot_at(out, session.snapshot_id), current_pointer_tag(out), find_current_snapshot(out)
     begin_stage("publish", STEPS)
     aside = Aside()
-    if last != final or amiss(final.folder):
-        predecessor = predecessor_of(final.folder) if last == final else last.id if last else None
-        temporary = _hidden(snapshot_in(local_side(out), final.id), "tmp")
+    if last != final or find_damage(final.folder):
+        predecessor = read_predecessor(final.folder) if last == final else last.id if last else None
+        temporary = _hidden(snapshot_at(local_folder(out), final.id), "tmp")
         temporary.mkdir(parents=True)
         # what is damaged is made again, and what is whole of it is not; there sizes are not trusted
-        made = Made(temporary, last.folder if last else None, doubted=last == final)
+        made = SnapshotFiles(temporary, last.folder if last else None, verify_digests=last == final)
         aside = _write(run, session, made, block_file, predecessor, final.folder.parent)
         if aside.suspect:
             suspect(out)
         _put_in_place(temporary, final.folder, made)
         if withheld := over_limit(run, open_root(session)):
             advance("publish", 1)
-            return final.outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
-        make_current(final, over)
+            return final.read_outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
+        set_current_snapshot(final, over)
         _forget_history(run, last)
         advance("publish", 1)
     else:
@@ -85,13 +91,13 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     with aside.trying("catalog.json"):
         write_catalog(out)  # also where a run ended between the two
     told = [{"unit": what, "reason": why} for what, why in aside.failed.items()]
-    return final.outcome() | ({"unpublished": told} if told else {})
+    return final.read_outcome() | ({"unpublished": told} if told else {})
 
 
-def _put_in_place(written: Path, final: Folder, made: Made) -> None:
+def _put_in_place(written: Path, final: Folder, made: SnapshotFiles) -> None:
     """Give what was written its name, or send it there; what has that name is damaged."""
     if isinstance(final, S3Folder):
-        send(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
+        upload_snapshot(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
         shutil.rmtree(written)
         return
     damaged = _hidden(Snapshot(final), "damaged.tmp")
@@ -121,7 +127,7 @@ def _forget_history(run: Run, last: Snapshot | None) -> None:
     """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
     published last, it is left to the next run."""
     try:
-        with last.alone() if last else nullcontext(True) as nobody:
+        with last.lock_exclusively() if last else nullcontext(True) as nobody:
             if nobody:
                 expire_snapshots(
                     open_repository(run.store), READ_FOR if isinstance(run.folder, S3Folder) else timedelta()
@@ -133,7 +139,7 @@ def _forget_history(run: Run, last: Snapshot | None) -> None:
 def _write(
     run: Run,
     session: icechunk.Session,
-    made: Made,
+    made: SnapshotFiles,
     block_file: Path | None,
     predecessor: str | None,
     published: Folder,
@@ -147,7 +153,7 @@ def _write(
     block = stored_block(session)
     rows = rows_of(run, block)
     write_items(snapshot.items, rows.every, run.crs)
-    write_masked(snapshot.masked, block.records)
+    write_masked(snapshot.masked_file, block.records)
     summary = write_summary(snapshot.summary, block, rows)
     advance("publish", 1)
     with aside.trying("pages"):
@@ -189,5 +195,5 @@ def _write(
         )
     advance("publish", 1)
     tags = street_tags(block.group)
-    write_files(snapshot.folder, predecessor, tags, made=made.of, known=made.linked, failed=aside.failed)
+    write_file_list(snapshot.folder, predecessor, tags, source_digests=made.source_digests, known=made.linked, failures=aside.failed)
     return aside

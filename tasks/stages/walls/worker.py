@@ -37,7 +37,7 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         begun = time.time()
         camera = camera_of(one, mask_building_occluders, refused)
         if camera is not None:
-            camera = replace(camera, hidden=camera.occluded | _beside_edges(run, one.pose, camera.occluded.shape))
+            camera = replace(camera, occluded=camera.occluded | _beside_edges(run, one.pose, camera.occluded.shape))
         reading.append(time.time() - begun)
         return camera
 

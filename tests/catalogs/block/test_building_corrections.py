@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from catalogs.block.building_corrections import correct_buildings, match_by_location, select_corrections, correction_owners
+from catalogs.block.building_corrections import (
+    correct_buildings,
+    correction_owners,
+    match_by_location,
+    select_corrections,
+)
 from catalogs.block.corrections import Correction, Corrections
 from catalogs.crs import LONLAT, coordinate_transform
 from facade_core.core.types import Building, Finish, Roof, Shell

@@ -11,7 +11,7 @@ import shapely
 
 from catalogs.block.digest import block_digest
 from catalogs.block.extract import read_extract, write_extract
-from catalogs.block.part import PartSelection, CityIndex
+from catalogs.block.part import CityIndex, PartSelection
 from catalogs.block.reader import part_values, read_block
 from catalogs.block.serial_schemas import PART_FIELDS
 from catalogs.features import Fault
@@ -55,7 +55,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> CityIndex:
 
 def chosen(whole: CityIndex) -> PartSelection:
     first, second, *_ = (one.id for one in whole.segments)
-    return PartSelection(buildings=("a", "b"), streets=(first,), halo_buildings=("e",), halo_streets=(second,), distant_buildings=("c",))
+    return PartSelection(
+        buildings=("a", "b"), streets=(first,), halo_buildings=("e",), halo_streets=(second,), distant_buildings=("c",)
+    )
 
 
 def test_what_is_kept_is_what_was_read(whole: CityIndex, tmp_path: Path) -> None:

@@ -42,7 +42,9 @@ def test_width_is_what_tags_say_else_by_class(tags: dict[str, str], width: float
 
 
 def test_ways_without_a_carriageway_have_none() -> None:
-    kinds = {name: ways_from_tags("w", LINE, {"highway": name}) for name in ("footway", "pedestrian", "steps", "cycleway")}
+    kinds = {
+        name: ways_from_tags("w", LINE, {"highway": name}) for name in ("footway", "pedestrian", "steps", "cycleway")
+    }
     assert {name: found[0].kind for name, found in kinds.items()} == {
         "footway": "path", "pedestrian": "path", "steps": "steps", "cycleway": "cycle",
     }  # fmt: skip
@@ -65,7 +67,9 @@ def test_surfaces_pavements_and_lanes() -> None:
 def test_crossings_areas_and_what_is_hidden() -> None:
     features = (
         GroundFeature("w1", LINE, {"highway": "residential", "name": "A"}),
-        GroundFeature("w2", shapely.LineString([(40, 0), (60, 0)]), {"highway": "residential", "name": "A", "lanes": "3"}),
+        GroundFeature(
+            "w2", shapely.LineString([(40, 0), (60, 0)]), {"highway": "residential", "name": "A", "lanes": "3"}
+        ),
         GroundFeature("n3", shapely.Point(10, 0.2), {"highway": "crossing"}),
         GroundFeature("n4", shapely.Point(10, 30), {"highway": "crossing"}),
         GroundFeature("n5", shapely.Point(20, 0), {"highway": "crossing", "crossing": "unmarked"}),

@@ -114,7 +114,11 @@ def test_models_that_cannot_be_used_are_set_aside() -> None:
     walls_only = model("w", house(0, 0)[:4])
     tower = model("t", house(50, 0, high=9000))
     built = assemble_buildings(
-        [BuildingModels("EPSG:28992", (walls_only, tower, model("k", house(100, 0, 2, 2)), model("ok", house(200, 0))))],
+        [
+            BuildingModels(
+                "EPSG:28992", (walls_only, tower, model("k", house(100, 0, 2, 2)), model("ok", house(200, 0)))
+            )
+        ],
         RD,
         area=None,
         floor_height=3.0,

@@ -11,7 +11,7 @@ from shapely import LineString
 
 from catalogs.block.segments import MIN_SEGMENT_LENGTH_M, segment_streets
 from catalogs.city.keys import check_city
-from catalogs.city.partition import MIN_HALO_M, partition_city, halo_radius
+from catalogs.city.partition import MIN_HALO_M, halo_radius, partition_city
 from facade_core.core.types import Building, Street
 
 # Streets every 100 m both ways, two buildings between them: one at either side of the middle of what they enclose.

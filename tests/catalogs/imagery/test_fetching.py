@@ -20,7 +20,7 @@ from benchmarks.imagery_server import Imagery, Shot, commented, jpeg, picture_pa
 from catalogs.imagery.fetch_log import FETCH_LOG_NAME, read_fetch_log
 from catalogs.imagery.fetching import MAX_CONSECUTIVE_FAILURES, MAX_DOWNLOADS, fetch_panoramas
 from catalogs.imagery.http_client import ServiceUnavailable
-from catalogs.imagery.remote_panorama import RemotePanorama, ImageryQuery
+from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
 from catalogs.imagery.services import stac_service
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import ImageError, InputError
@@ -137,7 +137,10 @@ def test_ids_name_files_of_the_folder_only(served: Imagery, tmp_path: Path) -> N
         "C:\\x",
     ]
     served.shots = [replace(GOOD, id=name, content=jpeg(32, 64, seed)) for seed, name in enumerate(ids)]
-    offers = [RemotePanorama(name, f"{served.address}/{seed}", stac_pose(), licence="CC0-1.0") for seed, name in enumerate(ids)]
+    offers = [
+        RemotePanorama(name, f"{served.address}/{seed}", stac_pose(), licence="CC0-1.0")
+        for seed, name in enumerate(ids)
+    ]
     for seed in range(len(ids)):
         served.faults[f"/{seed}"] = lambda *_, seed=seed: (200, {}, jpeg(32, 64, seed))
     account, service = read_fetch_log(tmp_path / "deep" / "p"), stac_service(served.stac())
@@ -158,7 +161,10 @@ def test_a_service_that_goes_away_ends_the_fetching(
     with pytest.raises(ServiceUnavailable, match="answers 503"):
         fetched(served, tmp_path / "p")
     # Each of the five that come may do so when all but one of those that end it are lost; then the others' threads end too.
-    assert sum(served.asked[picture_path(f"p{i}")] for i in range(5, 100)) <= 5 * (MAX_CONSECUTIVE_FAILURES - 1) + MAX_CONSECUTIVE_FAILURES + MAX_DOWNLOADS - 1
+    assert (
+        sum(served.asked[picture_path(f"p{i}")] for i in range(5, 100))
+        <= 5 * (MAX_CONSECUTIVE_FAILURES - 1) + MAX_CONSECUTIVE_FAILURES + MAX_DOWNLOADS - 1
+    )
     assert len(pictures(tmp_path / "p")) == 5, "what came stays"
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.imagery_server import Imagery, serving
 from catalogs.imagery import http_client
-from catalogs.imagery.http_client import ServiceUnavailable, RequestRejected, ServiceToken, HttpClient
+from catalogs.imagery.http_client import HttpClient, RequestRejected, ServiceToken, ServiceUnavailable
 from catalogs.imagery.services import TOKEN_VARIABLE, resolve_service, stac_service
 from facade_core.core.errors import InputError
 

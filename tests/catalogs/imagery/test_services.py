@@ -15,7 +15,7 @@ from benchmarks.imagery_server import Imagery, Shot
 from catalogs.features import Fault
 from catalogs.imagery.fetch_log import read_fetch_log
 from catalogs.imagery.fetching import fetch_panoramas
-from catalogs.imagery.remote_panorama import RemotePanorama, ImageryQuery
+from catalogs.imagery.remote_panorama import ImageryQuery, RemotePanorama
 from catalogs.imagery.services import TOKEN_VARIABLE, ImageryService, mapillary_service, resolve_service, stac_service
 from facade_core.core.errors import InputError
 

@@ -13,10 +13,10 @@ from catalogs.learning.datasets import (
     RECIPES,
     RUEMONGE,
     read_artdeco,
-    read_ecp,
     read_dataset,
-    split,
+    read_ecp,
     read_swiss,
+    split_facades,
 )
 from facade_core.core.errors import ImageError, InputError
 from facade_core.core.labels import UNKNOWN, FacadeClass
@@ -191,7 +191,7 @@ def test_only_sets_with_a_licence_may_train():
 @pytest.mark.realdata
 def test_the_real_sets(data):
     facades = list(read_ecp(data / "facades" / "ecp"))
-    training, held_out = split(facades)
+    training, held_out = split_facades(facades)
     assert (len(facades), len(training), len(held_out)) == (83, 66, 17)
     assert not {facade.name for facade in training} & {facade.name for facade in held_out}
     share = np.bincount(np.concatenate([facade.labels.reshape(-1) for facade in facades]), minlength=256)
@@ -210,7 +210,9 @@ def test_every_real_set_fits_its_table(data):
     }
     for name, folder in folders.items():
         shown = {
-            label for facade in islice(read_dataset(RECIPES[name], data / folder), 8) for label in np.unique(facade.labels)
+            label
+            for facade in islice(read_dataset(RECIPES[name], data / folder), 8)
+            for label in np.unique(facade.labels)
         }
         assert {FacadeClass.WINDOW, UNKNOWN} <= shown
     photos = list(islice(read_swiss(data / "streetphotos" / "swiss" / "test"), 12))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.learning.layouts import LABELS, read_layouts, split_layouts
+from catalogs.learning.layouts import LAYOUT_LABELS, read_layouts, split_layouts
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 
@@ -80,7 +80,7 @@ def test_folds_part_the_layouts(tmp_path):
 def rectangles(draw: st.DrawFn, size: tuple[float, float]) -> dict[str, Any]:
     """A rectangle of the picture, or one that has no class or no area."""
     (x0, x1), (y0, y1) = (sorted(draw(st.tuples(*[st.floats(0, side)] * 2))) for side in size)
-    return thing(draw(st.sampled_from([*LABELS, "cornice"])), x0, y0, x1, y1)
+    return thing(draw(st.sampled_from([*LAYOUT_LABELS, "cornice"])), x0, y0, x1, y1)
 
 
 @settings(max_examples=40)
@@ -96,7 +96,7 @@ def test_layouts_come_back(tmp_path_factory: pytest.TempPathFactory, data: st.Da
     assert [layout.name for layout in found] == [f"{i}.jpg#{i + 1}" for i in range(len(records))]
     for layout, record in zip(found, records, strict=True):
         assert layout.domain == (0, 0, record["width"], record["height"])
-        kept = [o for o in record["objects"] if o["label"] in LABELS and o["x0"] < o["x1"] and o["y0"] < o["y1"]]
-        elements = [Element(LABELS[o["label"]], o["x0"], o["y0"], o["x1"], o["y1"]) for o in kept]
+        kept = [o for o in record["objects"] if o["label"] in LAYOUT_LABELS and o["x0"] < o["x1"] and o["y0"] < o["y1"]]
+        elements = [Element(LAYOUT_LABELS[o["label"]], o["x0"], o["y0"], o["x1"], o["y1"]) for o in kept]
         assert layout.elements == tuple(dict.fromkeys(elements))
         assert dict(layout.dropped) == Counter(o["label"] for o in record["objects"] if o not in kept)

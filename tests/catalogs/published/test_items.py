@@ -16,7 +16,7 @@ from shapely import LineString, from_wkb, from_wkt
 
 import catalogs
 from catalogs.features import natural_sort_key
-from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, Column, write_items
+from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, ItemColumn, write_items
 from facade_core.core.errors import InputError
 
 
@@ -74,7 +74,7 @@ VALUES: dict[str, st.SearchStrategy[Any]] = {
 SHAPES = ("id", "kind", "status", "reason", "geometry")
 
 
-def value_of(column: Column) -> st.SearchStrategy[Any]:
+def value_of(column: ItemColumn) -> st.SearchStrategy[Any]:
     return VALUES[column.type] if column.required else st.none() | VALUES[column.type]
 
 

@@ -20,14 +20,14 @@ def test_keys_may_be_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         file.write_text(f"[night]\naws_access_key_id = {KEY}\naws_secret_access_key = {SECRET}\n")
         monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(file))
         monkeypatch.setenv("AWS_PROFILE", "night")
-        object_store._store.cache_clear()
+        object_store._open_store.cache_clear()
         try:
-            tag = object_store.put_if("profiles/a", b"1", None)
-            assert object_store.get("profiles/a") == (b"1", tag)
-            assert object_store.listed("profiles").keys() == {"a"}
+            tag = object_store.upload_if_unchanged("profiles/a", b"1", None)
+            assert object_store.download_object("profiles/a") == (b"1", tag)
+            assert object_store.list_objects("profiles").keys() == {"a"}
             assert S3Folder("profiles/a").read_text() == "1"
             with pytest.raises(InputError, match="no such bucket"):
-                object_store.put("nobody-has-this/a", b"")
+                object_store.upload_object("nobody-has-this/a", b"")
         finally:
-            object_store._store.cache_clear()
+            object_store._open_store.cache_clear()
         assert bucket == "s3://profiles"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from catalogs.published.report import to_look_at
+from catalogs.published.report import facades_to_review
 
 
 def test_the_most_doubtful_facades_come_first_and_an_assumed_height_is_no_doubt() -> None:
@@ -15,4 +15,4 @@ def test_the_most_doubtful_facades_come_first_and_an_assumed_height_is_no_doubt(
         {"id": "f", "quality": "unsure-parse", "occluded": 0.1},
         {"id": "g"},
     ]
-    assert [row["id"] for row in to_look_at(rows)] == ["c", "d", "f"]
+    assert [row["id"] for row in facades_to_review(rows)] == ["c", "d", "f"]

@@ -18,9 +18,9 @@ from click.testing import CliRunner
 from pyarrow.dataset import dataset, field
 
 import catalogs
-from catalogs.published.s3 import S3Folder, filesystem, folder_at
+from catalogs.published.s3 import S3Folder, folder_at, s3_filesystem
 from catalogs.published.s3_copy import copy_run, put_object
-from catalogs.query.execution import _dataset, query
+from catalogs.query.execution import _filtered_dataset, query
 from facade_core.core.errors import InputError
 from flows.cli.commands import main
 from tests.bucket import served
@@ -86,7 +86,7 @@ def runs(bucket: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = CliRunner().invoke(main, ["catalog", str(folder), "--to", f"{bucket}/runs"])
     assert done.exit_code == 0, done.output
     assert done.stdout.split() == [f"{bucket}/runs/catalog.json"]
-    with filesystem().open_output_stream("city/runs/idle/store/config.yaml") as stream:
+    with s3_filesystem().open_output_stream("city/runs/idle/store/config.yaml") as stream:
         stream.write(b"")
     return folder
 
@@ -99,7 +99,7 @@ def test_a_folder_in_a_bucket_answers_as_the_folder_does(bucket: str, runs: Path
         {"bbox": (WEST, 60.0, 90, 61.0)},
     ):
         notes: list[str] = []
-        there, here = query(f"{bucket}/runs", note=notes.append, **asked), query(runs, **asked)
+        there, here = query(f"{bucket}/runs", on_left_out=notes.append, **asked), query(runs, **asked)
         assert there.equals(here), asked
         assert notes == ["idle is left out: nothing is published there yet"]
     assert len(query(f"{bucket}/runs")) == 9
@@ -128,11 +128,11 @@ def test_row_groups_outside_the_box_are_not_fetched(bucket: str, tmp_path: Path)
     rows = [row(f"w{i}-f0", i % 5) | {"geometry": row("x", i % 5)["geometry"]} for i in range(5)]
     table = pq.read_table(publish(tmp_path, rows) / "items.parquet").sort_by("xmin")
     path = S3Folder("city/grouped.parquet")
-    with filesystem().open_output_stream(path.path) as stream:
+    with s3_filesystem().open_output_stream(path.path) as stream:
         pq.write_table(table, stream, row_group_size=1)
-    found = _dataset(path, table.schema, [WEST, 0, 90, 90], datetime(2026, 11, 5, tzinfo=UTC))
+    found = _filtered_dataset(path, table.schema, [WEST, 0, 90, 90], datetime(2026, 11, 5, tzinfo=UTC))
     assert found.to_table()["id"].to_pylist() == ["w4-f0"]
-    (fragment,) = dataset(path.path, filesystem=filesystem(), format="parquet").get_fragments()
+    (fragment,) = dataset(path.path, filesystem=s3_filesystem(), format="parquet").get_fragments()
     kept = fragment.split_by_row_group(field("xmax") >= WEST)
     assert [group.row_groups[0].id for group in kept] == [3, 4], "the file's statistics tell them apart"
 
@@ -168,7 +168,7 @@ def test_the_catalogue_in_the_bucket_is_whole(bucket: str, runs: Path) -> None:
         if path in seen:
             continue
         seen.add(path)
-        with filesystem().open_input_stream(path) as stream:
+        with s3_filesystem().open_input_stream(path) as stream:
             value = json.loads(stream.read())
         for link in value["links"]:
             parts = [*path.split("/")[:-1], *link["href"].split("/")]

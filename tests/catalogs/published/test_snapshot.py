@@ -6,13 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from catalogs.published.snapshot import Snapshot, current, current_if_any, make_current, snapshot_in
+from catalogs.published.snapshot import (
+    Snapshot,
+    current_snapshot,
+    find_current_snapshot,
+    set_current_snapshot,
+    snapshot_at,
+)
 from facade_core.core.errors import InputError, StoreError
 
 
 def published(out: Path, id: str) -> Snapshot[Path]:
     """A snapshot with the files by which one is known."""
-    snapshot = snapshot_in(out, id)
+    snapshot = snapshot_at(out, id)
     snapshot.folder.mkdir(parents=True)
     snapshot.items.touch()
     snapshot.summary.write_text('{"block": "b"}')
@@ -20,16 +26,16 @@ def published(out: Path, id: str) -> Snapshot[Path]:
 
 
 def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
-    assert current_if_any(tmp_path) is None
+    assert find_current_snapshot(tmp_path) is None
     with pytest.raises(InputError, match="current cannot be read"):
-        current(tmp_path)
+        current_snapshot(tmp_path)
     first, second = published(tmp_path, "ONE"), published(tmp_path, "TWO")
     for snapshot in (first, second):
-        make_current(snapshot)
-        assert current(tmp_path) == current_if_any(tmp_path) == snapshot
+        set_current_snapshot(snapshot)
+        assert current_snapshot(tmp_path) == find_current_snapshot(tmp_path) == snapshot
         assert (snapshot.id, snapshot.out) == (snapshot.folder.name, tmp_path)
     assert [path.name for path in tmp_path.glob("*current*")] == ["current"]
-    assert second.outcome() == {
+    assert second.read_outcome() == {
         "block": "b",
         "outputs": {
             "glb": [f"{tmp_path}/published/TWO/block.glb"],
@@ -44,42 +50,42 @@ def test_current_is_what_was_made_so_last(tmp_path: Path) -> None:
 def test_a_pointer_to_nothing_is_refused(name: str, tmp_path: Path) -> None:
     published(tmp_path, "ONE")
     (tmp_path / "current").write_text(name)
-    assert current_if_any(tmp_path) is None
+    assert find_current_snapshot(tmp_path) is None
     with pytest.raises(InputError, match=r"`streetloom run BLOCK\.yaml --out .*` publishes again"):
-        current(tmp_path)
+        current_snapshot(tmp_path)
 
 
 def test_who_goes_on_without_needs_the_summary_and_who_reads_the_table(tmp_path: Path) -> None:
     snapshot = published(tmp_path, "ONE")
-    make_current(snapshot)
+    set_current_snapshot(snapshot)
     snapshot.items.unlink()
-    assert current_if_any(tmp_path) == snapshot
+    assert find_current_snapshot(tmp_path) == snapshot
     with pytest.raises(InputError, match=r"items\.parquet is missing"):
-        current(tmp_path)
+        current_snapshot(tmp_path)
     snapshot.items.touch()
     snapshot.summary.unlink()
-    assert current_if_any(tmp_path) is None
-    assert current(tmp_path) == snapshot
+    assert find_current_snapshot(tmp_path) is None
+    assert current_snapshot(tmp_path) == snapshot
 
 
 def test_nobody_is_alone_where_somebody_reads(tmp_path: Path) -> None:
     snapshot = published(tmp_path, "ONE")
-    with snapshot.being_read() as read, snapshot.being_read():
+    with snapshot.hold_for_reading() as read, snapshot.hold_for_reading():
         assert read is snapshot
-        with snapshot.alone() as nobody:
+        with snapshot.lock_exclusively() as nobody:
             assert not nobody
-    with snapshot.alone() as nobody:
+    with snapshot.lock_exclusively() as nobody:
         assert nobody
-    with snapshot_in(tmp_path, "GONE").being_read() as gone:
+    with snapshot_at(tmp_path, "GONE").hold_for_reading() as gone:
         assert not gone.items.is_file()
 
 
 def test_a_store_that_is_not_there_is_not_made(tmp_path: Path) -> None:
     snapshot = published(tmp_path, "ONE")
     with pytest.raises(StoreError, match=r"does not hold snapshot ONE .*there is none.*publishes again"):
-        snapshot.session()
+        snapshot.open_session()
     assert not (tmp_path / "store").exists()
     (tmp_path / "store").mkdir()
     with pytest.raises(StoreError, match="does not hold snapshot ONE"):
-        snapshot.session()
+        snapshot.open_session()
     assert not list((tmp_path / "store").iterdir())

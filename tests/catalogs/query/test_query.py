@@ -20,7 +20,7 @@ import catalogs
 from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
 from catalogs.query.execution import query
 from catalogs.query.formats import format_items
-from catalogs.query.where import all_of, parse_since
+from catalogs.query.where import combine_conditions, parse_since
 from facade_core.core.errors import InputError
 from flows.cli.commands import main
 
@@ -273,7 +273,7 @@ def runs(out: Path, tmp_path: Path) -> Path:
 
 def test_runs_are_united_by_the_names_of_columns(runs: Path) -> None:
     notes: list[str] = []
-    found = query(runs, note=notes.append)
+    found = query(runs, on_left_out=notes.append)
     assert found.run.value_counts().to_dict() == {"night=1": 12, "city/night [2]": 12, "old": 1}
     assert list(found.columns)[: len(COLUMNS) + 1] == [*(column.name for column in COLUMNS), "run"]
     assert found[found.run == "old"][["floors", "era"]].values.tolist() == [[5, "1900"]]
@@ -300,10 +300,10 @@ def test_a_run_whose_columns_differ_in_type_is_left_out(runs: Path) -> None:
     table = pq.read_table(path).drop_columns("floors")
     pq.write_table(table.append_column("floors", pa.array(["five"])), path)
     notes: list[str] = []
-    assert set(query(runs, note=notes.append).run) == {"night=1", "city/night [2]"}
+    assert set(query(runs, on_left_out=notes.append).run) == {"night=1", "city/night [2]"}
     assert any(note.startswith("old is left out: ") and "differ in type" in note for note in notes)
     path.write_bytes(b"PAR1 no")
-    query(runs, note=notes.append)
+    query(runs, on_left_out=notes.append)
     assert "cannot be read as Parquet" in notes[-1]
 
 
@@ -373,8 +373,8 @@ def test_a_time_without_a_zone_is_in_utc_wherever_the_machine_is(monkeypatch: py
 
 
 def test_of_several_conditions_each_is_one_by_itself(out: Path) -> None:
-    assert all_of([]) is None
-    both = all_of(["floors >= 1 -- of any", "id = 'f1' OR id = 'f2'"])
+    assert combine_conditions([]) is None
+    both = combine_conditions(["floors >= 1 -- of any", "id = 'f1' OR id = 'f2'"])
     assert list(query(out, where=both).id) == ["f1", "f2"]
     for broken, words in (
         ("id = 'f1') OR (TRUE", "syntax error"),
@@ -382,4 +382,4 @@ def test_of_several_conditions_each_is_one_by_itself(out: Path) -> None:
         ("TRUE LIMIT 1", "more than"),
     ):
         with pytest.raises(InputError, match=words):
-            all_of(["floors >= 1", broken])
+            combine_conditions(["floors >= 1", broken])

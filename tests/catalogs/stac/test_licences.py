@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from catalogs.stac.facts import SourceFact
-from catalogs.stac.licences import license_links, license_of, licensors
+from catalogs.stac.licences import common_license, license_links, licensors
 
 OSM, CITY = "OpenStreetMap contributors, ODbL 1.0", "A city: its buildings, CC BY 4.0"
 
@@ -15,7 +15,7 @@ OSM, CITY = "OpenStreetMap contributors, ODbL 1.0", "A city: its buildings, CC B
     [((OSM, OSM), "ODbL-1.0"), ((OSM, CITY), "other"), ((OSM, None), "other"), (("a policy",), "other"), ((), "other")],
 )
 def test_one_identifier_or_other(licences: tuple[str | None, ...], found: str) -> None:
-    assert license_of([SourceFact("k", "n", licence) for licence in licences]) == found
+    assert common_license([SourceFact("k", "n", licence) for licence in licences]) == found
 
 
 def test_each_licensor_is_named_once_with_its_files() -> None:

@@ -547,7 +547,7 @@ def test_a_snapshot_published_meanwhile_is_seen(tmp_path: Path) -> None:
     """`current` changes after it was read: the catalogue is written again."""
     found = [Snapshot(publish(tmp_path, [row("w1-f1")], snapshot)) for snapshot in ("ONE", "TWO")]
     answers = iter([*found, found[1]])
-    write_catalog(tmp_path, newest=lambda _: next(answers))
+    write_catalog(tmp_path, find_snapshot=lambda _: next(answers))
     assert "published/TWO/stac" in (tmp_path / "catalog.json").read_text()
 
 

@@ -25,7 +25,7 @@ def line(text: str, x: float, y: float, length: float = 60, height: float = 13, 
 
 @pytest.fixture
 def without(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(models, "FILES", {"faces": ("no-such-package", "models/none.onnx")})
+    monkeypatch.setattr(models, "MODEL_FILES", {"faces": ("no-such-package", "models/none.onnx")})
     monkeypatch.setattr("facade_core.imagery.detect.detection.models_digest", models.models_digest.__wrapped__)
 
 
@@ -47,7 +47,7 @@ def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monke
         runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
         return Detections(faces=np.array([[run[0], 10, run[-1] + 1, 20] for run in runs], float))
 
-    monkeypatch.setattr(seen, "look", bright)
+    monkeypatch.setattr(seen, "detect_on_image", bright)
     strip = np.zeros((40, 800, 3), np.uint8)
     strip[10:20, :30] = strip[10:20, 780:] = strip[10:20, 400:440] = 255
     boxes = detect_on_strip(strip).faces.tolist()

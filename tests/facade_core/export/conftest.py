@@ -33,7 +33,9 @@ def houses() -> Scene:
         Building("a", shapely.box(x, y, x + 20, y + 10), 12.0, "height"),
         Building("b", shapely.box(x + 20, y, x + 32, y + 10), 9.0, "height"),
     ]
-    charts, mesh, _ = build_block_surfaces(buildings, [STREET], terrain=build_terrain([], None), ground_margin=10, largest=90)
+    charts, mesh, _ = build_block_surfaces(
+        buildings, [STREET], terrain=build_terrain([], None), ground_margin=10, largest=90
+    )
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 

@@ -164,6 +164,8 @@ def test_rings_meet_no_corner_twice_and_have_area() -> None:
     assert len(corners) == len(set(corners)) == 5
     line = np.array([[0, 0, 0], [4, 0, 0], [8, 0, 0.0001]])
     assert pool.add_ring(line, None) == ([], [])
-    geometry = build_geometry([ModelFace((line,), 0), ModelFace((spike,), 1)], [{"type": "Window"}, {"type": "Door"}], pool, "2")
+    geometry = build_geometry(
+        [ModelFace((line,), 0), ModelFace((spike,), 1)], [{"type": "Window"}, {"type": "Door"}], pool, "2"
+    )
     assert geometry["semantics"] == {"surfaces": [{"type": "Door"}], "values": [0]}
     assert "texture" not in geometry

@@ -26,7 +26,9 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
-    charts, mesh, _ = build_block_surfaces([box], [STREET], terrain=build_terrain([], None), ground_margin=10, largest=90)
+    charts, mesh, _ = build_block_surfaces(
+        [box], [STREET], terrain=build_terrain([], None), ground_margin=10, largest=90
+    )
     placement = pack_charts(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
@@ -58,7 +60,9 @@ def test_mipmaps_of_a_page_do_not_bleed(scene: Scene) -> None:
 
 
 def test_the_picture_shows_walls_upright_and_sky_above(scene: Scene) -> None:
-    picture = cast_view(scene, PerspectiveCamera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
+    picture = cast_view(
+        scene, PerspectiveCamera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1
+    )
     picture.paint({chart: np.full((3, 5, 3), 9, np.uint8) for chart in picture.visible_charts.tolist()})
     assert (picture.rgb[30, 40] == 9).all()
     assert (picture.rgb[0] > 100).all()
@@ -90,13 +94,17 @@ def test_what_is_finer_than_pixels_is_seen_as_its_mean_and_what_is_coarser_witho
 
 def test_haze_grows_with_distance_and_no_pixel_is_without_colour(scene: Scene) -> None:
     black = {c: np.zeros((2, 2, 3), np.uint8) for c in range(len(scene.charts))}
-    aslant = PerspectiveCamera.from_heading(np.array([10.0, -30, 3]), heading=30, pitch=0, field_of_view=80, size=(20, 20))
+    aslant = PerspectiveCamera.from_heading(
+        np.array([10.0, -30, 3]), heading=30, pitch=0, field_of_view=80, size=(20, 20)
+    )
     picture = cast_view(scene, aslant, samples=1)
     hazed = picture.apply_haze().reshape(-1, 3)[picture.pixel]
     assert hazed[picture.depth.argmin()].max() == 0, "it begins at what is nearest"
     assert hazed[picture.depth.argmax()].min() > 0
     assert (np.diff(hazed[np.argsort(picture.depth), 0].astype(int)) >= 0).all()
-    up = PerspectiveCamera.from_heading(np.array([10.0, -30, 3]), heading=180, pitch=40, field_of_view=80, size=(40, 40))
+    up = PerspectiveCamera.from_heading(
+        np.array([10.0, -30, 3]), heading=180, pitch=40, field_of_view=80, size=(40, 40)
+    )
     drawn = render_perspective(scene, up, black.__getitem__)
     assert drawn.min() > 90
     assert drawn[0, 20, 0] < drawn[39, 20, 0], "the sky is deeper above"

@@ -25,8 +25,8 @@ from facade_core.export.lighting.height_maps import (
     normals_from_heights,
 )
 from facade_core.export.lighting.panes import SeededRandom, emitted_light, find_openings, glass_mask
+from facade_core.export.lighting.pbr_materials import ROUGHNESS, PbrMaterial
 from facade_core.export.lighting.relighting import ChartTexels, RelightingInputs, relight
-from facade_core.export.lighting.surface_materials import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
 from facade_core.export.models.encoders import ENCODERS
 from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.gltf_materials import EMISSIVE_STRENGTH, NIGHT, TimeOfDay, encode_textures
@@ -77,7 +77,9 @@ def test_normals_are_those_of_the_heights_differences() -> None:
 
 def test_openings_lie_back_and_see_less_sky() -> None:
     colour, labels = facade()
-    height = estimate_heights(labels, np.full(labels.shape, PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0)
+    height = estimate_heights(
+        labels, np.full(labels.shape, PbrMaterial.PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0
+    )
     assert height[30, 30] == pytest.approx(-OPENING_DEPTH_M)
     assert height[0, 0] == 0
     found = normals_from_heights(height, 20.0)
@@ -92,10 +94,12 @@ def test_openings_lie_back_and_see_less_sky() -> None:
 def test_joints_are_where_the_picture_is_dark() -> None:
     grey = np.full((40, 40), 150, np.float32)
     grey[::8] = 100
-    height = estimate_heights(None, np.full(grey.shape, BRICK), grey, np.zeros(grey.shape, bool), 50.0)
+    height = estimate_heights(None, np.full(grey.shape, PbrMaterial.BRICK), grey, np.zeros(grey.shape, bool), 50.0)
     assert height[16].max() < -0.003
     assert height[20].min() > -0.001
-    assert (estimate_heights(None, np.full(grey.shape, PLASTER), grey, grey < 0, 50.0)[16] > height[16]).all()
+    assert (
+        estimate_heights(None, np.full(grey.shape, PbrMaterial.PLASTER), grey, grey < 0, 50.0)[16] > height[16]
+    ).all()
 
 
 def test_a_smooth_light_is_taken_out_and_a_dark_plinth_stays() -> None:
@@ -156,13 +160,15 @@ def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
     world = charts.points(int(piece), x[None, :], y[:, None])
     away = np.abs(world[..., 1] - 6671980)
     along = (world[..., 0] > 386001) & (world[..., 0] < 386049)
-    assert (found[along & (away < 1.7)] == ASPHALT).all()
-    assert (found[along & (away > 2.3) & (away < 3.7)] == SLABS).all()
-    assert (found[along & (away > 4.5)] == GRAVEL).all()
+    assert (found[along & (away < 1.7)] == PbrMaterial.ASPHALT).all()
+    assert (found[along & (away > 2.3) & (away < 3.7)] == PbrMaterial.SLABS).all()
+    assert (found[along & (away > 4.5)] == PbrMaterial.GRAVEL).all()
 
 
 def lighting(scene: Scene, sun: Sun | None, provenance: int = Provenance.PHOTO) -> RelightingInputs:
-    made = np.array([field.SurfaceMaterial.PLASTER, field.SurfaceMaterial.SHEET_METAL, field.SurfaceMaterial.GROUND], np.uint8)[np.minimum(scene.charts.kind, ChartKind.GROUND)]
+    made = np.array(
+        [field.SurfaceMaterial.PLASTER, field.SurfaceMaterial.SHEET_METAL, field.SurfaceMaterial.GROUND], np.uint8
+    )[np.minimum(scene.charts.kind, ChartKind.GROUND)]
     place = scene.placement
 
     def texels(chart: int) -> ChartTexels:
@@ -195,7 +201,9 @@ def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: Textu
 
 def model(source: TexturedMesh, time: TimeOfDay) -> bytes:
     drawn = pack_charts(source, source.select_charts(np.array([0, 1, -1])))
-    looks = [encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in range(len(drawn.layout.pages))]
+    looks = [
+        encode_textures(draw_page_images(drawn, page), ENCODERS["jpeg"]) for page in range(len(drawn.layout.pages))
+    ]
     return encode_glb(build_nodes([drawn], {0: "a", 1: "b"}, local_frame(source.mesh))[0], looks, time=time)
 
 
@@ -213,7 +221,7 @@ def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: Te
         assert (maps.orm[..., 2] == 0).all(), "no metal"
         assert all(a is b or np.array_equal(a, b) for a, b in zip(maps, source.maps(chart), strict=True))
     ground = int(source.select_charts(np.array([-1]))[0])
-    assert (source.maps(ground).orm[..., 1] == round(float(ROUGHNESS[GRAVEL]) * 255)).all()
+    assert (source.maps(ground).orm[..., 1] == round(float(ROUGHNESS[PbrMaterial.GRAVEL]) * 255)).all()
     assert np.abs(colour_of(ground).astype(int) - source.raster(ground)).max() <= 1
 
 

@@ -77,7 +77,11 @@ def test_no_mip_level_down_to_an_eighth_mixes_two_pieces(largest: int) -> None:
     for page in range(len(layout.pages)):
         drawn = draw_page(layout, page, lambda i: np.broadcast_to(colours[i], (size[i, 1], size[i, 0], 3)))
         assert drawn.shape == (layout.pages[page, 1], layout.pages[page, 0], 3)
-        coarse = drawn.reshape(drawn.shape[0] // GUTTER_TEXELS, GUTTER_TEXELS, -1, GUTTER_TEXELS, 3).astype(float).mean(axis=(1, 3))
+        coarse = (
+            drawn.reshape(drawn.shape[0] // GUTTER_TEXELS, GUTTER_TEXELS, -1, GUTTER_TEXELS, 3)
+            .astype(float)
+            .mean(axis=(1, 3))
+        )
         for i in np.flatnonzero(layout.page == page):
             left, top = layout.x[i] // GUTTER_TEXELS - 1, layout.y[i] // GUTTER_TEXELS - 1
             right, below = (

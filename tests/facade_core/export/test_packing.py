@@ -41,12 +41,19 @@ def test_a_mask_holds_its_triangles_and_a_border() -> None:
     assert mask[:10, 0].all()
     assert not mask[-4:, -4:].any()
     for x, y in ((0.5, 0.5), (38, 1), (1, 38), (19.5, 19.5)):
-        at = (slice(int(y) // CELL_TEXELS, int(y) // CELL_TEXELS + 3), slice(int(x) // CELL_TEXELS, int(x) // CELL_TEXELS + 3))
+        at = (
+            slice(int(y) // CELL_TEXELS, int(y) // CELL_TEXELS + 3),
+            slice(int(x) // CELL_TEXELS, int(x) // CELL_TEXELS + 3),
+        )
         assert mask[at].all(), "the cell of a place, and those around it"
 
 
 def test_a_side_that_just_fits_a_page_makes_room_for_its_border() -> None:
-    assert shrink_for_border(np.array([[1024, 1016], [1020, 30], [12, 4096]])).tolist() == [[1016, 1016], [1016, 30], [12, 4088]]
+    assert shrink_for_border(np.array([[1024, 1016], [1020, 30], [12, 4096]])).tolist() == [
+        [1016, 1016],
+        [1016, 30],
+        [12, 4088],
+    ]
 
 
 def test_what_is_larger_than_a_page_is_refused() -> None:

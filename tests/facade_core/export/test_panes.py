@@ -93,12 +93,14 @@ def test_shops_are_no_more_than_twice_as_light_as_flats_warm_and_uneven() -> Non
 
 
 def test_an_interior_is_the_same_at_half_the_texels_darker_below_and_has_goods_on_shelves() -> None:
-    chances = SeededRandom(5, 6)
-    fine, coarse = (shop_interior_light((80 * k, 96 * k), 20.0 * k, 0.1, lambda *what: chances.of_wall(1, *what)) for k in (2, 1))
+    random = SeededRandom(5, 6)
+    fine, coarse = (
+        shop_interior_light((80 * k, 96 * k), 20.0 * k, 0.1, lambda *what: random.per_wall(1, *what)) for k in (2, 1)
+    )
     half = fine.reshape(80, 2, 96, 2, 3).mean(axis=(1, 3))
     assert np.abs(half - coarse).mean() < 0.03
     assert fine[20:60].mean() > 1.3 * fine[-20:].mean()
-    plain = shop_interior_light((160, 192), 40.0, 0.9, lambda *what: chances.of_wall(1, *what))
+    plain = shop_interior_light((160, 192), 40.0, 0.9, lambda *what: random.per_wall(1, *what))
     assert np.ptp(fine[60:120], axis=1).mean() > 3 * np.ptp(plain[70:105], axis=1).mean(), (
         "goods are many, a wall is one"
     )

@@ -92,7 +92,9 @@ def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) 
     roof = Roof(shape, 4.0, confidence=0.5)
     buildings = [Building("a", outline, 12.0, "height", roof=roof)]
     street = Street("s", None, shapely.LineString([(x - 20, y - 10), (x + 60, y - 10)]))
-    charts, mesh, _ = build_block_surfaces(buildings, [street], terrain=build_terrain([], None), ground_margin=10, largest=20)
+    charts, mesh, _ = build_block_surfaces(
+        buildings, [street], terrain=build_terrain([], None), ground_margin=10, largest=20
+    )
     source = TexturedMesh(charts, mesh, charts.size, np.ones((len(charts), 2), np.int64), lambda chart: np.zeros(0))
     triangles = group_rows(charts.building[mesh.chart])[0]
     semantics = dict.fromkeys(np.unique(mesh.chart[triangles]).tolist(), 0)

@@ -6,15 +6,12 @@ import numpy as np
 
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.core.types import SURFACES
-from facade_core.export.lighting import surface_materials
-from facade_core.export.lighting.surface_materials import (
-    BRICK,
+from facade_core.export.lighting.pbr_materials import (
     CHART_MATERIALS,
-    FRAME,
-    GLASS,
     GROUND_MATERIALS,
-    RAILING,
+    MATERIAL_PROPERTIES,
     ROUGHNESS,
+    PbrMaterial,
     classify_facade,
 )
 from facade_core.street.materials import field_kernels as field
@@ -22,19 +19,19 @@ from facade_core.street.materials import field_kernels as field
 
 def test_every_label_material_and_surface_is_of_something() -> None:
     labels = np.array([[*range(len(CLASSES)), UNKNOWN]], np.uint8)
-    found = classify_facade(labels, BRICK, np.zeros(labels.shape, bool))
-    assert found[0, FacadeClass.WALL] == found[0, -1] == BRICK
-    assert found[0, FacadeClass.WINDOW] == FRAME
-    assert found[0, FacadeClass.BALCONY] == RAILING
+    found = classify_facade(labels, PbrMaterial.BRICK, np.zeros(labels.shape, bool))
+    assert found[0, FacadeClass.WALL] == found[0, -1] == PbrMaterial.BRICK
+    assert found[0, FacadeClass.WINDOW] == PbrMaterial.FRAME
+    assert found[0, FacadeClass.BALCONY] == PbrMaterial.RAILING
     assert len(GROUND_MATERIALS) == len(SURFACES)
     assert set(CHART_MATERIALS) == set(range(field.SurfaceMaterial.METAL_FIXTURE + 1)), "all that charts are made of"
-    assert len(surface_materials.SUBSTANCES) == len({one.name for one in surface_materials.SUBSTANCES})
+    assert set(MATERIAL_PROPERTIES) == set(PbrMaterial)
 
 
 def test_panes_are_glass_and_smoother_than_all_but_water() -> None:
     labels = np.full((3, 3), FacadeClass.WINDOW, np.uint8)
     panes = np.zeros((3, 3), bool)
     panes[1, 1] = True
-    found = classify_facade(labels, BRICK, panes)
-    assert (found == GLASS).sum() == 1
-    assert np.sort(ROUGHNESS)[1] == ROUGHNESS[GLASS]
+    found = classify_facade(labels, PbrMaterial.BRICK, panes)
+    assert (found == PbrMaterial.GLASS).sum() == 1
+    assert np.sort(ROUGHNESS)[1] == ROUGHNESS[PbrMaterial.GLASS]

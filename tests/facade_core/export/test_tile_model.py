@@ -75,7 +75,13 @@ def test_pictures_of_which_no_chart_changed_are_taken_from_the_tile_of_before(
     fresh = build_tile_model(coloured, charts, now, NAMES, rasters(True), extras)
     read.clear()
     again = build_tile_model(
-        coloured, charts, now, NAMES, rasters(True), extras, EarlierTile(before.glb, before.coarse, before.picture_digests)
+        coloured,
+        charts,
+        now,
+        NAMES,
+        rasters(True),
+        extras,
+        EarlierTile(before.glb, before.coarse, before.picture_digests),
     )
     assert other <= set(read)
     assert len(read) < len(charts)
@@ -138,7 +144,9 @@ def test_joined_tiles_are_the_block(
         parts.append(tmp_path / f"{building}.glb")
     origin = local_frame(coloured.mesh).origin.tolist()
     whole = tmp_path / "block.glb"
-    size = merge_glbs(whole, list(map(read_glb_file, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B")
+    size = merge_glbs(
+        whole, list(map(read_glb_file, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B"
+    )
     assert size == whole.stat().st_size == struct.unpack_from("<I", whole.read_bytes(), 8)[0]
     assert pictures(whole.read_bytes()) == [one for part in parts for one in pictures(part.read_bytes())]
     said = document(whole.read_bytes())
@@ -171,7 +179,9 @@ def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("most", [8_000_000, 40_000, 12_000, 5_000])
-def test_an_overview_is_as_small_as_it_must_be(coloured: TexturedMesh, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_overview_is_as_small_as_it_must_be(
+    coloured: TexturedMesh, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     overview_bytes = overview.MAX_OVERVIEW_BYTES
     monkeypatch.setattr(overview, "MAX_OVERVIEW_BYTES", most)
     charts = select_overview_charts(coloured)
@@ -181,7 +191,9 @@ def test_an_overview_is_as_small_as_it_must_be(coloured: TexturedMesh, most: int
     def raster(chart: int) -> np.ndarray:
         return pages.downscale(coloured.raster(chart), tuple(size[chart].tolist()))
 
-    data = encode_overview(replace(coloured, texels=size, raster=raster), charts, {"origin": [386000.0, 6671990.0, 0.0]})
+    data = encode_overview(
+        replace(coloured, texels=size, raster=raster), charts, {"origin": [386000.0, 6671990.0, 0.0]}
+    )
     assert len(data) <= most
     model = trimesh.load(io.BytesIO(data), file_type="glb")
     shown = sum(len(part.faces) for part in model.geometry.values())

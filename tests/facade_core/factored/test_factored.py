@@ -240,7 +240,9 @@ def test_no_element_keeps_more_texels_than_are_shown(library: FacadeLibrary) -> 
     whole, half = pack_textures(pieces, [library]), pack_textures(near, [library])
     assert set(whole.scale.values()) == {1.0}, "64 a metre is what the finer picture has"
     assert set(half.scale.values()) == {0.5}
-    assert texture_memory_bytes([p for p, again in zip(half.pictures, half.is_repeated, strict=True) if not again]) < texture_memory_bytes(whole.pictures)
+    assert texture_memory_bytes(
+        [p for p, again in zip(half.pictures, half.is_repeated, strict=True) if not again]
+    ) < texture_memory_bytes(whole.pictures)
     key = pieces.elements[0][0]
     piece = pieces.by_picture[key][0]
     spans = [

@@ -9,7 +9,7 @@ import shapely
 
 from facade_core.core.types import Building, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 
 
@@ -18,13 +18,15 @@ def plan_of(buildings: list[Building], texels_per_metre: float = 32.0) -> Plan:
     return ingest(
         buildings,
         [street],
-        texels_per_metre=texels_per_metre,
-        spacing=6,
-        height=2.5,
-        visibility_range=40,
-        panorama_width=64,
-        storey=3,
-        walls="exemplar",
+        IngestSettings(
+            texels_per_metre=texels_per_metre,
+            viewpoint_spacing=6,
+            viewpoint_height=2.5,
+            visibility_range=40,
+            panorama_width=64,
+            floor_height=3,
+            walls="exemplar",
+        ),
     )
 
 
@@ -74,13 +76,15 @@ def test_ids_tell_densities_apart() -> None:
     after = ingest(
         [house("a", 0, 0)],
         [replace(before.streets[0]), street],
-        texels_per_metre=32,
-        spacing=6,
-        height=2.5,
-        visibility_range=40,
-        panorama_width=64,
-        storey=3,
-        walls="exemplar",
+        IngestSettings(
+            texels_per_metre=32,
+            viewpoint_spacing=6,
+            viewpoint_height=2.5,
+            visibility_range=40,
+            panorama_width=64,
+            floor_height=3,
+            walls="exemplar",
+        ),
     )
     back, now = (
         next(

@@ -15,7 +15,7 @@ def place(
 ) -> PreviousPlacement:
     numbers = np.array(ids, np.uint64)
     sizes = np.array(texels, np.int64).reshape(-1, 2)
-    found = pack_charts(sizes, 1.0, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, last=last)
+    found = pack_charts(sizes, 1.0, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, previous=last)
     return PreviousPlacement(numbers, found)
 
 

@@ -162,10 +162,10 @@ def test_what_is_not_labelled_is_not_held_against_a_parse():
     truth[:, 40:] = UNKNOWN
     seen = observe_parse(parsed(facade()), truth, possible(truth))
     assert [(element.x0, element.x1) for element in seen.found] == [(10, 30)]
-    assert seen.right.all()
+    assert seen.is_correct.all()
     assert seen.misses == (0, 0, 0)
     whole = observe_parse(parsed(facade()), facade(), possible(facade()))
-    assert seen.doubts.window_share == pytest.approx(whole.doubts.window_share, abs=1e-4), "nor is it unsure of it"
+    assert seen.uncertainty.window_share == pytest.approx(whole.uncertainty.window_share, abs=1e-4), "nor is it unsure of it"
     truth = facade()
     truth[30:] = UNKNOWN
     assert observe_parse(parsed(facade()), truth, possible(truth)).found == [], (
@@ -197,7 +197,7 @@ def test_what_hides_windows_is_not_held_against_a_parse_either():
     truth = labels.copy()
     truth[60:80, 50:70] = FacadeClass.WALL
     seen = observe_parse(parsing, truth, possible(truth))
-    assert (seen.misses.windows, seen.unseen.windows) == (1, pytest.approx(1))
+    assert (seen.misses.windows, seen.hidden_part.windows) == (1, pytest.approx(1))
     assert certainty.fit_calibration([seen])["widths"]["windows"] == 0
 
 

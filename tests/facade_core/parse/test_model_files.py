@@ -17,33 +17,33 @@ def copy(tmp_path: Path) -> Path:
 
 
 def test_a_changed_file_is_refused(copy: Path) -> None:
-    network.load(copy)
+    network.load_network(copy)
     content = bytearray(copy.read_bytes())
     content[len(content) // 2] ^= 1
     copy.write_bytes(content)
     with pytest.raises(ModelError, match="checksum"):
-        network.load(copy)
+        network.load_network(copy)
 
 
 def test_a_model_of_other_classes_is_refused(copy: Path) -> None:
     record = json.loads(copy.with_suffix(".json").read_text())
     copy.with_suffix(".json").write_text(json.dumps(record | {"classes": ["wall"]}))
     with pytest.raises(ModelError, match="other classes or features"):
-        network.load(copy)
+        network.load_network(copy)
 
 
 def test_broken_records_and_files_are_refused(copy: Path) -> None:
     record = json.loads(copy.with_suffix(".json").read_text())
     copy.with_suffix(".json").write_text("{")
     with pytest.raises(ModelError, match="not valid JSON"):
-        network.load(copy)
+        network.load_network(copy)
     copy.write_bytes(b"no model")
     copy.with_suffix(".json").write_text(json.dumps(record | {"sha256": hashlib.sha256(b"no model").hexdigest()}))
     with pytest.raises(ModelError, match="onnxruntime"):
-        network.load(copy)
+        network.load_network(copy)
     copy.with_suffix(".json").unlink()
     with pytest.raises(ModelError, match="no such file"):
-        network.load(copy)
+        network.load_network(copy)
 
 
 def test_the_shipped_model_is_small_and_described() -> None:

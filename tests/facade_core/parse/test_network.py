@@ -77,7 +77,7 @@ def test_a_network_parses_through_the_same_door(model):
 
 
 def test_the_doors_weight_in_training_is_taken_back(model):
-    confidence = network.load(model).segment(np.zeros((64, 96, 3), np.uint8)).confidence
+    confidence = network.load_network(model).segment(np.zeros((64, 96, 3), np.uint8)).confidence
     shares = np.ones(len(CLASSES))
     shares[FacadeClass.DOOR] /= network.DOOR_WEIGHT
     np.testing.assert_allclose(confidence, np.broadcast_to(shares / shares.sum(), confidence.shape), atol=1e-5)
@@ -143,9 +143,9 @@ def test_networks_of_other_versions_and_shapes_are_refused(tmp_path, model):
     with pytest.raises(ModelError, match="picture"):
         parse(two_colours(), model=other)
     with pytest.raises(ModelError, match="no such file"):
-        network.load(tmp_path / "none.onnx")
+        network.load_network(tmp_path / "none.onnx")
 
 
 def test_threads_of_the_network_do_not_spin_while_they_wait() -> None:
-    options = network.load(network.SHIPPED_NETWORK).session.get_session_options()
+    options = network.load_network(network.SHIPPED_NETWORK).session.get_session_options()
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"

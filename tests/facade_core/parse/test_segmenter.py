@@ -170,9 +170,9 @@ def test_refuses_a_missing_model(tmp_path):
 
 @pytest.mark.realdata
 def test_held_out_facades_and_their_lower_storeys(data):
-    from catalogs.learning.datasets import read_ecp, split
+    from catalogs.learning.datasets import read_ecp, split_facades
 
-    _, held_out = split(list(read_ecp(data / "facades" / "ecp")))
+    _, held_out = split_facades(list(read_ecp(data / "facades" / "ecp")))
     whole = [agreement(facade.labels, parse(facade.image).labels) for facade in held_out[::4]]
     assert np.mean(whole) > 0.84
     storeys = [(facade.image[150:], facade.labels[150:]) for facade in held_out[1::4]]
@@ -182,10 +182,10 @@ def test_held_out_facades_and_their_lower_storeys(data):
 @pytest.mark.realdata
 def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
     from benchmarks.outline import measure_boxes
-    from catalogs.learning.datasets import CMP, read_dataset, split
+    from catalogs.learning.datasets import CMP, read_dataset, split_facades
     from facade_core.parsing.segmenter import outside_mask
 
-    _, held_out = split(list(read_dataset(CMP, data / "facades" / "cmp")))
+    _, held_out = split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))
     much = [facade for facade in held_out if (facade.outside == 1).mean() > 0.1][:6]
     found = measure_boxes(much, lambda image: outside_mask(image, np.zeros(image.shape[:2], bool)))
     assert found["outside_after"] < 0.5 * found["outside_before"]
@@ -195,9 +195,9 @@ def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
 @pytest.mark.realdata
 def test_vehicles_before_held_out_facades_are_in_front_and_what_is_beside_them_is_not(data):
     from benchmarks.in_front import marked, measure_things
-    from catalogs.learning.datasets import read_ecp, split
+    from catalogs.learning.datasets import read_ecp, split_facades
 
-    _, held_out = split(list(read_ecp(data / "facades" / "ecp")))
+    _, held_out = split_facades(list(read_ecp(data / "facades" / "ecp")))
     found = measure_things(held_out[:6], marked(), lambda image: parse(image).occluded)
     vehicles, there = found["vehicles"]
     assert vehicles >= 0.8 * there

@@ -67,7 +67,7 @@ def test_equal_seeds_give_equal_weights_and_steps_change_them(start, weights):
 
 
 def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights, tmp_path, monkeypatch):
-    monkeypatch.setattr(network_training, "_SAVE_EVERY", 1)
+    monkeypatch.setattr(network_training, "_SAVE_INTERVAL", 1)
     state = tmp_path / "run" / "network.state"
 
     def interrupt(name, done, total):
@@ -100,7 +100,7 @@ def test_the_state_of_another_run_is_refused(start, tmp_path):
 
 
 def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path, monkeypatch):
-    monkeypatch.setattr(network_training, "_SAVE_EVERY", 1)
+    monkeypatch.setattr(network_training, "_SAVE_INTERVAL", 1)
     state, long = tmp_path / "network.state", TrainingSchedule(10, {"facades": 2})
 
     def interrupt(name, done, total):
@@ -117,7 +117,7 @@ def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path,
 
 
 def test_a_plateau_does_not_depend_on_the_number_of_steps():
-    rates = [[network_training._rate(step, steps) for step in range(steps)] for steps in (1000, 2000)]
+    rates = [[network_training._rate_share(step, steps) for step in range(steps)] for steps in (1000, 2000)]
     assert rates[0][:500] == rates[1][:500]
     assert max(rates[0]) == 1
     assert rates[0][-1] < 0.01
@@ -132,7 +132,7 @@ def test_the_file_computes_what_the_network_does(weights, tmp_path):
     trained.load_state_dict(weights)
     with torch.no_grad():
         expected = trained.eval()(torch.from_numpy(image), torch.from_numpy(place)).numpy()
-    found = network.load(path).session.run(None, {"image": image, "place": place})[0]
+    found = network.load_network(path).session.run(None, {"image": image, "place": place})[0]
     assert found.shape == (1, len(CLASSES) + 2, 64, 48)
     np.testing.assert_allclose(found, expected, atol=1e-3)
     assert parse(photo(3).image, model=path).labels.shape == (96, 80)
@@ -195,7 +195,7 @@ def test_batch_normalisation_is_folded_in():
     weights = {"_conv_stem.weight": convolution.weight, **{f"_bn0.{k}": v for k, v in norm.state_dict().items()}}
     from facade_core.parsing import network_architecture
 
-    network_architecture._fold(trained.stem, weights, "_conv_stem", "_bn0")
+    network_architecture._fold_norm(trained.stem, weights, "_conv_stem", "_bn0")
     image = torch.rand(1, 3, 16, 16)
     with torch.no_grad():
         assert torch.allclose(trained.stem(image), norm.eval()(convolution(image)), atol=1e-5)

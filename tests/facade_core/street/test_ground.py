@@ -18,7 +18,8 @@ from facade_core.geometry.ground.marks import (
 )
 from facade_core.geometry.ground.shapes import GROUND_TILE_M, GroundTiles
 from facade_core.street.materials.grain_file import load_shipped_grains
-from facade_core.street.materials.ground_kernels import COLOURS, GRASS, ground_colour
+from facade_core.street.materials.ground_kernels import ground_colour
+from facade_core.street.materials.procedural import SURFACE_COLOURS, GroundSurface
 
 MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
 SIDE = Way("side", shapely.LineString([(20, 11.76), (24, 150)]), "road", 6.0, "asphalt", pavement=(3.0, 0.0), rank=1)
@@ -59,7 +60,8 @@ def test_ground_is_what_the_map_says() -> None:
     """A park is green to its edge, a kerb is lighter than the carriageway beside it and runs round the corner."""
     x = np.linspace(2, 12, 200)
     park = colours(GROUND_OF, x, np.full(200, 1.0), 0.05, (0, 0)).mean(axis=0)
-    assert park[1] / park[0] > 0.9 * COLOURS[GRASS, 1] / COLOURS[GRASS, 0]
+    grass = SURFACE_COLOURS[GroundSurface.GRASS]
+    assert park[1] / park[0] > 0.9 * grass[1] / grass[0]
     edge = shapely.offset_curve(MAIN.line, -4.0 - 0.09)
     points = shapely.get_coordinates(shapely.line_interpolate_point(edge, np.linspace(205, 215, 200)))
     kerb = colours(GROUND_OF, points[:, 0], points[:, 1], 0.05, (0, 0))

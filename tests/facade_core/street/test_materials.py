@@ -21,6 +21,8 @@ KERNELS: dict[str, Callable[..., None]] = {
     "glass": procedural.glass_reflection,
     "wood": procedural.wood_tone,
     "soffit": procedural.soffit_tone,
+    "felt": roofs.felt_tone,
+    "ballast": roofs.roof_gravel_tone,
 }
 # Further input of some materials, metres: distance from a centreline, height over the foot of a wall, height of a pane.
 OTHER = {"asphalt": 2.1, "plaster": 0.6, "glass": 2.0}

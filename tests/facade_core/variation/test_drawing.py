@@ -7,8 +7,8 @@ import pytest
 
 from facade_core.core.errors import InputError
 from facade_core.facade.pipeline import Facade, build_facade_from_exemplar
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.facade.variation.encoding import encode
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.synth.facade import facade

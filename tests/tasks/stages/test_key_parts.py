@@ -23,7 +23,7 @@ from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Shell, Street
 from facade_core.imagery.poses.joint_refinement import PriorPose
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.unit_key import changed_parts, parts_key, parts_of
@@ -99,13 +99,15 @@ def planned(*kinds: str) -> Plan:
     return ingest(
         [first, *(building for kind, building in others.items() if kind in kinds)],
         [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
-        texels_per_metre=4.0,
-        spacing=6.0,
-        height=2.5,
-        visibility_range=60.0,
-        panorama_width=128,
-        storey=3.2,
-        walls="translate",
+        IngestSettings(
+            texels_per_metre=4.0,
+            viewpoint_spacing=6.0,
+            viewpoint_height=2.5,
+            visibility_range=60.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls="translate",
+        ),
     )
 
 

@@ -14,7 +14,7 @@ import shapely
 from catalogs.block.reader import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.core.types import SHIPPED_MODELS, Building, Pose, Street
-from facade_core.plan.ingest import ingest
+from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 from tasks.engine.stage import same_key_or_name
 from tasks.engine.unit import Unit
@@ -117,11 +117,13 @@ def _plan(buildings: list[Building]) -> Plan:
     return ingest(
         buildings,
         [street],
-        texels_per_metre=4.0,
-        spacing=6.0,
-        height=2.5,
-        visibility_range=25.0,
-        panorama_width=128,
-        storey=3.2,
-        walls="translate",
+        IngestSettings(
+            texels_per_metre=4.0,
+            viewpoint_spacing=6.0,
+            viewpoint_height=2.5,
+            visibility_range=25.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls="translate",
+        ),
     )

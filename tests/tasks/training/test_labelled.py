@@ -3,7 +3,7 @@ import pytest
 
 from benchmarks.in_front import marked
 from catalogs.learning.datasets import LabelledFacade
-from catalogs.learning.occluder_boxes import Looked, looked_in_front
+from catalogs.learning.occluder_boxes import OccluderBoxes, read_occluder_boxes
 from facade_core.core.labels import CLASSES, UNKNOWN, FacadeClass
 from facade_core.parsing.occluder_labels import ground_floor_rows
 from facade_core.parsing.training_views import ANY_CLASS
@@ -42,12 +42,12 @@ def test_the_foot_is_not_told_where_nobody_looked(plain):
     assert (told.occluder[30:50, 100:] == UNKNOWN).all()
     assert (told.occluder[:150, :90] == 0).all()
     assert told.labels is plain.labels
-    (looked_at,) = with_occluders("ecp", [plain], {"ecp/one": Looked([])})
+    (looked_at,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([])})
     assert (looked_at.occluder[50:] == 0).all()
-    (beside,) = with_occluders("ecp", [plain], {"ecp/one": Looked([(10, 180, 30, 196)])})
+    (beside,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(10, 180, 30, 196)])})
     assert (beside.occluder[175:, 36:] == 0).all(), "clear where no box is near"
     assert (beside.occluder[196:, 10:30] == UNKNOWN).all()
-    (doubtful,) = with_occluders("ecp", [plain], {"ecp/one": Looked([], [(10, 180, 30, 196)])})
+    (doubtful,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([], [(10, 180, 30, 196)])})
     assert (doubtful.occluder[178:, 8:32] == UNKNOWN).all()
     assert (doubtful.occluder != 1).all()
     assert (doubtful.occluder[175:, 36:] == 0).all()
@@ -55,12 +55,12 @@ def test_the_foot_is_not_told_where_nobody_looked(plain):
 
 def test_a_thing_in_a_box_is_in_front_and_around_it_nothing_is_told(plain):
     plain.image[172:196, 34:88] = (150, 20, 30)
-    (told,) = with_occluders("ecp", [plain], {"ecp/one": Looked([(30, 168, 92, 200)])})
+    (told,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(30, 168, 92, 200)])})
     assert (told.occluder[176:192, 40:82] == 1).mean() > 0.95
     assert not (told.occluder == 1)[:168].any()
     assert (told.occluder[165:168, 30:92] == UNKNOWN).all()
     assert (told.occluder[150:160] == 0).all()
-    (again,) = with_occluders("ecp", [plain], {"ecp/one": Looked([(30, 168, 92, 200)])})
+    (again,) = with_occluders("ecp", [plain], {"ecp/one": OccluderBoxes([(30, 168, 92, 200)])})
     assert (again.occluder == told.occluder).all()
 
 
@@ -74,7 +74,7 @@ def test_leaves_and_what_is_no_facade_are_not_told(plain):
 
 
 def test_the_boxes_are_of_photos_that_are_trained_on():
-    looked = looked_in_front()
+    looked = read_occluder_boxes()
     assert not {f"ecp/{name}" for name in marked()} & looked.keys()
     assert sum(name.startswith("ecp/") for name in looked) == 66
     assert all(x0 < x1 and y0 < y1 for boxes in looked.values() for x0, y0, x1, y1 in (*boxes.found, *boxes.doubtful))
@@ -82,11 +82,11 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
 
 @pytest.mark.realdata
 def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
-    from catalogs.learning.datasets import CMP, read_dataset, split
+    from catalogs.learning.datasets import CMP, read_dataset, split_facades
     from tasks.training.parser import cmp_photos
 
     trained, apart = ({facade.name for facade in part} for part in cmp_photos(data))
-    held_out = {facade.name for facade in split(list(read_dataset(CMP, data / "facades" / "cmp")))[1]}
+    held_out = {facade.name for facade in split_facades(list(read_dataset(CMP, data / "facades" / "cmp")))[1]}
     assert len(trained | apart | held_out) == len(trained) + len(apart) + len(held_out) == 317
     assert len(apart) == 32
 

@@ -259,7 +259,9 @@ def test_circles_of_parents_end(read: Callable[..., BuildingModels]) -> None:
         ("3", VOLUME, "buildings without LoD 3 read at LoD 2.2"),
     ],
 )
-def test_levels_of_detail(read: Callable[..., BuildingModels], lod: str | None, expected: float, noted: str | None) -> None:
+def test_levels_of_detail(
+    read: Callable[..., BuildingModels], lod: str | None, expected: float, noted: str | None
+) -> None:
     models = read(city({"h": house(footprint(), box("1"), solid())}), lod)
     assert volume(only(models)) == pytest.approx(expected)
     assert [remark.reason for remark in models.remarks] == ([noted] if noted else [])
@@ -490,7 +492,9 @@ def bad(**changes: Any) -> Callable[[Json], None]:
         (lambda document: document["CityObjects"].update(bad=[]), "no CityObject"),
     ],
 )
-def test_a_broken_building_is_set_aside(read: Callable[..., BuildingModels], change: Callable[[Json], None], said: str) -> None:
+def test_a_broken_building_is_set_aside(
+    read: Callable[..., BuildingModels], change: Callable[[Json], None], said: str
+) -> None:
     models = read(broken(change))
     assert [model.id for model in models.items] == ["good"]
     assert areas(models.items[0]) == pytest.approx(HOUSE_AREAS)

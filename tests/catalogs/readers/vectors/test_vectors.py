@@ -240,7 +240,11 @@ def test_parts_are_read_and_other_outlines_set_aside(tmp_path: Path) -> None:
     part = [None, None, None, None, "yes"]
     frame([square(20 * i) for i in range(5)], id=list("abcde"), building_part=part, **columns).to_file(path)
     found = read_vector_footprints(path)
-    assert [(f.id, f.is_part, f.min_height) for f in found.items] == [("a", False, None), ("b", False, 6.0), ("e", True, 3.0)]
+    assert [(f.id, f.is_part, f.min_height) for f in found.items] == [
+        ("a", False, None),
+        ("b", False, 6.0),
+        ("e", True, 3.0),
+    ]
     assert [r.reason for r in found.remarks] == [
         "roofs without walls set aside",
         "outlines that are not tagged as buildings set aside",
@@ -367,7 +371,10 @@ def test_the_wrong_kind_of_geometry_is_refused(tmp_path: Path) -> None:
 @pytest.mark.realdata
 def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     city = data / "city/helsinki"
-    package, extract = read_vector_footprints(city / "buildings_lod1.gpkg"), osm.read_osm_footprints(city / "Helsinki.osm.pbf")
+    package, extract = (
+        read_vector_footprints(city / "buildings_lod1.gpkg"),
+        osm.read_osm_footprints(city / "Helsinki.osm.pbf"),
+    )
     one, two = ({f.id: f for f in source.items} for source in (package, extract))
     # the package has no parts and no column of min_height, keeps outlines that pyrosm does not build, and lacks one
     assert len(one) == 478

@@ -88,7 +88,7 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
         looks.append(image.shape)
         return Detections(faces=np.array([[40.0, 60, 60, 84]]))
 
-    monkeypatch.setattr("tasks.stages.facades.evidence.look", look)
+    monkeypatch.setattr("tasks.stages.facades.evidence.detect_on_image", look)
     photo = photo_of(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
@@ -106,8 +106,8 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     box = np.s_[:150, 20:70]
     hidden = np.zeros((150, 50), bool)
     cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False)
-    monkeypatch.setattr("tasks.stages.facades.evidence.cut_to_facade", lambda image, hidden, model: cut)
-    monkeypatch.setattr("tasks.stages.facades.evidence.look", lambda image: Detections())
+    monkeypatch.setattr("tasks.stages.facades.evidence.crop_to_facade", lambda image, hidden, model: cut)
+    monkeypatch.setattr("tasks.stages.facades.evidence.detect_on_image", lambda image: Detections())
     kept, found, stretched = photo_of(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found

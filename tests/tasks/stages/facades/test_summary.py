@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from facade_core.facade.pipeline import Facade, build_facade_from_exemplar, build_facade_from_photo
-from facade_core.facade.texture.storeys import FacadeWall
 from facade_core.facade.texture.retargeting import extract_style
+from facade_core.facade.texture.wall_floors import FacadeWall
 from facade_core.synth.facade import facade as paint
 from tasks.stages.facades.worker import _summary
 

@@ -16,7 +16,7 @@ from catalogs.block.reader import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.core.types import Building, Pose, Roof, Street
 from facade_core.geometry.charts import ChartKind
-from facade_core.plan.ingest import ingest, replace_panoramas
+from facade_core.plan.ingest import IngestSettings, ingest, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import changed_parts
@@ -39,13 +39,15 @@ def planned(*poses: Pose) -> Plan:
     plan = ingest(
         [*houses, shed],
         [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))],
-        texels_per_metre=4.0,
-        spacing=20.0,
-        height=2.5,
-        visibility_range=25.0,
-        panorama_width=128,
-        storey=3.2,
-        walls="exemplar",
+        IngestSettings(
+            texels_per_metre=4.0,
+            viewpoint_spacing=20.0,
+            viewpoint_height=2.5,
+            visibility_range=25.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls="exemplar",
+        ),
     )
     return replace_panoramas(plan, poses, [(512, 1024)] * len(poses))
 
@@ -124,13 +126,15 @@ def long_planned() -> Plan:
     plan = ingest(
         [hall],
         [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))],
-        texels_per_metre=4.0,
-        spacing=40.0,
-        height=2.5,
-        visibility_range=25.0,
-        panorama_width=128,
-        storey=3.2,
-        walls="exemplar",
+        IngestSettings(
+            texels_per_metre=4.0,
+            viewpoint_spacing=40.0,
+            viewpoint_height=2.5,
+            visibility_range=25.0,
+            panorama_width=128,
+            floor_height=3.2,
+            walls="exemplar",
+        ),
     )
     poses = [Pose(float(x), -8.0, 2.5, 0.0) for x in range(0, 121, 6)]
     return replace_panoramas(plan, [*poses, Pose(135.0, -2.0, 2.5, 0.0)], [(512, 1024)] * (len(poses) + 1))

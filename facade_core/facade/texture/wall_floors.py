@@ -49,7 +49,7 @@ class FacadeWall:
     @classmethod
     def freestanding(cls, height: float, width: float, floors: int) -> FacadeWall:
         """One on a street, that nothing stands against, of a building as high."""
-        return cls(width, height, 0.0, height, floors, street=True, plain=False, free=shapely.box(0, 0, width, height))
+        return cls(width, height, 0.0, height, floors, on_street=True, is_back=False, free=shapely.box(0, 0, width, height))
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,16 +58,16 @@ class WallFloor:
     above, across and below its windows, or the one of a floor without, and of the bare wall over it, in metres; whether it is
     crowned by the exemplar's top."""
 
-    floor: int
+    exemplar_floor: int
     heights: tuple[float, ...]
     attic: float
-    crowned: bool
+    is_crowned: bool
 
 
 def plainest_floor(style: ExemplarStyle) -> int:
     """The exemplar's floor for where nothing adorns a wall: with the fewest balconies, not the topmost
     or the lowest if there is another: cornices and shops reach into these."""
-    exemplar = style.exemplar
+    exemplar = style.structure
     middle = [k for k, kind in enumerate(exemplar.kinds) if kind == "middle"]
     cuts = exemplar.floor_cuts
     ends = {middle[0]: 2.0, middle[-1]: 1.0}
@@ -83,7 +83,7 @@ def stack_floors(
     pixels = round(wall.eaves / metres_per_pixel)
     own, scale = choose_floors(style, pixels, wall.floors, np.random.default_rng(0), 0.0)
     scale, plain = scale * metres_per_pixel, plainest_floor(style)
-    kinds, grid = style.exemplar.kinds, np.asarray(style.grid.rows)
+    kinds, grid = style.structure.kinds, np.asarray(style.grid.rows)
     heights = _floor_heights(style, own)
     if floor_style is not None:
         theirs, _ = choose_floors(floor_style, pixels, wall.floors, np.random.default_rng(0), 0.0)
@@ -150,6 +150,6 @@ def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float)
     return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 
-def shows_ground_floor(style: ExemplarStyle, storey: WallFloor) -> bool:
+def shows_ground_floor(style: ExemplarStyle, wall_floor: WallFloor) -> bool:
     """Whether a storey shows the exemplar's ground floor."""
-    return storey.floor < 0 or style.exemplar.kinds[storey.floor] == "ground"
+    return wall_floor.exemplar_floor < 0 or style.structure.kinds[wall_floor.exemplar_floor] == "ground"
