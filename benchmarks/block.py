@@ -13,12 +13,13 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import psutil
 
 from benchmarks.process_usage import ROLES, add_used
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
+from tasks.stages.streets.record import StreetRecord
 
 
 def main() -> None:
@@ -33,7 +34,7 @@ def main() -> None:
         first, peak, processor = _demo(out, options.workers, extra)
         again, _, _ = _demo(out, options.workers, extra)
         store = out / "store"
-        streets = [record for record in journal(store, "streets") if record]
+        streets = [record for record in read_newest_journal(store, "streets") if record]
         result = {
             "benchmark": "block",
             "workers": options.workers,
@@ -47,10 +48,10 @@ def main() -> None:
             "seconds_again": again["seconds_command"],
             "units_done_again": again["units_done"],
             "peak_memory_mb": peak,
-            "seconds_per_exemplar": per_stage(journal(store, "exemplars")),
-            "seconds_per_facade": per_stage(journal(store, "facades")),
-            "seconds_per_viewpoint": per_stage(journal(store, "viewpoints"))
-            | {"commit": _quantiles([s for record in streets for s in record["commits"]])},
+            "seconds_per_exemplar": per_stage(read_newest_journal(store, "exemplars")),
+            "seconds_per_facade": per_stage(read_newest_journal(store, "facades")),
+            "seconds_per_viewpoint": per_stage(read_newest_journal(store, "viewpoints"))
+            | {"commit": _quantiles([s for record in streets for s in cast(StreetRecord, record)["commits"]])},
             "seconds_per_street": per_stage(streets),
             "store_mb": round(sum(f.stat().st_size for f in store.rglob("*") if f.is_file()) / 1e6, 1),
             "glb_mb": round(Path(first["outputs"]["glb"][0]).stat().st_size / 1e6, 1),

@@ -51,17 +51,17 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     clock = Clock(profiled)
     from catalogs.block.reader import read_block
     from facade_core.kernel_warmup import WARMUPS
-    from tasks.engine.compute.connect import Serial
+    from tasks.engine.compute.connect import SerialCompute
     from tasks.engine.fan_out import process_batch
     from tasks.engine.pending import find_pending_units
-    from tasks.engine.run_key import run_of
+    from tasks.engine.run_key import create_run
     from tasks.examples.demo import write_demo
     from tasks.stages.ingest.task import ingest_block
     from tasks.stages.order import STAGES_IN_ORDER
     from tasks.stages.publish.task import publish_block
     from tasks.stages.streets.task import texture_street
 
-    class Timed(Serial):
+    class Timed(SerialCompute):
         def submit(self, function: Callable[..., Any], *args: Any, **keys: Any) -> Any:
             return super().submit(clock.timed(function), *args, **keys)
 
@@ -71,7 +71,7 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
         clock.run(f"compile {part.__name__}", part)
     source = block_file or clock.run("paint", write_demo, out / "input")
     block, compute = read_block(source), Timed()
-    run = run_of(block, out)
+    run = create_run(block, out)
     outline = clock.run("ingest", ingest_block.fn, run, block)
     run = replace(run, ingested=outline.ingested)
     for kind in STAGES_IN_ORDER:

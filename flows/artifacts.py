@@ -31,9 +31,9 @@ from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.city.account import Account, Ended
 from tasks.city.running import TIME_IS_UP
-from tasks.engine.progress import listen
+from tasks.engine.progress import add_listener
 from tasks.engine.run import Run
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
 
 log = logging.getLogger(__name__)
@@ -99,7 +99,7 @@ def tell_progress(block: str) -> Iterator[None]:
                     client.update_artifact(artifact, ArtifactUpdate(data=now))
                     told = now
 
-    stop = listen(lambda told: finished.update({told.stage: (told.finished, told.total)}))
+    stop = add_listener(lambda told: finished.update({told.stage: (told.finished, told.total)}))
     thread = Thread(target=refresh, name="progress-artifact", daemon=True)
     thread.start()
     try:
@@ -143,7 +143,7 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
             "worker": record.get("worker", ""),
         }
         for stage in STAGE_NAMES
-        for record in journal(run.store, stage)
+        for record in read_newest_journal(run.store, stage)
         if record
     ]
     failures = summary["failures"]

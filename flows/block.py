@@ -30,15 +30,15 @@ from flows.entry import Entry, entered, faults_told
 from flows.lock import locked
 from flows.log_file import told_to_prefect
 from tasks.engine.compute.connect import Compute, connect
-from tasks.engine.compute.distributed_map import spread
-from tasks.engine.fan_out import AT_ONCE, batches, process_batch
+from tasks.engine.compute.distributed_map import map_on_workers
+from tasks.engine.fan_out import BATCHES_AT_ONCE, make_batches, process_batch
 from tasks.engine.forecast import describe_set_aside, forecast_work
-from tasks.engine.outcome import Outcome, refused
+from tasks.engine.outcome import Outcome, rejected_pictures
 from tasks.engine.outline import Outline
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.progress import begin_stage
 from tasks.engine.run import Run
-from tasks.engine.store.disk_space import require_room
+from tasks.engine.store.disk_space import require_disk_space
 from tasks.examples.demo import NAME, write_demo
 from tasks.published.prune import pruned
 from tasks.stages.ingest.task import ingest_block
@@ -153,7 +153,7 @@ def _texture(
     run, block = entry.run, entry.block
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
     ready: Future[Compute] = Future()
-    cast = partial(spread, ready)
+    cast = partial(map_on_workers, ready)
     ingest = submit(ingest_block, run, block, cast) if dask is None else None
     # told here too, as the flow must end by it, whoever entered
     with faults_told(run), _announced(connect(workers, dask, run.out, until), ready) as compute:
@@ -178,7 +178,7 @@ def _texture(
             if ended.done or ended.failed:
                 changed.add(kind.stage)
             outcome += ended
-        require_room(run.local)
+        require_disk_space(run.local)
         published = submit(publish_block, run, entry.source).result()
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     unpublished = published.pop("unpublished", [])
@@ -206,15 +206,15 @@ def _process(run: Run, due: PendingUnits, compute: Compute, submit: Submit) -> O
     """All batches of a stage, AT_ONCE on their way at a time."""
     if not due.total:
         return Outcome()
-    require_room(run.local)
+    require_disk_space(run.local)
     stage, function = due.stage.stage, due.stage.function
     begin_stage(stage, due.total, len(due.done))
-    outcome = Outcome(skipped=len(due.done), refused=refused(due.done))
-    waiting = list(batches(due.pieces, compute))
+    outcome = Outcome(skipped=len(due.done), refused=rejected_pictures(due.done))
+    waiting = list(make_batches(due.pieces, compute))
     outcomes: dict[int, Outcome] = {}
     ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
     for number, batch in enumerate(waiting, 1):
-        if number > AT_ONCE:
+        if number > BATCHES_AT_ONCE:
             _take(ended, outcomes)
         future = submit(process_batch, run, stage, f"{number} of {len(waiting)}", function, batch, compute, name=stage)
         future.add_done_callback(lambda future, number=number: ended.put((number, future)))
@@ -240,8 +240,8 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
     under_way = 0
     while waits or under_way:
         ready = [street for street, others in waits.items() if not others - outcomes.keys()]
-        for street in ready[: max(0, AT_ONCE * max(1, compute.threads) - under_way)]:
-            require_room(run.local)
+        for street in ready[: max(0, BATCHES_AT_ONCE * max(1, compute.threads) - under_way)]:
+            require_disk_space(run.local)
             memory = street_memory(*outline.windows[street], network=network)
             future = submit(texture_street, run, street, outline.streets[street], memory, compute)
             future.add_done_callback(lambda future, street=street: ended.put((street, future)))

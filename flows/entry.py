@@ -15,11 +15,11 @@ from facade_core.atlas.journal_cache import cache_journals
 from flows.lock import locked
 from flows.log_file import log_to
 from flows.memory import give_back_large
-from tasks.engine.outcome import raising_machine_errors, store_fault
+from tasks.engine.outcome import raise_machine_errors, is_store_fault
 from tasks.engine.run import Run
-from tasks.engine.run_key import run_of
-from tasks.engine.store.integrity import mend, suspect
-from tasks.engine.store.status import nothing_due, record_source
+from tasks.engine.run_key import create_run
+from tasks.engine.store.integrity import repair_store, mark_suspect
+from tasks.engine.store.status import finished_summary, record_source
 
 
 @dataclass
@@ -61,14 +61,14 @@ def entered(
         return
     give_back_large()
     block = read_block(source)
-    run = run_of(block, out)
+    run = create_run(block, out)
     with locked(out), log_to(local_folder(out), alone=alone), faults_told(run), cache_journals(run.store):
         record_source(out, source)
-        for line in mend(run):
+        for line in repair_store(run):
             tell(line)
         if before is not None:
             before(run)
-        _entries[out] = entry = Entry(source, block, run, nothing_due(run))
+        _entries[out] = entry = Entry(source, block, run, finished_summary(run))
         try:
             yield entry
         finally:
@@ -78,10 +78,10 @@ def entered(
 @contextmanager
 def faults_told(run: Run) -> Iterator[None]:
     """A fault of the machine ends the run as one, and one of the store is looked into by the next run."""
-    with raising_machine_errors(run.block):
+    with raise_machine_errors(run.block):
         try:
             yield
         except Exception as error:
-            if store_fault(error):
-                suspect(run.folder)
+            if is_store_fault(error):
+                mark_suspect(run.folder)
             raise

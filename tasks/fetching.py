@@ -28,7 +28,7 @@ from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.imagery.rectify.fisheye import is_fisheye
 from facade_core.plan.ingest import place_poses
 from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.stages.ingest.planning import plan_of
 
 # Rows and columns of a picture of which a service tells none.
@@ -123,7 +123,7 @@ def fetch_for_block(
     block = read_block(block_file)
     begin_stage("search", 1)
     offers, faults = _asked(service, ImageryQuery(_box(block), dates, licence, block.crs.to_string()))
-    advance("search", 1)
+    report_progress("search", 1)
     choice = _choice(block, offers)
     chosen = [offers[i] for i in choice.chosen[:most]]
     fetched = _fetched(service, account, offers, chosen, faults, choice)
@@ -151,7 +151,7 @@ def fetch_for_box(
     account = read_fetch_log(to)
     begin_stage("search", 1)
     offers, faults = _asked(service, wanted)
-    advance("search", 1)
+    report_progress("search", 1)
     return _fetched(service, account, offers, offers[:most], faults, None)
 
 
@@ -209,7 +209,7 @@ def _fetched(
     begin_stage("fetch", len(chosen))
 
     def arrived(usable: bool) -> None:
-        advance("fetch", 1, 0 if usable else 1)
+        report_progress("fetch", 1, 0 if usable else 1)
 
     try:
         broken = fetch_panoramas(service.name, chosen, account, service.download, _look, arrived)

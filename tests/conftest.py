@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from tasks.engine.compute.kernel_compilation import compile_together
+from tasks.engine.compute.kernel_compilation import compile_kernels_once
 from tasks.engine.compute.worker_setup import limit_threads
 from tasks.published.opened import Published, published
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
@@ -93,7 +93,7 @@ def _compiled(request: pytest.FixtureRequest, _threads: None) -> None:
     """The suite's processes share what is compiled on first use: else each that comes to it, and each run that one of them
     starts meanwhile, would compile it for itself. A process alone compiles what its tests need and no more."""
     if hasattr(request.config, "workerinput"):
-        compile_together()
+        compile_kernels_once()
 
 
 @pytest.fixture(scope="session")

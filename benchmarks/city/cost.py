@@ -40,7 +40,7 @@ from tasks.city.blocks import read_city
 from tasks.city.cost import COEFFICIENTS
 from tasks.city.counting import Counts, counts_of
 from tasks.city.running import run_block
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.export.formats import export
 
 FITTED = (
@@ -110,7 +110,7 @@ def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mappin
     told = counts_of(read_block(block_file))
 
     def count(stage: str, start: str = "") -> int:
-        return sum(one is not None and one["unit"].startswith(start) for one in journal(out / "store", stage))
+        return sum(one is not None and one["unit"].startswith(start) for one in read_newest_journal(out / "store", stage))
 
     plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
     placement = plan.scene.placement

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.city.runs import Ran
 from benchmarks.timing import bytes_in, figures
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGES_IN_ORDER
 
 # Fewer workers than this share of them with a unit: not busy.
@@ -24,7 +24,7 @@ Interval = tuple[float, float]
 def figures_of(ran: Ran, out: Path, workers: int) -> dict[str, Any]:
     """What a run took, by stage and phase; what it left, in bytes."""
     records = {
-        kind.stage: [r for r in journal(out / "store", kind.stage) if r and "seconds" in r] for kind in STAGES_IN_ORDER
+        kind.stage: [r for r in read_newest_journal(out / "store", kind.stage) if r and "seconds" in r] for kind in STAGES_IN_ORDER
     }
     units = {stage: [_interval(record) for record in of] for stage, of in records.items() if of}
     by_worker: dict[str, list[Interval]] = {}
@@ -126,5 +126,5 @@ def ratios(first: Mapping[str, Any], last: Mapping[str, Any]) -> dict[str, Any]:
 
 def begun(out: Path) -> dict[tuple[str, str], float]:
     """When each unit was begun, by stage and name."""
-    records = ((kind.stage, r) for kind in STAGES_IN_ORDER for r in journal(out / "store", kind.stage) if r)
+    records = ((kind.stage, r) for kind in STAGES_IN_ORDER for r in read_newest_journal(out / "store", kind.stage) if r)
     return {(stage, record["unit"]): record.get("started", 0.0) for stage, record in records}

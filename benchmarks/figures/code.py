@@ -8,9 +8,10 @@ from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 
-from tasks.engine.stage_code import HOUSE, ROOT, data_of, reached
+from tasks.engine.data_files import DATA_FILES
+from tasks.engine.stage_code import CODE_PACKAGES, ROOT, collect_modules
 
-MEASURED = (*HOUSE, "flows", "benchmarks")
+MEASURED = (*CODE_PACKAGES, "flows", "benchmarks")
 COMMANDS = ("streetloom bench ", "python -m benchmarks.")
 WHOLE = "flows.__main__"
 
@@ -20,14 +21,14 @@ def code_of(command: str, root: Path = ROOT) -> dict[str, str]:
 
     What a benchmark starts in a process of its own counts where it names it (`-m flows`, `-m benchmarks.readers`).
     """
-    found = reached(_starts(command, root), (), root, MEASURED)
+    found = collect_modules(_starts(command, root), (), root, MEASURED)
     while more := {name for module in found.values() for name in _named(module.path, root)} - found.keys():
-        found = reached([*found, *more], (), root, MEASURED)
+        found = collect_modules([*found, *more], (), root, MEASURED)
     digests: dict[str, blake2b] = {}
     for name in sorted(found):
         digest = digests.setdefault(".".join(name.split(".")[:2]), blake2b(digest_size=4))
         digest.update(f"{name} {found[name].digest}\n".encode())
-        for path in sorted(data_of(found[name])):
+        for path in sorted(root / file for file in DATA_FILES.get(name, ())):
             digest.update(f"{path.relative_to(root).as_posix()}\n".encode() + _content(path))
     return {room: digest.hexdigest() for room, digest in digests.items()}
 

@@ -20,7 +20,7 @@ from typing import Any
 import yaml
 
 from facade_core.synth.exemplars import exemplars
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 
 CRS = "EPSG:3879"
@@ -118,7 +118,7 @@ def run_block(block: Path, out: Path) -> dict[str, Any]:
 
 def begun(out: Path) -> dict[tuple[str, str], float]:
     """When each unit was begun, by stage and name."""
-    return {(stage, r["unit"]): r["started"] for stage in STAGE_NAMES for r in journal(out / "store", stage) if r}
+    return {(stage, r["unit"]): r["started"] for stage in STAGE_NAMES for r in read_newest_journal(out / "store", stage) if r}
 
 
 def _photo(folder: Path, keys: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
 from benchmarks.timing import bytes_in
 from facade_core.atlas.arrays import create_arrays
-from facade_core.atlas.journal import write_record
+from facade_core.atlas.journal import WaveRecord, write_record
 from facade_core.atlas.rasters import TexelLayout, chunk_digests, write_rasters
 from facade_core.atlas.store import commit, create_root, expire_snapshots, open_repository, open_root
 from facade_core.street.propagation.blend import blend_views
@@ -90,9 +90,8 @@ def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, 
     )
     digested = time.process_time()
     begun = time.perf_counter()
-    write_record(
-        group, "streets", 0, {"unit": "street", "key": "k" * 32, "status": "done", "wave": 0, "digests": chunks}
-    )
+    record = WaveRecord(unit="street", key="k" * 32, status="done", wave=0, digests=chunks)
+    write_record(group, "streets", 0, record)
     commit(session, "street")
     committed = time.perf_counter()
     expire_snapshots(repository)

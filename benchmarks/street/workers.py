@@ -24,7 +24,7 @@ from typing import Any
 from facade_core.atlas.journal import atlas_digest
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import StoreError
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 
 STREETS, LENGTH_M, APART_M = 16, 60.0, 400.0
 # Houses on either side: their fronts are this far from the centreline, this wide and this deep.
@@ -117,7 +117,7 @@ def run_block(block: Path, out: Path, workers: int) -> str:
 
 def _streets_done(store: Path) -> bool:
     try:
-        held = journal(store, "streets")
+        held = read_newest_journal(store, "streets")
     except (StoreError, KeyError, FileNotFoundError):  # before the block is ingested
         return False
     return bool(held) and all(record and record["status"] == "done" for record in held)
@@ -125,7 +125,7 @@ def _streets_done(store: Path) -> bool:
 
 def street_seconds(store: Path) -> float:
     """From the start of the first viewpoint to the end of the last street."""
-    records = [r for stage in ("viewpoints", "streets") for r in journal(store, stage) if r]
+    records = [r for stage in ("viewpoints", "streets") for r in read_newest_journal(store, stage) if r]
     ends = [r["started"] + sum(r["seconds"].values()) for r in records]
     return max(ends) - min(r["started"] for r in records)
 

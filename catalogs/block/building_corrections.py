@@ -1,4 +1,4 @@
-"""Apply corrections to the buildings of a block, and match corrections to buildings by id and location."""
+"""Corrections of buildings: application to a block, and matching by id and location."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
     from catalogs.block.reader import Block
 
-# A facade that was corrected is of a building that is no farther off than this, metres; a building stands over its own place,
-# give or take so much: next to what is gone there is another.
-MAX_FACADE_DISTANCE_M, MAX_BUILDING_DISTANCE_M = 2.0, 0.1
-# What stands on others is at least so high, metres.
+# Distance from the location of a facade's correction to the facade's building.
+MAX_FACADE_DISTANCE_M = 2.0
+# The location of a building's correction is inside its outline, up to rounding: a neighbour may replace a demolished building.
+MAX_BUILDING_DISTANCE_M = 0.1
+# Height of a building part above its base.
 MIN_WALL_HEIGHT_M = 2.0
 
 
@@ -52,8 +53,8 @@ def correct_buildings(
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
     """Apply corrections to buildings, and note those that cannot be applied.
 
-    The height and roof of a model stay as given, a flat roof has no height, and no building ends below its base. Assumed
-    heights of other buildings do not change.
+    The height and roof of a model stay as given, a flat roof has no height, and no building ends below its base.
+    Assumed heights of other buildings do not change.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def _correct_building(building: Building, said: Mapping[str, Any], storey: float
         building = replace(building, height=height, height_source=source)
     roof = _correct_roof(building, said)
     if "roof_height" in said and "roof_shape" not in said and (roof is None or roof.shape == "flat"):
-        whole = False  # the shape that it was of is withdrawn, or was the map's and is another now
+        whole = False  # the corrected height belonged to another shape
     return replace(building, roof=roof), whole
 
 
@@ -129,7 +130,12 @@ def _correct_finish(finish: Finish, said: Mapping[str, Any]) -> Finish:
 
 
 def match_by_location(buildings: Sequence[Building], corrections: Corrections, crs: CRS | str) -> dict[str, str]:
-    """Return old id -> new id of corrected buildings whose id is gone: the building at the corrected location."""
+    """Match corrected buildings whose id is gone to the building at their location.
+
+    Returns
+    -------
+    Old id -> new id.
+    """
     ids = {building.id for building in buildings}
     lost = {id: said for id, said in corrections.select_kinds(BUILDING_CORRECTION_KINDS).items() if id not in ids}
     placed = [(id, one) for id, said in lost.items() if (one := _located_correction(said)) is not None]
@@ -159,8 +165,8 @@ def select_corrections(
 def correction_owners(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
     """Return the building id that each corrected id belongs to, empty if none.
 
-    The building with that id (or the facade's building) is taken if the correction's location is close to it, otherwise the
-    nearest building to the location, otherwise the building with that id.
+    The building with that id (or the facade's building) is taken if the correction's location is close to it,
+    otherwise the nearest building to the location, otherwise the building with that id.
     """
     at = {building.id: index for index, building in enumerate(buildings)}
     named = {id: at.get(id, at.get(id.rpartition("-")[0], -1)) for id in corrections.by_target}

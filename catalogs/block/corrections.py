@@ -1,6 +1,7 @@
-"""Corrections of a block or a city: a JSON lines file next to its own, in which the newest line about a value wins.
+"""Corrections of a block or a city, in a JSON lines file next to its own.
 
-Lines are never removed: a correction is withdrawn by a line without a value, so the file is a history.
+The newest line about a value wins. Lines are never removed: a correction is withdrawn by a line without a value, so
+the file is a history.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from facade_core.core.errors import InputError
 from facade_core.core.labels import ELEMENT_CLASSES
 
 CORRECTIONS_SUFFIX = ".corrections.jsonl"
-# Letters of a material or a roof's shape.
+# Characters of a material or a roof shape.
 MAX_WORD_LENGTH = 64
 
-# What is said of facades, and of buildings.
+# Kinds of corrections of facades, and of buildings.
 FACADE_CORRECTION_KINDS = ("elements", "hide", "keep", "facade")
 BUILDING_CORRECTION_KINDS = (
     "exemplar", "height", "levels", "roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour",
@@ -38,11 +39,11 @@ class Correction:
     Attributes
     ----------
     id : facade or building.
-    kind : elements, hide, keep: boxes (class, left, top, right, bottom) or without the class, as shares of the wall's width and
-        height, y down; facade: False if the wall is no facade; exemplar: name of an exemplar; height: metres from the ground to
-        the eaves; levels: storeys; roof_shape: as OpenStreetMap's roof:shape; roof_height: metres from the eaves to the ridge;
-        wall_material, roof_material: as OpenStreetMap's building:material and roof:material; wall_colour, roof_colour:
-        "#rrggbb".
+    kind : elements, hide, keep: boxes (class, left, top, right, bottom) or without the class, as shares of the wall's
+        width and height, y down; facade: False if the wall is no facade; exemplar: name of an exemplar; height:
+        metres from the ground to the eaves; levels: storeys; roof_shape: as OpenStreetMap's roof:shape; roof_height:
+        metres from the eaves to the ridge; wall_material, roof_material: as OpenStreetMap's building:material and
+        roof:material; wall_colour, roof_colour: "#rrggbb".
     value : None if withdrawn.
     place : (longitude, latitude) of the middle of the wall or inside the building, to match it under another id.
     width : width of the wall in metres.
@@ -100,7 +101,7 @@ class Corrections:
         return {id: said for id, said in chosen.items() if said}
 
     def rename_targets(self, names: Mapping[str, str]) -> Corrections:
-        """Return corrections with new ids; where both ids are corrected, the correction of the new id wins."""
+        """Return corrections with new ids; a correction of the new id wins over one of the old id."""
         if not (known := {id: name for id, name in names.items() if id in self.by_target}):
             return self
         found: dict[str, dict[str, Correction]] = {}
@@ -126,7 +127,7 @@ def city_or_block_file(block: Path) -> Path:
     try:
         values = read_yaml(block)
         city = values["part"]["city"]
-    except (OSError, ValueError, KeyError, TypeError):  # one that is no block file is refused when it is read
+    except (OSError, ValueError, KeyError, TypeError):  # the reader reports an invalid block file
         return block
     return Path(os.path.normpath(block.parent / city)) if isinstance(city, str) else block
 
@@ -145,7 +146,7 @@ def read_corrections(block: Path) -> Corrections:
     """
     path = corrections_file(block)
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")  # some of what a text holds breaks lines elsewhere
+        lines = path.read_text(encoding="utf-8").split("\n")  # splitlines would split at other separators too
     except FileNotFoundError:
         return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
@@ -179,7 +180,7 @@ def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     path = corrections_file(block)
     try:
         "".join(lines).encode("utf-8")
-    except UnicodeEncodeError as error:  # halves of letters, which JSON and command lines may hold
+    except UnicodeEncodeError as error:  # lone surrogates, which JSON and command lines may hold
         raise InputError(
             f"{path}: what is to be kept has letters that are none; write names and reasons anew"
         ) from error
@@ -193,7 +194,7 @@ def _line_values(correction: Correction) -> dict[str, Any]:
 def _append_lines(path: Path, added: str) -> None:
     with _lock_folder(path.parent):
         text = path.read_text(encoding="utf-8") if path.exists() else ""
-        if text and not text.endswith("\n"):  # somebody edited it
+        if text and not text.endswith("\n"):  # edited by hand
             text += "\n"
         draft = path.with_name(f".{path.name}.draft")
         draft.write_text(text + added, encoding="utf-8")
@@ -201,7 +202,7 @@ def _append_lines(path: Path, added: str) -> None:
 
 
 def adopt_corrections(city: Path, folder: Path) -> None:
-    """Move corrections of a city's blocks, written by an older version in `folder`, to the city's file."""
+    """Move corrections that an older version wrote per block to the city's file."""
     for path in sorted(folder.glob(f"*{CORRECTIONS_SUFFIX}")):
         _append_lines(corrections_file(city), path.read_text(encoding="utf-8"))
         path.unlink()
@@ -225,10 +226,9 @@ def validate_correction(one: Correction) -> Correction:
     ------
     InputError : unknown kind, missing id or invalid value.
     """
-    if one.kind not in (*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS):
-        raise InputError(
-            f"{one.kind!r} is nothing that can be corrected; there is {', '.join((*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS))}"
-        )
+    kinds = (*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS)
+    if one.kind not in kinds:
+        raise InputError(f"{one.kind!r} is nothing that can be corrected; there is {', '.join(kinds)}")
     if not isinstance(one.id, str) or not one.id:
         raise InputError("it names no facade or building")
     if one.value is None:
@@ -258,7 +258,7 @@ def is_number(value: Any) -> bool:
     """Return whether a JSON value is a finite number."""
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    except OverflowError:  # a whole number beyond all others
+    except OverflowError:  # an integer too large for a float
         return False
 
 
@@ -281,7 +281,7 @@ def _parse_box(value: Any) -> tuple[float, float, float, float]:
 
 
 def _parse_elements(value: Any) -> tuple[tuple[str, float, float, float, float], ...]:
-    found = set()  # what is said twice is there once
+    found = set()  # duplicates are dropped
     for one in _require_list(value):
         label, *box = one if isinstance(one, list | tuple) and one else (one,)
         if label not in ELEMENT_CLASSES:

@@ -1,7 +1,7 @@
 """Digests of the values that determine the result of a block.
 
-Parsed values are hashed, not the bytes or names of files: the order of keys does not matter, and a file that a named file
-refers to does. Pictures are hashed by their bytes.
+Parsed values are hashed, not the bytes or names of files: the order of keys does not matter, and a file that a named
+file refers to does. Pictures are hashed by their bytes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def block_digest(block: Block) -> str:
     material, aerial = block.roof_material, block.aerial
     values: dict[str, Any] = {name: getattr(block, attribute) for name, attribute in BLOCK_FIELDS} | {
         "digest": None,
-        "failed_limit": None,  # decides what becomes of a result, not what it is
+        "failed_limit": None,  # does not change the result, only whether it is made current
         "crs": block.crs.to_string(),
         "texture": replace(block.texture, roof_material=None, materials=None),
         "exemplars": [(path.stem, *map(file_digest, picture_and_label_map(path))) for path in block.exemplars],
@@ -45,10 +45,10 @@ def block_digest(block: Block) -> str:
         "roof_material": material and (file_digest(material[0]), material[1]),
         "materials": [(one.name, one.metres, file_digest(one.path)) for one in block.materials],
     }
-    if block.part is None:  # a block by itself is the one that it was before there were parts
+    if block.part is None:  # digests of blocks without a part predate this field
         del values["part"]
-    del values["corrections"]  # likewise one that nobody corrected
-    del values["models"]  # likewise one that is made by those that are shipped
+    del values["corrections"]  # the same without corrections
+    del values["models"]  # the same with shipped models
     if block.models.files:
         values["models"] = model_digests(block.models)
     if block.corrections:
@@ -59,7 +59,7 @@ def block_digest(block: Block) -> str:
 
 
 def model_digests(models: ModelFiles) -> list[list[Any]]:
-    """Return name, digest of the file and digest of its companion file for each model that a block names."""
+    """Return for each model that a block names: its name and the digests of its files."""
     single = {"parser": ModelFiles(parser=models.parser), "layout": ModelFiles(layout=models.layout)}
     return [[name, *map(file_digest, model.files)] for name, model in single.items() if model.files]
 
@@ -97,7 +97,7 @@ def geometry_digest(block: Block) -> str:
 
 
 def _new_hash() -> Any:
-    """Return a sha256 of the version of the schemas; version 1 adds nothing, so digests of earlier releases stay."""
+    """Return a sha256 of the schemas' version; version 1 adds nothing, to keep existing digests."""
     return hashlib.sha256(b"" if SCHEMA_VERSION == 1 else b"schemas %d " % SCHEMA_VERSION)
 
 

@@ -1,7 +1,7 @@
 """File of a part of a city: a run of the part reads it instead of the city's files.
 
-Values round-trip exactly, so a block has the same digest either way. Geometries are WKB, arrays are raw bytes, paths are
-relative to the file; only classes listed in `serial_schemas` are constructed.
+Values round-trip exactly, so a block has the same digest either way. Geometries are WKB, arrays are raw bytes, paths
+are relative to the file; only classes listed in `serial_schemas` are constructed.
 """
 
 from __future__ import annotations

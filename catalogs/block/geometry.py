@@ -39,13 +39,13 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 NamedFiles = Mapping[str, tuple[Path, ...]]
-# Ground is wanted this far around the buildings, and panoramas further away belong to another site.
+# Margin around the buildings for terrain; panoramas outside belong to another site.
 SURROUNDINGS_MARGIN_M = 200.0
-# What lies on the ground is kept this far around the area: what is drawn within it depends on no more.
+# Margin around the area for ground features: drawing inside the area depends on no more.
 GROUND_MARGIN_M = 120.0
-# Streets are followed this far from the box around the buildings: four times as far as a viewpoint may see.
+# Distance of streets from the buildings: beyond the surroundings, four times the largest visibility range.
 MAX_STREET_DISTANCE_M = 1000.0
-# Said of an area that holds buildings once its longitudes and latitudes change places.
+# Remedy if the area holds buildings after swapping longitudes and latitudes.
 SWAPPED_AXES_NOTE = "latitudes come first there"
 
 
@@ -177,7 +177,7 @@ def _choose_frame(
 
 
 def _frame_notes(frame: CRS, given: str | None) -> tuple[str, ...]:
-    """Return the note about a frame that the block file does not name; none if it is the frame given for the buildings."""
+    """Return a note about a chosen frame; none if it is the frame given for the buildings."""
     shown = f"{frame.to_string()} ({frame.name})"
     if given is None:
         return (f"crs not given: {shown} chosen",)

@@ -1,4 +1,4 @@
-"""Ways and areas of the ground in the block's frame, from OpenStreetMap tags with defaults by class."""
+"""Ways and areas of the ground in the block's frame, from OpenStreetMap tags."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
-# Class of a road: metres of a lane, lanes where none are stated, rank. "" is one whose class nobody states.
+# Class of a road -> lane width in metres, default number of lanes, rank; "" if no class is stated.
 ROAD_CLASSES = {
     "motorway": (3.6, 2, 9),
     "trunk": (3.5, 2, 8),
@@ -33,9 +33,9 @@ ROAD_CLASSES = {
     "living_street": (2.75, 2, 2),
     "service": (3.2, 1, 1),
 }
-# Classes whose roads have no pavement unless one is stated.
+# Classes of roads without pavement unless one is stated.
 CLASSES_WITHOUT_PAVEMENT = frozenset(("motorway", "trunk", "service", "living_street"))
-# Class of a way without carriageway: kind, metres wide, surface.
+# Class of a way without carriageway -> kind, width in metres, surface.
 PATH_CLASSES = {
     "pedestrian": ("path", 6.0, "slabs"),
     "footway": ("path", 2.2, "slabs"),
@@ -45,7 +45,7 @@ PATH_CLASSES = {
     "steps": ("steps", 2.5, "slabs"),
     "cycleway": ("cycle", 2.5, "asphalt"),
 }
-# What the values of `surface` are made of.
+# Surface -> values of the tag `surface`.
 _TAG_VALUES_BY_SURFACE = {
     "asphalt": "asphalt chipseal concrete",
     "slabs": "paving_stones concrete:plates concrete:lanes bricks brick wood metal tiles",
@@ -56,7 +56,7 @@ _TAG_VALUES_BY_SURFACE = {
 SURFACE_BY_TAG_VALUE = {
     value: surface for surface, values in _TAG_VALUES_BY_SURFACE.items() for value in values.split()
 }
-# What an area is made of by its tags, the first that fits; None: by its `surface`, slabs where it states none.
+# Surface of an area by its tags, the first match wins; None: by its `surface`, slabs by default.
 AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
     (
         "natural",
@@ -76,20 +76,24 @@ AREA_SURFACES: tuple[tuple[str, Mapping[str, str | None]], ...] = (
     ("area:highway", {"pedestrian": None, "footway": None, "residential": "asphalt", "cycleway": "track"}),
 )  # fmt: skip
 DEFAULT_PAVEMENT_WIDTH_M = 2.5
-# How wide cars stand along a kerb, by how they do.
+# Width of a parking lane by orientation.
 PARKING_WIDTH_M = {"parallel": 2.1, "diagonal": 4.3, "perpendicular": 5.0, "half_on_kerb": 1.1}
-# A cycle track beside a road: its width, and what lies between it and the kerb; metres.
-CYCLE_TRACK_WIDTH_M, VERGE_WIDTH_M = 1.8, 0.4
+# Cycle track along a road.
+CYCLE_TRACK_WIDTH_M = 1.8
+# Verge between cycle track and kerb.
+VERGE_WIDTH_M = 0.4
 MAX_ROAD_WIDTH_M = 40.0
-# A crossing that is a node reaches so far to either side of its road, and belongs to a road no further away.
-MAX_CROSSING_REACH_M, MAX_CROSSING_OFFSET_M = 15.0, 1.0
+# Reach of a crossing to either side of its node.
+MAX_CROSSING_REACH_M = 15.0
+# Distance of a crossing's node from its road.
+MAX_CROSSING_OFFSET_M = 1.0
 
 
 def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
     """Build the ways and areas that lie within a polygon.
 
-    Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a fault. If two
-    sources have a feature of the same id, the second is numbered.
+    Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a
+    fault. If two sources have a feature of the same id, the second is numbered.
 
     Parameters
     ----------
@@ -137,7 +141,7 @@ def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outl
 
 
 def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
-    """Build the ways of a line from its tags: a road with its cycle tracks, a path, a tram track or a crossing."""
+    """Build the ways of a line from its tags: road with cycle tracks, path, tram or crossing."""
     if tags.get("railway") in ("tram", "light_rail"):
         gauge = _length_tag(tags, "gauge", 1435.0) or 1435.0
         return [Way(id, line, "tram", min(max(gauge, 600.0), 1700.0) / 1000, "asphalt")]
@@ -146,7 +150,7 @@ def ways_from_tags(id: str, line: LineString, tags: Mapping[str, str]) -> list[W
     if name == "footway" and tags.get("footway") == "crossing":
         return [Way(id, line, "crossing", 3.0, "asphalt")] if _is_marked(tags) else []
     if name == "footway" and tags.get("footway") == "sidewalk":
-        return []  # it lies on its road's pavement
+        return []  # part of its road's pavement
     if name in PATH_CLASSES:
         kind, wide, made = PATH_CLASSES[name]
         width = _length_tag(tags, "width", MAX_ROAD_WIDTH_M)
@@ -205,7 +209,10 @@ def area_surface(geometry: Any, tags: Mapping[str, str]) -> str | None:
 
 
 def _equalise_widths(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
-    """Give roads of one name and class their most common width, so that kerbs run on where tags such as parking change."""
+    """Give roads of one name and class their most common width, so that kerbs run on.
+
+    Tags such as parking change from piece to piece.
+    """
     lengths: dict[str, dict[float, float]] = {}
     for way in ways:
         if way.kind == "road":
@@ -237,7 +244,7 @@ def _node_crossing(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | 
         shapely.line_interpolate_point(line, [max(along - 2.0, 0.0), min(along + 2.0, line.length)])
     )
     east, north = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9) * MAX_CROSSING_REACH_M
-    # no further than its own road: another that lies parallel has a crossing of its own
+    # limited to its own road: a parallel carriageway has a crossing of its own
     reach = min(1.0, (max(way.width for way in roads if way.line is line) / 2 + 0.5) / MAX_CROSSING_REACH_M)
     east, north = float(east * reach), float(north * reach)
     across = LineString([(node.x - north, node.y + east), (node.x + north, node.y - east)])

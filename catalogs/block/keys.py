@@ -58,7 +58,10 @@ class SunSettings(Sun):
 
 @dataclass(frozen=True, slots=True)
 class TextureSettings:
-    """Texture settings of a block: lengths in metres, panorama_width in pixels; the README documents each key."""
+    """Texture settings of a block: lengths in metres, panorama_width in pixels.
+
+    The README documents each key.
+    """
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
@@ -182,13 +185,13 @@ def check_keys(values: Any) -> BlockKeys:
     try:
         return BlockKeys.model_validate(values)
     except ValidationError as error:
-        # A mistyped key also shows as a missing one: the unknown key is the one to tell about.
+        # A mistyped key is also reported as a missing one: the unknown key comes first.
         faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN_KEY_TYPES)
         raise ValueError(_format_fault(faults[0])) from None
 
 
 _UNKNOWN_KEY_TYPES = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
-# Keys that only the file of a city has.
+# Keys of city files only.
 CITY_KEYS = ("cut", "blocks")
 _OUT_OF_RANGE_TYPES = ("greater_than_equal", "less_than_equal", "finite_number")
 _EXPECTED_BY_TYPE = {
@@ -248,7 +251,7 @@ def _range_text(key: str) -> str:
 
 def key_path(loc: Sequence[str | int]) -> str:
     """Join the location of a fault: ("area", 1) -> area[1]; ("texture", "walls") -> texture.walls."""
-    end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic goes on with which of text and list it tried
+    end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic appends the tried alternative, text or list
     parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
     return key.lstrip(".")
@@ -260,7 +263,7 @@ def _suggest_key(key: str) -> str:
     siblings = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == parent}
     leaves = {k.rpartition(".")[2]: k for k in known}
     for candidates in (siblings, leaves):
-        # the same leaf at another level comes before a merely similar one
+        # the same key at another level comes before a similar one
         if close := difflib.get_close_matches(leaf.lower(), candidates, n=1, cutoff=0.7):
             return f"did you mean {candidates[close[0]]}?"
     return f"known here are {', '.join(siblings) or 'none'}"

@@ -1,4 +1,4 @@
-"""Likely shops on roads whose class suggests them, at buildings where the map has none; drawn by building id."""
+"""Likely shops on roads whose class suggests them, where the map has none."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import shapely
 
 from facade_core.core.types import Building, Way
 
-# The share of the buildings on a road that have a shop, by its rank: tertiary, secondary and primary roads.
+# Rank of a road (tertiary, secondary, primary) -> share of its buildings with a shop.
 SHOP_SHARE_BY_RANK = {5: 0.2, 6: 0.3, 7: 0.35}
-# They stand so near to the carriageway's edge, and cover so much, metres and square metres; lower ones have none.
-MAX_SETBACK_M, MIN_SHOP_AREA_M2, MIN_SHOP_HEIGHT_M = 8.0, 80.0, 5.0
-# A shop that the map has is the nearest building's, at most so far.
+# Distance of a building with a shop from the carriageway's edge.
+MAX_SETBACK_M = 8.0
+MIN_SHOP_AREA_M2 = 80.0
+MIN_SHOP_HEIGHT_M = 5.0
+# Distance of a mapped shop from its building.
 MAX_SHOP_DISTANCE_M = 15.0
-# Of edges that are no farther from the road than the nearest and this, the longest is the front.
+# The front is the longest edge among those at most this much farther from the road than the nearest edge.
 FRONT_TOLERANCE_M = 3.0
 
 

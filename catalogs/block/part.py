@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from catalogs.block.likely_shops import MAX_SHOP_DISTANCE_M
 from catalogs.block.segments import segment_streets
 from catalogs.features import file_stem
 from facade_core.core.types import Building, Ground, Shell, Street
@@ -18,18 +19,19 @@ if TYPE_CHECKING:
 
     from catalogs.block.reader import Block
 
-# A map puts a shop into its building, or so far before it, metres.
-MAX_SHOP_DISTANCE_M = 15.0
-# An entrance is in the nearest wall, at most so far: maps put it on the outline.
+# Distance of a mapped entrance from its wall: maps put it on the outline.
 MAX_ENTRANCE_DISTANCE_M = 1.5
-# Ground is drawn of ways and areas that come so near to what the block holds; pictures are of use that were taken so near to a
-# building of its own. Metres.
-PART_GROUND_MARGIN_M, MAX_PICTURE_DISTANCE_M = 120.0, 150.0
+# Margin around the block's contents for ways and areas of the ground.
+PART_GROUND_MARGIN_M = 120.0
+# Distance of panoramas from the block's own buildings.
+MAX_PICTURE_DISTANCE_M = 150.0
 
 
 @dataclass(frozen=True)
 class CityPart:
-    """Own buildings and streets of a block that is a part of a city; other contents of the block are seen but not textured.
+    """Own buildings and streets of a block that is a part of a city.
+
+    Other contents of the block are seen but not textured.
 
     Attributes
     ----------

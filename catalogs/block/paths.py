@@ -11,7 +11,7 @@ from pathlib import Path
 
 from catalogs.block.keys import BlockKeys
 
-# Keys that name a folder of pictures; the others name a file.
+# Keys that name a folder of pictures; other keys name a file.
 FOLDER_KEYS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
 
 
@@ -63,11 +63,11 @@ def _resolve_path(key: str, text: str, block: Path) -> Path:
         close = suggest_name(path)
         remedy = f"did you mean {close}?" if close else "paths are relative to the block file"
         raise ValueError(f"{key}: {shorten_path(path)} does not exist; {remedy}") from None
-    except OSError as error:  # a name that is too long, links in a circle, a folder that may not be entered
+    except OSError as error:  # name too long, cyclic links, no permission
         raise ValueError(
             f"{key}: {shorten_path(path)} cannot be opened ({error.strerror}); name another path"
         ) from error
-    except ValueError as error:  # a name that no file can have
+    except ValueError as error:  # a name that the file system cannot hold
         raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
     if key not in FOLDER_KEYS and not stat.S_ISREG(kind):
         what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
@@ -82,7 +82,7 @@ def shorten_path(path: Path, limit: int = 240) -> str:
 
 
 def suggest_name(path: Path) -> str | None:
-    """Return the most similar file name in the folder of a missing file; the first thousand files are compared."""
+    """Return the most similar name in the folder of a missing file; compares 1000 files at most."""
     try:
         near = [found.name for found in islice(path.parent.iterdir(), 1000)]
     except OSError:

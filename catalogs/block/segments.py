@@ -12,15 +12,15 @@ from shapely.ops import substring
 
 from facade_core.core.types import Street
 
-# No street is cut nearer to its end, or to where it was cut before, metres.
+# Distance of a cut from the street's end and from the previous cut.
 MIN_SEGMENT_LENGTH_M = 60.0
 
 
 def segment_streets(streets: Sequence[Street]) -> tuple[Street, ...]:
     """Cut streets at junctions, each from its start.
 
-    The junctions used depend only on the streets that meet there. A segment's id is its street's, with .0, .1, ... if there are
-    several.
+    The junctions used depend only on the streets that meet there. A segment's id is its street's, with .0, .1, ... if
+    there are several.
     """
     met = Counter(place for street in streets for place in _vertices(street))
     return tuple(segment for street in streets for segment in _split_street(street, met))

@@ -14,7 +14,7 @@ from catalogs.imagery.fetch_log import is_fetched, read_fetch_log
 from catalogs.stac.facts import SourceFact
 from facade_core.core.errors import InputError
 
-# Who took pictures of one licence are named, so many of them; poses.json beside the pictures names all.
+# Authors named per licence; poses.json in the pictures' folder names all.
 MAX_NAMED_AUTHORS = 8
 OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 
@@ -22,8 +22,9 @@ OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 def block_sources(block_file: Path) -> tuple[SourceFact, ...]:
     """Return the files and folders that a block file names, with licences as far as they are known.
 
-    A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. A folder of
-    fetched pictures gives one source per licence. Returns nothing if the block file cannot be read any more.
+    A file's licence is known if its checksum is that of an example's file, or if it is an OpenStreetMap extract. A
+    folder of fetched pictures gives one source per licence. Returns nothing if the block file cannot be read any
+    more.
     """
     try:
         paths = resolve_paths(check_keys(read_yaml(block_file)), block_file)
@@ -33,7 +34,7 @@ def block_sources(block_file: Path) -> tuple[SourceFact, ...]:
             for path in found
             for licence in (_picture_licences(path) if key in FOLDER_KEYS else (_file_licence(path),))
         )
-    except (ValueError, OSError, InputError):  # it was read when the run began, and may be gone by its end
+    except (ValueError, OSError, InputError):  # the file may disappear during the run
         return ()
 
 
@@ -46,7 +47,7 @@ def _file_licence(path: Path) -> str | None:
 
 
 def _picture_licences(folder: Path) -> tuple[str | None, ...]:
-    """Return authors and licence of a folder of fetched pictures, one text per licence; (None,) for other folders."""
+    """Return authors and licence of fetched pictures, one text per licence; (None,) for others."""
     if not is_fetched(folder):
         return (None,)
     authors: dict[str, list[str]] = {}

@@ -20,17 +20,21 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
-MAX_VERTEX_SPACING_M = 20_000.0  # m between two points of a line
-MIN_STREET_LENGTH_M = 1.0  # m; what is shorter is a slip of the mapper, or a crumb that the area's border leaves
+# Distance between two points of a line.
+MAX_VERTEX_SPACING_M = 20_000.0
+# Shorter streets are errors of mappers, or remainders of clipping.
+MIN_STREET_LENGTH_M = 1.0
 
 
 def block_streets(
     source: Centrelines, crs: CRS, *, area: Polygon | None
 ) -> tuple[tuple[Street, ...], tuple[Fault, ...]]:
-    """Build streets in the metric frame from centreline pieces; pieces of one name that meet end to end become one line.
+    """Build streets in the metric frame from centreline pieces.
 
-    A street's id is s + the number of its first piece (s12), with -0, -1, ... if that piece is cut into several streets; its
-    direction is that piece's. The result does not depend on the order of the pieces.
+    Pieces of one name that meet end to end become one line. A street's id is s + the number of its first piece (s12),
+    with -0,
+    -1, ... if that piece is cut into several streets; its direction is that piece's. The result does not depend on
+    the order of the pieces.
 
     Parameters
     ----------
@@ -40,8 +44,8 @@ def block_streets(
 
     Returns
     -------
-    Streets and faults, each ordered by id. A street longer than LONGEST_STREET is a fault, and so is one shorter than
-    MIN_STREET_LENGTH_M, unless clipping made it short.
+    Streets and faults, each ordered by id. A street longer than MAX_STREET_LENGTH_M is a fault, and so is one shorter
+    than MIN_STREET_LENGTH_M, unless clipping made it short.
     """
     pieces = sorted(source.items, key=lambda piece: (natural_sort_key(piece.id), shapely.to_wkb(piece.line) or b""))
     lines = _project_lines([piece.line for piece in pieces], source.crs, crs)
@@ -64,8 +68,8 @@ def block_streets(
         for first, line in _merge_pieces(by_name[name]):
             if line.length > MAX_STREET_LENGTH_M:
                 reason = (
-                    f"is {line.length / 1000:,.0f} km long within the block, over {MAX_STREET_LENGTH_M / 1000:g}: no street is; "
-                    "draw it again, remove it, or give area"
+                    f"is {line.length / 1000:,.0f} km long within the block, over {MAX_STREET_LENGTH_M / 1000:g}: no street "
+                    "is; draw it again, remove it, or give area"
                 )
                 faults.append(Fault(first.id, "street", reason, first.line))
             elif line.length >= MIN_STREET_LENGTH_M:
@@ -137,7 +141,7 @@ def _line_problem(stated: LineString | None, line: LineString | None) -> str | N
 
 
 def _touches_area(place: Any, area: Polygon | None) -> bool:
-    """Return whether the finite coordinates of a geometry reach into the area; an unknown place counts."""
+    """Return whether finite coordinates reach into the area; an unknown place counts."""
     if area is None or place is None:
         return True
     known = shapely.get_coordinates(place)

@@ -29,7 +29,7 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
     -------
     False if `imagery` is not written on lines of its own; the file is unchanged then.
     """
-    path = path.resolve()  # of a link, the file that it leads to
+    path = path.resolve()  # replacing a link would break it
     before = read_yaml(path)
     text = path.read_bytes().decode()
     end = "\r\n" if "\r\n" in text else "\n"

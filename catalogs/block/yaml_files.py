@@ -9,19 +9,19 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-# A block file names data and does not hold any: one of a list of a thousand files has 100 kB.
+# A block file names data and holds none: with a list of a thousand files it has 100 kB.
 MAX_FILE_BYTES = 256_000  # bytes
 MAX_NESTING = 20  # levels of keys and lists
-# Digits of a whole number: what is longer is no setting, and Python refuses to read some of it.
+# Digits of an integer: no setting is longer, and Python rejects very long ones.
 MAX_DIGITS = 40
-# Characters that no value has on purpose: they break lines of messages, or cannot be written down at all.
+# Unicode categories that values must not contain: they break lines of messages, or cannot be encoded.
 _FORBIDDEN_CATEGORIES = {
     "Cc": "a control character",
     "Cs": "half a character",
     "Zl": "a line break",
     "Zp": "a line break",
 }
-# Plain values by their look, as YAML 1.2's core schema reads them. In YAML 1.1 `no` is false, 1:30 is 90 and 010 is 8.
+# Plain scalars of YAML 1.2's core schema. In YAML 1.1 `no` is false, 1:30 is 90 and 010 is 8.
 _CORE_SCHEMA = (
     ("null", r"~|null|Null|NULL|", "~nN\0"),
     ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
@@ -79,7 +79,7 @@ def _read_text(path: Path) -> str:
 def _error_location(error: Any, text: str) -> str:
     if mark := getattr(error, "problem_mark", None) or getattr(error, "context_mark", None):
         return f"line {mark.line + 1}, column {mark.column + 1}: "
-    position = getattr(error, "position", None)  # of a character that YAML does not allow
+    position = getattr(error, "position", None)  # set for characters that YAML does not allow
     return f"line {text.count(chr(10), 0, position) + 1}: " if isinstance(position, int) else ""
 
 
@@ -88,7 +88,7 @@ def _loader() -> type:
     import yaml
 
     class Loader(yaml.SafeLoader):
-        """PyYAML's, which reads YAML 1.1, with what is refused refused and the plain values of YAML 1.2."""
+        """Strict loader: PyYAML reads YAML 1.1; this one reads the plain scalars of YAML 1.2."""
 
         depth = 0
 
@@ -116,7 +116,7 @@ def _loader() -> type:
                 line = key.start_mark.line + 1
                 if not isinstance(key, yaml.ScalarNode):
                     raise ValueError(f"line {line}: a list or keys in place of a key; write text before the colon")
-                if key.value in lines:  # YAML lets the last of them win in silence
+                if key.value in lines:  # PyYAML silently takes the last one
                     raise ValueError(
                         f"line {line}: {key.value}: given twice (also on line {lines[key.value]}); remove one"
                     )

@@ -13,10 +13,15 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.city.tile_index import tile_files
 from facade_core.core.errors import InputError
 
-# A block's side, metres.
-DEFAULT_BLOCK_SIZE_M, MIN_BLOCK_SIZE_M, MAX_BLOCK_SIZE_M = 400.0, 20.0, 20_000.0
-# Keys that only a city has; of its buildings, an index of tiles in place of their paths.
-CUT_KEY, BLOCKS_KEY, TILES_KEY = "cut", "blocks", "tiles"
+# Side of a block.
+DEFAULT_BLOCK_SIZE_M = 400.0
+MIN_BLOCK_SIZE_M = 20.0
+MAX_BLOCK_SIZE_M = 20_000.0
+# Keys of city files only.
+CUT_KEY = "cut"
+BLOCKS_KEY = "blocks"
+# Key of `buildings`: an index of tiles in place of `path`.
+TILES_KEY = "tiles"
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class CityKeys:
 
 
 def uses_default_partition(path: Path) -> bool:
-    """Return whether a city file has no keys of its own, like a block file. Raises ValueError as `check_city`."""
+    """Return whether a city file has only keys of a block file. Raises ValueError."""
     values = read_yaml(path)
     return isinstance(values, Mapping) and not {CUT_KEY, BLOCKS_KEY} & set(values)
 
@@ -91,13 +96,17 @@ def check_city(values: Any, path: Path) -> CityKeys | str:
         or not MIN_BLOCK_SIZE_M <= metres <= MAX_BLOCK_SIZE_M
     ):
         raise ValueError(
-            f"{CUT_KEY}: {side!r} is not understood; write {CUT_KEY}: {{metres: 400}}, {MIN_BLOCK_SIZE_M:g} to {MAX_BLOCK_SIZE_M:.0f}"
+            f"{CUT_KEY}: {side!r} is not understood; write {CUT_KEY}: {{metres: 400}}, "
+            f"{MIN_BLOCK_SIZE_M:g} to {MAX_BLOCK_SIZE_M:.0f}"
         )
     return CityKeys(keys, rest, float(metres), indexes)
 
 
 def _resolve_tile_index(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
-    """Replace an index of tiles in the values with the files that it names, relative to the city file; return the index too."""
+    """Replace an index of tiles with the files that it names, relative to the city file.
+
+    Returns the new values, and the index.
+    """
     buildings = values.get("buildings")
     if not isinstance(buildings, Mapping) or TILES_KEY not in buildings:
         return values, ()

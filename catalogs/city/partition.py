@@ -1,7 +1,7 @@
-"""Partition of a city into blocks along its streets: each building and street segment belongs to one block.
+"""Partition of a city into blocks along its streets.
 
-The surroundings that a block reads are its halo. Everything here is a function of location, so a local change leaves blocks
-elsewhere unchanged.
+Each building and street segment belongs to one block. The surroundings that a block reads are its halo. Everything
+here is a function of location, so a local change leaves blocks elsewhere unchanged.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ import shapely
 
 from facade_core.core.types import Building, Street
 
-# Buildings and streets this near to a block's own are its context, metres: twice as far as a viewpoint sees by default, and as
-# far as what is nearest to any ground of its own may lie from another; with a sun shadows reach farther; of a panorama that
-# shows one of its walls from 150 m the surroundings, 60 m, are matched.
-MIN_HALO_M, SHADOW_HALO_M, PANORAMA_HALO_M = 120.0, 160.0, 210.0
+# Radius of the halo: twice the default visibility range, plus the reach of ground features.
+MIN_HALO_M = 120.0
+# Shadows of a sun reach farther.
+SHADOW_HALO_M = 160.0
+# A panorama may show an own wall from 150 m, and is matched against surroundings of 60 m.
+PANORAMA_HALO_M = 210.0
 
 GridCell = tuple[int, int]
 
@@ -54,16 +56,20 @@ def halo_radius(*, sun: bool, panoramas: bool, visibility_range: float) -> float
 def partition_city(
     buildings: Sequence[Building], segments: Sequence[Street], *, block_size: float, halo: float
 ) -> tuple[CityCell, ...]:
-    """Partition a city into grid cells whose borders follow the nearest streets; returns blocks ordered by cell.
+    """Partition a city into grid cells whose borders follow the nearest streets.
 
-    All buildings inside a face of the street network belong to the cell that holds the face. A segment belongs to the block of
-    the building nearest to its middle.
+    All buildings inside a face of the street network belong to the cell that holds the face. A segment belongs to the
+    block of the building nearest to its middle.
 
     Parameters
     ----------
     segments : streets cut at junctions.
     block_size : side of a grid cell in metres.
     halo : radius of the halo in metres.
+
+    Returns
+    -------
+    Blocks, ordered by cell.
     """
     squares = _building_cells(buildings, segments, block_size)
     own: dict[GridCell, list[int]] = defaultdict(list)
@@ -94,7 +100,7 @@ def partition_city(
 
 
 def _building_cells(buildings: Sequence[Building], segments: Sequence[Street], block_size: float) -> list[GridCell]:
-    """Return the grid cell of each building: of the street network's face around it, otherwise its own."""
+    """Return the grid cell of each building: of the street face around it, or its own."""
     places = [building.footprint.representative_point() for building in buildings]
     found = [_grid_cell(place, block_size) for place in places]
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all([street.line for street in segments])]))
@@ -103,7 +109,7 @@ def _building_cells(buildings: Sequence[Building], segments: Sequence[Street], b
         place, face = shapely.STRtree(faces).query(places, predicate="within")
         for index, one in sorted(zip(place.tolist(), face.tolist(), strict=True)):
             found[index] = of_face[one]
-    # the parts of a house are of one block: that of the first of them
+    # all parts of a building belong to the block of the first part
     first: dict[str, int] = {}
     for index in sorted(range(len(buildings)), key=lambda i: buildings[i].id):
         first.setdefault(buildings[index].whole_id, index)

@@ -1,6 +1,6 @@
-"""Index of tiles as the source of a city: STAC, or outlines with paths in GeoParquet, GeoPackage or GeoJSON.
+"""Index of tiles as the source of a city: STAC, or outlines with paths in a table.
 
-Paths are relative to the file that states them. Nothing is downloaded.
+Tables are GeoParquet, GeoPackage or GeoJSON. Paths are relative to the file that states them. Nothing is downloaded.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     import pystac
 
-# Columns that name a tile's file, the first that there is; `location` is what gdaltindex writes.
+# Columns that name a tile's file, the first present is used; gdaltindex writes `location`.
 LOCATION_COLUMNS = ("location", "href", "path", "url", "file")
 LonLatBox = tuple[float, float, float, float]
 
@@ -86,7 +86,7 @@ def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
             items = list(root.get_items(recursive=True)) if isinstance(root, pystac.Catalog) else [root]
     except InputError:
         raise
-    except Exception as error:  # what JSON can hold, the library meets with errors of every kind
+    except Exception as error:  # pystac raises errors of any kind for invalid JSON content
         why = " ".join(str(error).split())[:120]
         raise InputError(f"{index} cannot be read as STAC ({type(error).__name__}: {why}); mend it") from error
     for item in items:
@@ -117,7 +117,7 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
     try:
         parquet = index.suffix.lower() in (".parquet", ".geoparquet")
         table = gpd.read_parquet(index) if parquet else gpd.read_file(index)
-    except Exception as error:  # of damaged files libraries say what they like
+    except Exception as error:  # libraries raise errors of any kind for damaged files
         why = " ".join(str(error).split())[:120]
         raise InputError(f"{index} cannot be read as an index of tiles ({why}); give STAC or GeoParquet") from error
     column = next((name for name in LOCATION_COLUMNS if name in table.columns), None)

@@ -9,9 +9,9 @@ from typing import Any
 from catalogs.features import Fault
 from catalogs.imagery.remote_panorama import LonLatBox, panorama_fault
 
-# An answer of a round number of pictures, whatever limit was asked for, may be cut off at the service's own.
+# An answer with a multiple of this many pictures may be cut off at the service's own limit.
 LIMIT_MULTIPLE = 100
-# A box is quartered so often at most: 1 / 256 of a side, some metres of a block.
+# Levels of quarters: at the last one, a side is 1 / 256 of the box, some metres of a block.
 MAX_QUARTERING_DEPTH = 8
 
 
@@ -20,7 +20,8 @@ def search_quarters(
 ) -> Iterator[Mapping[str, Any] | Fault]:
     """Yield all results of a search in boxes, each id once.
 
-    If an answer has a multiple of LIMIT_MULTIPLE records, it may be incomplete: the quarters of its box are searched too.
+    If an answer has a multiple of LIMIT_MULTIPLE records, it may be incomplete: the quarters of its box are searched
+    too.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Folder of fetched pictures: a log with one JSON line per picture, and the poses file that block files name."""
+"""Folder of fetched pictures: its log, one JSON line per picture, and its poses file."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from catalogs.imagery.remote_panorama import RemotePanorama
 from catalogs.readers.pictures.poses import LONLAT
 from facade_core.core.errors import InputError
 
-FETCH_LOG_NAME, POSES_NAME = "fetched.jsonl", "poses.json"
-# Where pictures lie until they are whole and looked at.
+FETCH_LOG_NAME = "fetched.jsonl"
+POSES_NAME = "poses.json"
+# Folder of incomplete and unchecked downloads.
 PARTIAL_FOLDER = ".arriving"
 
 
@@ -53,8 +54,8 @@ class FetchedPicture:
     refused: str | None = None
 
 
-# Keys of a line of the account, and the attributes of `Kept` that hold their values. Folders of pictures outlive versions
-# of the code: on a rename of an attribute the keys stay.
+# Keys of a line of the log, and the attributes of `FetchedPicture` that hold their values. Folders of pictures outlive
+# versions of the code: on a rename of an attribute the keys stay.
 FETCH_LOG_KEYS = {
     "source": "source",
     "id": "id",
@@ -120,7 +121,7 @@ class FetchLog:
             self.pictures[picture.source, picture.id] = picture
 
     def choose_stem(self, source: str, offer: RemotePanorama) -> str:
-        """Return the file stem of a picture: its id, made safe for file systems and distinct from other sources' stems."""
+        """Return the file stem of a picture: its id, made safe and distinct from other sources'."""
         others = {Path(one.file).stem for one in self.pictures.values() if one.source != source}
         stem = file_stem(offer.id)
         return stem if stem not in others else file_stem(f"{source} {offer.id}")

@@ -1,4 +1,4 @@
-"""Concurrent download of panoramas; each is checked before it is kept, and none is downloaded twice."""
+"""Concurrent download of panoramas; each is checked, and none is downloaded twice."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from catalogs.readers.pictures.folders import check_picture
 from catalogs.readers.pictures.panoramas import check_equirectangular
 from facade_core.core.errors import ImageError, InputError
 
-# At once from one service.
+# Concurrent downloads from one service.
 MAX_DOWNLOADS = 4
-# So many pictures one after the other that could not be had, and the service is taken to be away.
+# After this many failures in a row the service counts as unavailable.
 MAX_CONSECUTIVE_FAILURES = 8
 _SUFFIX_BY_FORMAT = {"JPEG": ".jpg", "MPO": ".jpg", "PNG": ".png", "WEBP": ".webp", "TIFF": ".tif"}
 
-# Writes an offer's bytes into a file; their sha256. Raises Refused, Away.
+# Writes a panorama's bytes into a file and returns their sha256. Raises RequestRejected, ServiceUnavailable.
 Downloader = Callable[[RemotePanorama, Path], str]
-# Raises InputError where a whole equirectangular picture is none after all.
+# Raises InputError if a complete picture is no panorama.
 PictureCheck = Callable[[Path], None]
 
 
@@ -94,7 +94,10 @@ def fetch_panoramas(
 
 
 def _drop_duplicates(source: str, panoramas: Sequence[RemotePanorama], fetch_log: FetchLog) -> list[Fault]:
-    """Drop pictures whose bytes are present under another id; runs last, since threads finish in any order."""
+    """Drop pictures whose bytes are present under another id.
+
+    Runs last, since threads finish in any order.
+    """
     asked = {(source, offer.id) for offer in panoramas}
     first = {one.sha256: one for key, one in fetch_log.pictures.items() if key not in asked and not one.refused}
     faults = []
@@ -133,9 +136,10 @@ def _fetch_panorama(
     download: Downloader,
     check: PictureCheck,
 ) -> str | None:
-    """Download one panorama, or adopt a file whose log line was lost; return why it is rejected, or None.
+    """Download one panorama, or adopt a file whose log line was lost.
 
-    Raises RequestRejected, ServiceUnavailable and InputError for problems that a later run may not have.
+    Returns why it is rejected, or None. Raises RequestRejected, ServiceUnavailable and InputError for problems that a
+    later run may not have.
     """
     there = next(
         (path for path in (fetch_log.folder / f"{stem}{s}" for s in _SUFFIX_BY_FORMAT.values()) if path.is_file()), None
@@ -148,7 +152,7 @@ def _fetch_panorama(
             raise RequestRejected("is not what its service says (checksum differs); run again, or tell its service")
         try:
             check_picture(part)
-        except InputError as error:  # which names its folder too
+        except InputError as error:  # its message starts with the folder
             raise RequestRejected(str(error).removeprefix(f"{part.parent}: ")) from error
         suffix, problem = _check_format(part, check)
         pose = panorama.pose

@@ -19,13 +19,19 @@ from facade_core.core.errors import InputError
 if TYPE_CHECKING:
     from requests import PreparedRequest, Response, Session
 
-# Seconds until a connection stands, and between two pieces of an answer; of a whole answer.
-CONNECT_TIMEOUT_S, READ_TIMEOUT_S, TOTAL_TIMEOUT_S = 10.0, 60.0, 600.0
-# Bytes of a picture (160 megapixels as JPEG have about as many), and of a page of a search.
-MAX_PICTURE_BYTES, MAX_PAGE_BYTES = 150_000_000, 40_000_000
-# How often a request is made, and the seconds to wait before the second; each further wait is twice as long.
-MAX_ATTEMPTS, INITIAL_WAIT_S = 5, 1.0
-# A service that wants a longer pause, seconds, is left: another run goes on from there.
+CONNECT_TIMEOUT_S = 10.0
+# Time between two pieces of an answer.
+READ_TIMEOUT_S = 60.0
+# Time of a whole answer.
+TOTAL_TIMEOUT_S = 600.0
+# About the size of a JPEG of 160 megapixels.
+MAX_PICTURE_BYTES = 150_000_000
+# Page of a search.
+MAX_PAGE_BYTES = 40_000_000
+MAX_ATTEMPTS = 5
+# Wait before the second attempt; each further wait is twice as long.
+INITIAL_WAIT_S = 1.0
+# If a service demands a longer pause, the run ends; another run resumes.
 MAX_WAIT_S = 300.0
 MAX_REDIRECTS = 5
 _RETRY_STATUS_CODES = frozenset((408, 425, 429, 500, 502, 503, 504))
@@ -49,7 +55,7 @@ class ServiceToken:
 
     def __call__(self, request: PreparedRequest) -> PreparedRequest:
         if urlsplit(str(request.url)).netloc.lower() == self.host:
-            request.headers["Authorization"] = self.header  # which requests takes off where it is sent to another host
+            request.headers["Authorization"] = self.header  # requests removes it on redirects to another host
         return request
 
 
@@ -151,7 +157,7 @@ class HttpClient:
                 self._session = requests.Session()
                 self._session.max_redirects = MAX_REDIRECTS
                 self._session.headers["User-Agent"] = USER_AGENT
-                self._session.headers["Accept-Encoding"] = "identity"  # so that lengths are those of what is kept
+                self._session.headers["Accept-Encoding"] = "identity"  # Content-Length then equals the file's size
             return self._session
 
     def _delay_requests(self, seconds: float) -> None:
@@ -209,7 +215,7 @@ def _remedy(status: int, url: str, token: ServiceToken | None) -> str:
     if status in (401, 403):
         if token is None:
             return "it wants a token; set STREETLOOM_IMAGERY_TOKEN"
-        if urlsplit(url).netloc.lower() != token.host:  # where pictures lie whose addresses are signed for some hours
+        if urlsplit(url).netloc.lower() != token.host:  # another host serves pictures by signed, expiring addresses
             return "its address is no longer good; run again"
         return "its token is refused; renew it"
     return "it is gone, or never was there" if status in (404, 410) else "check the address"

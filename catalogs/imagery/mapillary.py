@@ -1,4 +1,4 @@
-"""Panoramas of Mapillary's Graph API (version 4), which needs a user's token; all its pictures have one licence."""
+"""Panoramas of Mapillary's Graph API (version 4), which needs a user's token."""
 
 from __future__ import annotations
 
@@ -24,19 +24,23 @@ from catalogs.readers.pictures.poses import camera_angles
 from facade_core.core.errors import InputError
 
 MAPILLARY_API = "https://graph.mapillary.com"
-# What all its pictures are under, by its terms of use; answers do not say so.
+# Licence of all pictures by Mapillary's terms of use; answers do not state it.
 LICENCE, LICENCE_URL = "CC-BY-SA-4.0", "https://creativecommons.org/licenses/by-sa/4.0/"
 FIELDS = (
     "id", "camera_type", "is_pano", "captured_at", "computed_geometry", "geometry", "computed_compass_angle", "compass_angle",
     "computed_rotation", "creator", "width", "height", "thumb_original_url",
 )  # fmt: skip
-# Pictures of an answer at most, pages of a search at most, and the side of a box, degrees: it takes up to 0.01 square degrees.
-MAX_PICTURES_PER_PAGE, MAX_MAPILLARY_PAGES, MAX_BOX_SIDE_DEG = 2000, 100, 0.05
+MAX_PICTURES_PER_PAGE = 2000
+MAX_MAPILLARY_PAGES = 100
+# The API accepts boxes of up to 0.01 square degrees.
+MAX_BOX_SIDE_DEG = 0.05
 _FULL_SPHERE_TYPES = ("spherical", "equirectangular")
 
 
 def search_mapillary(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
-    """Yield Mapillary's panoramas for a query, and a fault for each that cannot be used; flat pictures are skipped.
+    """Yield Mapillary's panoramas for a query, and a fault for each unusable one.
+
+    Flat pictures are skipped.
 
     Raises
     ------
@@ -96,7 +100,7 @@ def _search_pages(
 
 
 def _strip_token(url: str) -> str:
-    """Remove the token from the address of a next page: addresses are logged, and the header carries the token."""
+    """Remove the token from a next page's address: addresses are logged."""
     parts = urlsplit(url)
     asked = [(name, value) for name, value in parse_qsl(parts.query) if name != "access_token"]
     return urlunsplit(parts._replace(query=urlencode(asked)))
@@ -129,7 +133,7 @@ def _parse_record(record: Mapping[str, Any]) -> RemotePanorama | Fault | None:
         url = record.get("thumb_original_url")
         if not identifier or not isinstance(url, str):
             raise ValueError("names no picture; tell its service")
-        # as worked out from the pictures around where it was, else as the camera's own sensors had it
+        # reconstructed values if available, otherwise those of the camera's sensors
         angles = [record.get("computed_compass_angle", record.get("compass_angle"))]
         if record.get("computed_rotation"):
             angles = [*camera_angles(record["computed_rotation"])]

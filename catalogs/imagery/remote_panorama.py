@@ -15,9 +15,9 @@ from facade_core.core.errors import InputError
 
 # West, south, east, north in degrees.
 LonLatBox = tuple[float, float, float, float]
-# A full panorama sees all around, degrees.
+# Field of view of a full panorama.
 FULL_TURN_DEG = 360.0
-# What STAC says of a licence that has no identifier.
+# STAC's words for licences without an identifier.
 _UNSPECIFIC_LICENCES = ("", "proprietary", "other", "various")
 _MANUAL_POSE_REMEDY = "give its pose in a poses file, and fetch it from a folder"
 
@@ -120,7 +120,7 @@ def parse_pose(geometry: Any, heading: Any, pitch: Any = None, roll: Any = None)
 
 
 def resolve_licence(stated: Any, text_url: str | None, user_licence: str | None) -> str:
-    """Return the licence of a picture: the stated one, the address of its text, or the one the user knows.
+    """Return the stated licence, or the address of its text, or the one the user knows.
 
     Raises
     ------

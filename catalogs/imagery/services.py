@@ -1,4 +1,4 @@
-"""Sources of pictures by their word on the command line: a known service, a STAC API's address, or a folder."""
+"""Sources of pictures by name: a known service, a STAC API's address, or a folder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from catalogs.readers.pictures.panoramas import project_pose, read_panoramas
 from catalogs.readers.pictures.poses import LONLAT, SourcePose
 from facade_core.core.errors import InputError
 
-# The federated search over Panoramax's instances.
+# Federated search over the instances of Panoramax.
 PANORAMAX_API = "https://api.panoramax.xyz/api"
 TOKEN_VARIABLE = "STREETLOOM_IMAGERY_TOKEN"
 Search = Callable[[ImageryQuery], Iterator[RemotePanorama | Fault]]
@@ -87,7 +87,7 @@ def mapillary_service(api: str) -> ImageryService:
 
 
 def _read_token(api: str, kind: str) -> ServiceToken | None:
-    """Read the token for an API's host from the environment. Raises InputError if it would be sent unencrypted."""
+    """Read the token for an API's host. Raises InputError if it would be sent unencrypted."""
     secret = os.environ.get(TOKEN_VARIABLE, "").strip()
     if not secret:
         return None
@@ -110,7 +110,7 @@ def folder_service(folder: Path, poses: Path | None) -> ImageryService:
         frame, lonlat = CRS.from_user_input(wanted.frame), CRS.from_user_input(LONLAT)
         found = read_panoramas(folder, poses or _default_poses_file(folder), frame)
         yield from found.faults
-        # of pictures that this fetched before, who took them and what for they may be used
+        # author and licence of pictures that were fetched before
         told_of = {one.file: one for one in read_fetch_log(folder).pictures.values()} if is_fetched(folder) else {}
         west, south, east, north = wanted.box
         for one in found.items:
@@ -130,7 +130,7 @@ def folder_service(folder: Path, poses: Path | None) -> ImageryService:
                     licence_url=before.licence_url if before else None,
                 )
 
-    return ImageryService(str(folder.resolve()), search, _copy_picture)  # two folders of one name are two sources
+    return ImageryService(str(folder.resolve()), search, _copy_picture)  # distinguishes folders of the same name
 
 
 def _default_poses_file(folder: Path) -> Path | None:

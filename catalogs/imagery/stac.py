@@ -1,4 +1,7 @@
-"""Panoramas of a STAC API such as Panoramax: items with a point, view:azimuth and perspective imagery's field of view."""
+"""Panoramas of a STAC API such as Panoramax.
+
+Items have a point, view:azimuth and the field of view of the perspective imagery extension.
+"""
 
 from __future__ import annotations
 
@@ -24,16 +27,18 @@ from catalogs.reader_errors import is_system_error, short_message
 from catalogs.readers.pictures.poses import parse_day
 from facade_core.core.errors import InputError
 
-# Items of a page, and pages of a search at most: more belong to a smaller box.
-PAGE_SIZE, MAX_STAC_PAGES = 1000, 100
-# What services call the picture at its full size.
+# Items of a page.
+PAGE_SIZE = 1000
+# Pages of a search; larger results need a smaller box.
+MAX_STAC_PAGES = 100
+# Names of the asset with the picture at full size.
 _FULL_SIZE_ASSETS = ("hd", "data", "visual", "image")
 
 
 def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
-    """Yield a STAC API's panoramas for a query, and a fault for each that cannot be used; flat pictures are skipped.
+    """Yield a STAC API's panoramas for a query, and a fault for each unusable one.
 
-    Searches that may be incomplete are repeated by quarters of the box.
+    Flat pictures are skipped. Searches that may be incomplete are repeated by quarters of the box.
 
     Raises
     ------
@@ -50,7 +55,7 @@ def search_stac(client: HttpClient, api: str, query: ImageryQuery) -> Iterator[R
                 yield found
     except InputError:
         raise
-    except Exception as error:  # what an answer can hold in a place, pystac meets with errors of every kind
+    except Exception as error:  # pystac raises errors of any kind for invalid answers
         if is_system_error(error):
             raise
         raise InputError(
@@ -63,7 +68,7 @@ def _box_search(client: Any, dates: str | None) -> Any:
 
     def search(box: LonLatBox) -> Iterator[Mapping[str, Any] | Fault]:
         known: set[str] = set()
-        # by GET: what services answer to POST differs
+        # GET: services differ in their answers to POST
         pages = client.search(method="GET", bbox=list(box), datetime=dates, limit=PAGE_SIZE).pages_as_dicts()
         for number_of_page, page in enumerate(pages, 1):
             items = [item for item in page.get("features") or () if isinstance(item, Mapping)]
@@ -74,8 +79,10 @@ def _box_search(client: Any, dates: str | None) -> Any:
                     if not fresh
                     else f"there are over {MAX_STAC_PAGES} pages"
                 )
-                yield panorama_fault(display_url(client.get_self_href() or ""), f"pages without end ({reason}); what came before "
-                            "is used: fetch smaller boxes, and tell its service")  # fmt: skip
+                yield panorama_fault(
+                    display_url(client.get_self_href() or ""),
+                    f"pages without end ({reason}); what came before is used: fetch smaller boxes, and tell its service",
+                )
                 return
             known |= {str(item.get("id")) for item in fresh}
             yield from fresh
@@ -173,7 +180,7 @@ def _stac_io(client: HttpClient) -> Any:
     from pystac_client.stac_api_io import StacApiIO
 
     class Io(StacApiIO):
-        """Requests as `Web` makes them: pystac-client's own log the token, read files that links name, and know no bounds."""
+        """Requests by `HttpClient`: pystac-client's own log the token, open local files, and have no limits."""
 
         def read_text(self, source: Any, *args: Any, **kwargs: Any) -> str:
             if isinstance(source, str) and "://" not in source:

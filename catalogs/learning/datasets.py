@@ -83,7 +83,8 @@ def _visible_classes(*classes: int) -> LabelMeaning:
     return LabelMeaning(classes, occluder=False)
 
 
-_UNLABELLED, _OCCLUDER = LabelMeaning(), LabelMeaning(occluder=True)
+_UNLABELLED = LabelMeaning()
+_OCCLUDER = LabelMeaning(occluder=True)
 _PARIS_LABELS: dict[int, LabelMeaning] = {
     **{
         number: _visible_classes(number)
@@ -102,7 +103,7 @@ _PARIS_LABELS: dict[int, LabelMeaning] = {
 }
 
 ECP = DatasetRecipe("ecp", "images", "labels", _PARIS_LABELS, may_train=True)
-# Its labels run straight through trees and cars: what stands in front of the facade is not told.
+# Its labels ignore trees and cars, so occluders are unknown.
 ARTDECO = DatasetRecipe(
     "artdeco",
     "images",
@@ -110,7 +111,7 @@ ARTDECO = DatasetRecipe(
     {number: LabelMeaning(told.classes) for number, told in _PARIS_LABELS.items()},
     may_train=False,
 )
-# Facades of many styles, without classes for sky and roof; ornament is wall, shutters and cornices may be either.
+# Facades of many styles, without classes for sky and roof; ornament is wall, shutters and cornices are ambiguous.
 CMP = DatasetRecipe(
     "cmp",
     "images",
@@ -181,7 +182,7 @@ LABELMEFACADE = DatasetRecipe(
 
 RECIPES = {recipe.name: recipe for recipe in (ECP, ARTDECO, CMP, RUEMONGE, LABELMEFACADE)}
 
-# The Swiss street photos come as polygons with a category. Of what no polygon covers most is sky.
+# The Swiss street photos have polygons with a category. Most of the uncovered area is sky.
 _SWISS_CATEGORIES = {
     "facade": _visible_classes(FacadeClass.WALL, FacadeClass.ROOF, FacadeClass.DOOR),
     "window": _visible_classes(FacadeClass.WINDOW),
@@ -212,7 +213,8 @@ def read_artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
 def read_swiss(folder: str | Path) -> Iterator[LabelledFacade]:
     """Read street photos with polygons from annotations.coco.json, in the order of that file.
 
-    Smaller polygons are drawn over larger ones. Where a part of a facade overlaps a tree or a car, their order is unknown.
+    Smaller polygons are drawn over larger ones. Where a part of a facade overlaps a tree or a car, their order is
+    unknown.
 
     Raises
     ------
@@ -259,7 +261,7 @@ def read_dataset(recipe: DatasetRecipe, folder: str | Path) -> Iterator[Labelled
 def split_facades(
     facades: Sequence[LabelledFacade], every: int = 5
 ) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
-    """Return (training, held out): the fixed division for evaluation, with every fifth facade held out from the first on."""
+    """Split facades into (training, held out): every fifth is held out from the first on."""
     held_out = list(facades[::every])
     return [facade for index, facade in enumerate(facades) if index % every], held_out
 

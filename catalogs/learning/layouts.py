@@ -14,7 +14,7 @@ import numpy as np
 from facade_core.core.errors import InputError
 from facade_core.core.types import Element
 
-# What layout files call their rectangles, in terms of facade_core.core.labels; all else is dropped and counted.
+# Labels of layout files -> classes of facade_core.core.labels; other labels are dropped and counted.
 LAYOUT_LABELS: Mapping[str, str] = {
     "window": "window",
     "balcony": "balcony",
@@ -23,7 +23,7 @@ LAYOUT_LABELS: Mapping[str, str] = {
     "shop": "shop",
     "store": "shop",
 }
-# Rectangles of this label are the facade itself, where a file has them: the domain is what they span together.
+# Rectangles of this label span the domain of the facade, if a file has them.
 _FACADE_LABEL = "facade"
 
 
@@ -68,7 +68,7 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
 def split_layouts(
     layouts: Sequence[LayoutRecord], fold: int = 0, every: int = 5
 ) -> tuple[list[LayoutRecord], list[LayoutRecord]]:
-    """Return (training, held out): the fixed division for evaluation, with every fifth layout held out from number `fold` on."""
+    """Split layouts into (training, held out): every fifth is held out from number `fold` on."""
     held_out = list(layouts[fold::every])
     return [layout for index, layout in enumerate(layouts) if index % every != fold], held_out
 

@@ -11,10 +11,10 @@ from typing import Any, TypeAlias
 from catalogs.published.folders import Folder, file_sizes, join_path, write_atomically
 
 FILE_LIST_NAME = "files.json"
-# What queries and summaries are read from is compared by content each time, all else by size.
+# Files compared by content at every check; others are compared by size.
 HASHED_FILES = ("items.parquet", "summary.json")
 
-# A file's size in bytes, and its digest.
+# Size of a file in bytes, and its digest.
 SizeAndDigest: TypeAlias = tuple[int, str]
 
 
@@ -92,20 +92,23 @@ def read_street_tags(folder: Folder) -> list[str]:
 
 
 def read_predecessor(folder: Folder) -> str | None:
-    """Return the snapshot that was published before; None if there was none, or the list cannot be read."""
+    """Return the snapshot that was published before, or None if unknown."""
     held = read_file_list(folder)
     return held["predecessor"] if held else None
 
 
 def read_file_list(folder: Folder) -> dict[str, Any] | None:
-    """Read the list of a published folder, with `files` as path -> size and digest; None if it cannot be read."""
+    """Read the list of a published folder; None if it cannot be read.
+
+    `files` is path -> size and digest.
+    """
     try:
         held = json.loads((folder / FILE_LIST_NAME).read_text())
         return {
             "predecessor": held["predecessor"],
             "tags": list(map(str, held["tags"])),
             "files": {str(name): (int(size), str(digest)) for name, (size, digest) in held["files"].items()},
-            # snapshots from before parts of them could fail have neither
+            # missing in snapshots of older versions
             **{name: {str(k): str(v) for k, v in held.get(name, {}).items()} for name in ("made", "failed")},
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

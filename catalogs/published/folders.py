@@ -69,7 +69,10 @@ def remove_path(path: Folder) -> None:
 
 
 def move_folder(folder: F, target: F) -> None:
-    """Move a folder over another. In a bucket objects are copied one by one, and the pointer `current` is removed first."""
+    """Move a folder over another.
+
+    In a bucket objects are copied one by one, and the pointer `current` is removed first.
+    """
     if isinstance(folder, Path) and isinstance(target, Path):
         shutil.rmtree(target, ignore_errors=True)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -93,7 +96,7 @@ def file_size(path: Folder) -> int | None:
 
 
 def local_folder(place: Folder) -> Path:
-    """Return the folder on this machine for files that no other machine needs: log, server records, partial files.
+    """Return the folder on this machine for a run's log, server records and partial files.
 
     For a run in a bucket it is in the user's cache ($XDG_CACHE_HOME).
     """

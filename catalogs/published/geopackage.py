@@ -45,9 +45,9 @@ class LayerContent:
 def write_layers(path: Path, content: LayerContent) -> None:
     """Write the layers of a block into a GeoPackage; a layer without rows is left out.
 
-    The layers are facades (foot lines with every column of the catalogue, and whether they are facades), walls (the same as
-    upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets, and set_aside
-    (units without geometry, and why).
+    The layers are facades (foot lines with every column of the catalogue, and whether they are facades), walls (the
+    same as upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets,
+    and set_aside (units without geometry, and why).
 
     Raises
     ------

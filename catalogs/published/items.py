@@ -46,7 +46,10 @@ class ItemColumn:
 
 
 def _interval_columns(name: str, type: str, unit: str = "") -> tuple[ItemColumn, ItemColumn]:
-    """Return the columns of an interval meant to hold the true value in nine of ten facades (`bench elements`: 84 to 100 %)."""
+    """Return the columns of an interval meant to hold the true value in nine of ten facades.
+
+    Measured by `bench elements`: 84 to 100 %.
+    """
     least, most = (
         f"the {end} that `{name}` may be, meant to hold in nine of ten facades; none where no picture tells"
         for end in ("least", "most")
@@ -214,10 +217,10 @@ COLUMNS = (
     ItemColumn("config_digest", "string", "", "digest of the inputs and settings", required=True),
 )
 BBOX = ("xmin", "ymin", "xmax", "ymax")
-# What a row to be written holds: the box follows from the geometry.
+# Keys of a row to be written; the box is computed from the geometry.
 ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
 STATUSES = ("done", "failed")
-# What `quality` says of a facade whose height is a guess, as most are where a map states none.
+# Value of `quality` for a facade with an assumed height.
 ASSUMED_HEIGHT = "height-assumed"
 ITEM_KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile", "picture")
 _PYTHON_TYPES: dict[str, type] = {
@@ -235,8 +238,8 @@ def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -
 
     Parameters
     ----------
-    rows : mappings with ROW_KEYS; `geometry` of a facade is a LineString in `crs`, `updated` is an aware datetime, None is
-        unknown. A foot line with a non-finite coordinate becomes unknown.
+    rows : mappings with ROW_KEYS; `geometry` of a facade is a LineString in `crs`, `updated` is an aware datetime,
+        None is unknown. A foot line with a non-finite coordinate becomes unknown.
     crs : any user input of pyproj.
 
     Raises
@@ -325,7 +328,7 @@ def _arrow_array(column: ItemColumn, values: Sequence[Any], rows: Sequence[Mappi
 
     values = [None if value is None or value != value else value for value in values]  # NaN is unknown too
     for row, value in zip(rows, values, strict=True):
-        # Arrow would cut 3.5 to 3, and take a time without a zone for one in UTC
+        # Arrow would truncate 3.5 to 3, and treat a time without a zone as UTC
         if value is not None and (
             not isinstance(value, _PYTHON_TYPES[column.type]) or (isinstance(value, datetime) and not value.tzinfo)
         ):
@@ -341,7 +344,7 @@ def arrow_type(column: ItemColumn) -> pa.DataType:
 
 
 def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
-    """Return the Arrow schema with units and meanings, and the GeoParquet 1.1 header (no crs means OGC:CRS84)."""
+    """Return the Arrow schema with the GeoParquet 1.1 header (no crs means OGC:CRS84)."""
     import pyarrow as pa
 
     geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}

@@ -1,7 +1,8 @@
 """Merged catalogues of many runs, so that a query of ten thousand runs opens a hundred files.
 
-OUT/items/N.parquet holds the rows of up to RUNS_PER_FILE runs with their names in `run`, and states in its metadata which
-snapshot of each run they are. The files are caches: rows of a run that has published since are read from the run.
+OUT/items/N.parquet holds the rows of up to RUNS_PER_FILE runs with their names in `run`, and states in its metadata
+which snapshot of each run they are. The files are caches: rows of a run that has published since are read from the
+run.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from catalogs.published.s3 import S3Folder, s3_filesystem
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ITEMS_FOLDER, RUNS_METADATA_KEY = "items", b"streetloom:runs"
+ITEMS_FOLDER = "items"
+RUNS_METADATA_KEY = b"streetloom:runs"
 RUNS_PER_FILE = 128
 
 
@@ -65,14 +67,15 @@ def read_parquet_schema(path: Folder) -> pa.Schema:
 def _merged_files(out: Folder) -> list[Folder]:
     folder = out / ITEMS_FOLDER
     found: Iterable[Folder] = folder.iterdir() if folder.is_dir() else ()
-    # a name that begins with a dot is of a file that is being written
+    # names of partial files begin with a dot
     return sorted((one for one in found if one.name.endswith(".parquet") and one.name[0] != "."), key=str)
 
 
 def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> None:
     """Merge the catalogues of runs, each given with its current snapshot.
 
-    Only files with a changed run are rewritten. A run whose catalogue cannot be read, or does not fit the others, is in no file.
+    Only files with a changed run are rewritten. A run whose catalogue is unreadable, or does not fit the others, is
+    left out.
     """
     if isinstance(out, Path):
         (out / ITEMS_FOLDER).mkdir(exist_ok=True)

@@ -19,7 +19,7 @@ from facade_core.core.errors import InputError, MachineError
 if TYPE_CHECKING:
     from obstore.store import S3Credential, S3Store
 
-# Requests under way at once: they wait for the network, and for little else.
+# Requests mostly wait for the network.
 MAX_CONCURRENT_REQUESTS = 16
 
 
@@ -64,7 +64,7 @@ def upload_if_unchanged(path: str, data: bytes, tag: str | None) -> str | None:
                     raise
                 return None  # it was removed meanwhile
     except (AlreadyExistsError, PreconditionError):
-        # a request whose answer was lost is sent again, and then meets what it wrote itself
+        # a retry after a lost answer finds the object that it wrote itself
         found = download_object(path)
         return found[1] if found is not None and found[0] == data else None
 
@@ -115,7 +115,7 @@ def delete_objects(paths: Iterable[str]) -> None:
         try:
             obstore.delete(_locate(waiting[0])[0], [_locate(path)[1] for path in waiting])
         except FileNotFoundError:
-            if len(waiting) > 1:  # of several, the others
+            if len(waiting) > 1:  # remove the others one by one
                 for path in waiting:
                     delete_objects([path])
 
@@ -124,8 +124,8 @@ def delete_objects(paths: Iterable[str]) -> None:
 def _translate_errors(path: str) -> Iterator[None]:
     """Convert errors of the bucket into one line with the remedy.
 
-    Raises MachineError, InputError if the environment is wrong, FileNotFoundError for missing objects. Failed conditions pass
-    unchanged.
+    Raises MachineError, InputError if the environment is wrong, FileNotFoundError for missing objects. Failed
+    conditions pass unchanged.
     """
     from obstore.exceptions import (
         AlreadyExistsError,
@@ -151,8 +151,8 @@ def _translate_errors(path: str) -> Iterator[None]:
         ) from error
     except (BaseError, OSError) as error:
         raise MachineError(
-            f"s3://{path}: the bucket does not answer as it should ({_error_text(error)}); check AWS_ENDPOINT_URL and the network, "
-            "and run again: what is done is kept"
+            f"s3://{path}: the bucket does not answer as it should ({_error_text(error)}); check AWS_ENDPOINT_URL and the "
+            "network, and run again: what is done is kept"
         ) from error
 
 
@@ -170,7 +170,7 @@ def _locate(path: str) -> tuple[S3Store, str]:
 
 @lru_cache(maxsize=8)
 def _open_store(bucket: str, address: str | None, region: str | None) -> S3Store:
-    """Open a bucket with the environment's credentials: keys, a profile, a web identity, a container's or a machine's role."""
+    """Open a bucket with the environment's credentials: keys, profile, web identity or role."""
     from obstore.store import S3Store
 
     options = {"endpoint": address, "region": region}
@@ -189,7 +189,7 @@ def _open_store(bucket: str, address: str | None, region: str | None) -> S3Store
 
 
 def _profile_keys() -> Mapping[str, str] | None:
-    """Return the keys of the environment's profile, which obstore does not look up; None if there are none."""
+    """Return the keys of the environment's profile, or None; obstore does not look them up."""
     file = os.environ.get("AWS_SHARED_CREDENTIALS_FILE") or Path.home() / ".aws" / "credentials"
     held = RawConfigParser()
     try:
@@ -201,7 +201,7 @@ def _profile_keys() -> Mapping[str, str] | None:
 
 
 def _profile_credential() -> S3Credential:
-    """Return the profile's keys with an expiry for obstore, which asks again since the file may be rewritten."""
+    """Return the profile's keys with an expiry, since the file may be rewritten."""
     found = _profile_keys()
     if found is None:
         raise InputError("the profile of AWS_SHARED_CREDENTIALS_FILE has no keys any more; see to the file")

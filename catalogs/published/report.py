@@ -1,4 +1,7 @@
-"""Static report of a published snapshot: an index and one page per street, as plain HTML without network access."""
+"""Static report of a published snapshot, as plain HTML without network access.
+
+It has an index and pages for each street with its facades stage by stage.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,9 @@ from facade_core.core.labels import PARSE_COLOURS
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-# Facades on a page at most, and of those that somebody should look at.
 MAX_FACADES_PER_PAGE = 40
 MAX_REVIEW_FACADES = 60
-# Those that changed most, with their pictures.
+# Changed facades with pictures in the index.
 MAX_CHANGES = 24
 
 
@@ -228,7 +230,10 @@ def _change_entry(
     before: Mapping[str, str],
     links: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return a changed facade: its row, pictures before and after, and cells (x, y, tenths), None where hidden."""
+    """Return a changed facade: row, pictures before and after, and cells (x, y, tenths).
+
+    Tenths are None where the facade is hidden.
+    """
     own = sheets.get(row["id"], ())
     now = [name for name, _ in own if name.endswith(("-rectified.webp", "-hidden.webp"))] or [name for name, _ in own]
     cells = record.get("change_map", [])

@@ -1,4 +1,4 @@
-"""Reuse of files of an earlier snapshot: files made from the same inputs are linked instead of written again."""
+"""Reuse of an earlier snapshot's files: equal inputs are linked instead of written again."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class SnapshotFiles:
             if source.stat().st_size != size or (self.verify_digests and content_digest(source) != digest):
                 return False
             os.link(source, target)
-        except OSError:  # it is gone, or the file system knows no links: then it is written
+        except OSError:  # missing, or no support for links: the file is written instead
             return False
         self.linked[path] = (size, digest)
         return True

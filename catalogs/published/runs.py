@@ -9,22 +9,32 @@ from catalogs.features import natural_sort_key
 from catalogs.published.folders import F, Folder, map_concurrently
 from facade_core.core.errors import InputError
 
-# In a city's folder, from its first minute on: of which blocks it is.
+# File in a city's folder that lists its blocks, written at the start.
 CITY_FILE_NAME = "city.json"
 
 
 @dataclass(frozen=True)
 class PublishedRun(Generic[F]):
-    """Folder of a run, and its name: relative to the folder of runs that was asked for, or the folder's own."""
+    """Folder and name of a run.
+
+    Attributes
+    ----------
+    folder : folder of the run.
+    name : relative to the folder of runs that was asked for, or the folder's own name.
+    """
 
     folder: F
     name: str
 
 
 def find_runs(folder: F) -> tuple[list[PublishedRun[F]], list[str]]:
-    """Find the published runs, and describe runs that have not published: `folder` itself, or those at most two levels down.
+    """Find the published runs: `folder` itself, or those at most two levels down.
 
     A run is recognised by its `current`, or by its store before it has published; its folder is not searched further.
+
+    Returns
+    -------
+    Published runs, and a line about each run that has not published.
 
     Raises
     ------
@@ -58,7 +68,7 @@ def find_runs(folder: F) -> tuple[list[PublishedRun[F]], list[str]]:
 
 
 def find_stores(folder: F) -> dict[str, F]:
-    """Return name -> folder of the runs that have a store: `folder` itself, or those at most two levels down."""
+    """Return name -> folder of the runs with a store: `folder` or those up to two levels down."""
     if (folder / "store").is_dir():
         return {folder.resolve().name: folder}
     found: dict[str, F] = {}

@@ -24,11 +24,15 @@ _CONNECT_TIMEOUT_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class S3Folder:
-    """Folder or object in a bucket, with the part of pathlib's interface that runs need; path: bucket/prefix.
+    """Folder or object in a bucket, with the part of pathlib's interface that runs need.
 
-    Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ..., AWS_REGION,
-    AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Writing takes only keys from a profile. Methods that read raise InputError if the
-    bucket does not answer; those that write raise the errors of `object_store`.
+    Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
+    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Writing takes only keys from a profile. Methods that read raise
+    InputError if the bucket does not answer; those that write raise the errors of `object_store`.
+
+    Attributes
+    ----------
+    path : bucket/prefix.
     """
 
     path: str

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from catalogs.published.object_store import MAX_CONCURRENT_REQUESTS
 from catalogs.published.s3 import S3Folder, s3_filesystem, translate_errors
 from facade_core.core.errors import InputError
 
-# Requests under way at once: they wait for the network, and for little else.
-MAX_CONCURRENT_REQUESTS = 16
-# What names the rest; it arrives when the rest is there.
-_REFERENCES, _POINTERS = "store/refs", ("current", "catalog.json")
-# Everything else is never written twice under one name, but for these.
+# References to other files; they are copied last.
+_REFERENCES = "store/refs"
+_POINTERS = ("current", "catalog.json")
+# Suffixes of files that are rewritten under the same name.
 _REWRITTEN = (".json", ".yaml")
 
 
@@ -34,7 +34,7 @@ def copy_run(
 ) -> int:
     """Copy the store and all published files of a run, and return the number of files sent.
 
-    Files that are present are skipped: chunks and pictures are never written twice under one name. The store's references follow
+    Present files are skipped: chunks and pictures are never written twice under one name. The store's references follow
     its data, then `current`, and catalog.json last. Nothing in the bucket is removed. The run must not go on meanwhile.
 
     Parameters

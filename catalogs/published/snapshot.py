@@ -1,4 +1,4 @@
-"""Published snapshot: the pointer `current`, the paths of its files, and the lock that protects it from pruning."""
+"""Published snapshot: the pointer `current`, paths of its files, and its lock."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Snapshot(Generic[F]):
-    """Snapshot in its folder OUT/published/ID, on this machine or in a bucket, or in the folder in which it is being written."""
+    """Snapshot in its folder OUT/published/ID, or in the folder in which it is being written."""
 
     folder: F
 
@@ -91,10 +91,10 @@ class Snapshot(Generic[F]):
             return
         try:
             handle = os.open(self.folder, os.O_RDONLY)
-        except OSError:  # whoever reads will say what is missing
+        except OSError:  # the reader will report the missing folder
             yield self
             return
-        with suppress(OSError):  # it is being removed, or the file system knows no locks
+        with suppress(OSError):  # being removed, or no support for locks
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
         try:
             yield self
@@ -103,7 +103,10 @@ class Snapshot(Generic[F]):
 
     @contextmanager
     def lock_exclusively(self) -> Iterator[bool]:
-        """Yield whether nobody reads the folder, and keep readers out meanwhile. Readers of a bucket are unknown."""
+        """Yield whether nobody reads the folder, and keep readers out meanwhile.
+
+        Readers of a bucket are unknown.
+        """
         if isinstance(self.folder, S3Folder):
             yield True
             return
@@ -187,7 +190,10 @@ def find_current_snapshot(out: F) -> Snapshot[F] | None:
 
 
 def current_pointer_tag(out: Folder) -> str | None:
-    """Return the version of `current` in a bucket; None on this machine, where the run's lock suffices, and if there is none."""
+    """Return the version of `current` in a bucket, or None.
+
+    None on this machine, where the run's lock suffices.
+    """
     found = object_store.download_object(f"{out.path}/current") if isinstance(out, S3Folder) else None
     return found[1] if found else None
 

@@ -12,9 +12,10 @@ from catalogs.published.s3 import S3Folder
 
 
 def upload_snapshot(written: Path, final: S3Folder, earlier: S3Folder | None, linked: Collection[str]) -> None:
-    """Upload the files of a snapshot; `linked` ones are copied within the bucket from the snapshot `earlier`.
+    """Upload the files of a snapshot.
 
-    The list of files comes last: a snapshot without it is incomplete.
+    `linked` files are copied within the bucket from the snapshot `earlier`. The list of files comes last: a snapshot
+    without it is incomplete.
     """
     names = sorted(path.relative_to(written).as_posix() for path in written.rglob("*") if path.is_file())
 

@@ -1,4 +1,4 @@
-"""Catalogue of published runs for Python: facades as a GeoDataFrame, one facade as an xarray Dataset."""
+"""Catalogue of published runs for Python: GeoDataFrame of facades, Dataset of one facade."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import geopandas as gpd
     import xarray as xr
 
-# Arrays of the store that a facade's Dataset holds: variable -> array, and what its values mean.
+# Variable of a facade's Dataset -> array of the store.
 RASTERS = {
     "colour": "atlas/colour",
     "provenance": "atlas/provenance",
@@ -42,7 +42,9 @@ class Catalogue:
     def search(
         self, where: str | None = None, *, bbox: Sequence[float] | None = None, since: str | None = None
     ) -> gpd.GeoDataFrame:
-        """Return the facades, and units set aside, that `catalogs.query.query` selects; geometry are foot lines in lon/lat.
+        """Return the selected facades and units set aside; geometry are foot lines in lon/lat.
+
+        Arguments are those of `catalogs.query.query`.
 
         Raises
         ------
@@ -50,18 +52,20 @@ class Catalogue:
         """
         try:
             return to_geodataframe(query(self.out, where=where, bbox=bbox, since=since))
-        except InputError as error:  # said for the command line, whose options have the same names
+        except InputError as error:  # messages name command-line options, which equal the arguments
             raise InputError(str(error).removeprefix("--")) from error
 
     def facade(self, id: str, *, run: str | None = None) -> xr.Dataset:
-        """Return the rasters (y, x) of a facade in the current snapshot, in metres along the wall and down from its top.
+        """Return the rasters (y, x) of a facade in the current snapshot.
 
-        attrs: id, crs, origin (3,) of its upper left corner, axis_x and axis_y (3,), elements of the completed facade as JSON.
-        to_zarr keeps the Dataset as it is. NetCDF 3, which xarray writes without netCDF4 and h5netcdf, has no unsigned bytes:
+        Coordinates are metres along the wall and down from its top. attrs: id, crs, origin (3,) of its upper left
+        corner, axis_x and axis_y (3,), elements of the completed facade as JSON. to_zarr keeps the Dataset as it is.
+        NetCDF 3, which xarray writes without netCDF4 and h5netcdf, has no unsigned bytes:
         `facade.astype("int16").to_netcdf(path)` works everywhere.
 
         Parameters
         ----------
+        id : id of the facade.
         run : name of the run, as in the column `run`; needed if several runs have a facade of that id.
 
         Raises

@@ -51,8 +51,8 @@ def query(
 
     Returns
     -------
-    Columns of catalogs.published.items.COLUMNS, then `run`: the run's folder relative to `out`, or its own name if `out` is the
-    run. Integer columns are nullable, times are in UTC, geometry is WKB.
+    Columns of catalogs.published.items.COLUMNS, then `run`: the run's folder relative to `out`, or its own name if
+    `out` is the run. Integer columns are nullable, times are in UTC, geometry is WKB.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def query(
         named = [*(one.path for one, _ in files), *(path for _, path, _ in found)]
         local = [path for path in named if isinstance(path, Path)]
         connection.execute("SET TimeZone = 'UTC'")
-        # of the world the condition may see these files and no others, and only the columns that it names are read of all rows
+        # the condition has access to these files only; DuckDB reads only the columns that it names
         connection.execute(
             "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _glob_pattern(p))]]
         )
@@ -75,7 +75,7 @@ def query(
         for number, (run, path, columns, stale) in enumerate([*joined, *((*one, []) for one in found)]):
             but = [f"run NOT IN ({', '.join(map(_quote_text, stale))})"] if stale else []
             if isinstance(path, S3Folder):
-                # DuckDB speaks S3 by an extension that it would download: Arrow reads, and skips what box and time rule out
+                # DuckDB would download an extension for S3, so Arrow reads, with filters on box and time
                 connection.register(f"rows_{number}", _filtered_dataset(path, columns, box, start))
                 parts.append(_select_sql(run, columns, schema, f"rows_{number}") + _where_sql(columns, [], None, but))
             else:
@@ -107,7 +107,7 @@ def _parse_box(bbox: Sequence[float] | None) -> list[float]:
     return box
 
 
-# A joined file, and the runs in it that have published since.
+# Merged files, each with the runs in it that have published since.
 MergedFiles = list[tuple[MergedItems, list[str]]]
 
 
@@ -202,7 +202,10 @@ def _where_sql(columns: pa.Schema, box: Sequence[float], start: datetime | None,
 
 
 def _filtered_dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Any:
-    """Return the file in a bucket as an Arrow dataset with the same filters; other row groups are not fetched."""
+    """Return the file in a bucket as an Arrow dataset with filters on box and time.
+
+    Row groups without matching rows are not fetched.
+    """
     import pyarrow as pa
     from pyarrow import dataset
 

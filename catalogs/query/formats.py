@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OUTPUT_FORMATS = ("table", "json", "geojson", "parquet")
-# What fits a terminal; --format json shows everything.
+# Columns that fit a terminal; --format json shows all.
 _TABLE_COLUMNS = (
     "id",
     "street",
@@ -37,14 +37,21 @@ _TABLE_COLUMNS = (
     "status",
 )
 
-# What a table shows where there is something to show, or what is no text.
+# Columns that a table shows only if needed.
 _CONDITIONAL_COLUMNS = ("run", "kind", "reason", "geometry")
 
 
 def format_items(items: pd.DataFrame, format: str = "table", where: str | None = None) -> str:
-    """Format facades as an aligned table with the condition's columns, a JSON array, or a GeoJSON FeatureCollection.
+    """Format facades as an aligned table, a JSON array or a GeoJSON FeatureCollection.
 
-    GeoJSON is in lon/lat with 7 decimals, about 1 cm.
+    Parameters
+    ----------
+    format : table, json or geojson; GeoJSON is in lon/lat with 7 decimals, about 1 cm.
+    where : condition of the query; the table includes its columns.
+
+    Raises
+    ------
+    InputError : unknown format.
     """
     if format == "table":
         return _format_table(items, condition_columns(where or "", list(items.columns)))

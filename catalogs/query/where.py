@@ -27,7 +27,7 @@ ALLOWED_FUNCTIONS = (
     "least",
     "greatest",
 )
-# Those of them that say yes or no.
+# Functions among them with a boolean result.
 _BOOLEAN_FUNCTIONS = {"contains", "starts_with", "ends_with"}
 _ARITHMETIC_OPERATORS = {"+", "-", "*", "/", "//", "%", "||"}
 _LIKE_OPERATORS = {"~~": "LIKE", "!~~": "NOT LIKE", "~~*": "ILIKE", "!~~*": "NOT ILIKE"}
@@ -44,9 +44,14 @@ _QUALIFIERS = ("schema", "catalog", "filter", "distinct", "export_state")
 
 
 def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, columns: Sequence[str]) -> str:
-    """Return `SELECT * FROM table WHERE where`, after checking that `where` is one condition over `columns`.
+    """Return `SELECT * FROM table WHERE where` after checking that `where` is one condition.
 
-    DuckDB's parser builds the tree that is checked, and the parsed text is returned unchanged, so nothing unchecked runs.
+    DuckDB's parser builds the tree that is checked, and the parsed text is returned unchanged, so nothing unchecked
+    runs.
+
+    Parameters
+    ----------
+    columns : names that the condition may use.
 
     Raises
     ------
@@ -60,7 +65,9 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
 
 
 def combine_conditions(conditions: Sequence[str]) -> str | None:
-    """Combine conditions with AND; None without any. Each is parsed alone, so that none ends inside another.
+    """Combine conditions with AND; None without any.
+
+    Each is parsed alone, so that none ends inside another.
 
     Raises
     ------
@@ -73,7 +80,7 @@ def combine_conditions(conditions: Sequence[str]) -> str | None:
     with duckdb.connect() as connection:
         for one in conditions:
             _parse_condition(connection, "items", one)
-    return " AND ".join(f"({one}\n)" for one in conditions)  # a comment ends with its line
+    return " AND ".join(f"({one}\n)" for one in conditions)  # the line break ends a trailing comment
 
 
 def _parse_condition(connection: duckdb.DuckDBPyConnection, table: str, where: str) -> Any:
@@ -107,9 +114,10 @@ def condition_columns(where: str, columns: Sequence[str]) -> list[str]:
 
 
 def parse_since(text: str, now: datetime | None = None) -> datetime:
-    """Parse an ISO date or date-time (UTC unless it has an offset), or an age such as 36h or 7d, as an instant.
+    """Parse an ISO date or date-time, or an age such as 36h or 7d, as an instant.
 
-    Ages count back from `now` in minutes (m), hours (h), days (d) or weeks (w).
+    Dates are in UTC unless they have an offset. Ages count back from `now` in minutes (m), hours (h), days (d) or
+    weeks (w).
 
     Raises
     ------
@@ -163,7 +171,7 @@ def _check_expressions(condition: Any, where: str, columns: Sequence[str]) -> No
 
 
 def _check_boolean(condition: Any, where: str) -> None:
-    """Reject numbers as conditions: DuckDB accepts them, but `floors` alone is an incomplete condition."""
+    """Reject numbers as conditions, which DuckDB accepts: `floors` alone is incomplete."""
     waiting = [condition]
     while waiting:
         part = waiting.pop()

@@ -26,7 +26,12 @@ _IMAGES_FOLDER = "report/images"
 
 
 def block_assets(folder: Path, up: str) -> dict[str, Asset]:
-    """Return assets of the table, models, list of tiles and report that exist in `folder`; `up` leads there from the STAC file."""
+    """Return assets of the table, models, list of tiles and report that exist in a folder.
+
+    Parameters
+    ----------
+    up : relative path from the STAC file to `folder`.
+    """
     return {
         key: _file_asset(folder, path, up, title=title, media_type=media_type, roles=roles)
         for path, key, title, media_type, roles in _BLOCK_FILES
@@ -53,7 +58,7 @@ def tile_assets(folder: Path, up: str) -> dict[str, Asset]:
 
 
 def store_asset(up: str, fields: Mapping[str, Any] | None = None) -> Asset:
-    """Return the asset of the run's Icechunk store, two folders above the published block, with extra fields."""
+    """Return the asset of the run's Icechunk store, two folders above the block."""
     from pystac import Asset
 
     title, media_type = "Icechunk store: atlas, panoramas and journal", "application/vnd.zarr; version=3"
@@ -71,7 +76,7 @@ def picture_assets(folder: Path, pictures: Iterable[tuple[str, str]], up: str) -
 
 
 def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, list[tuple[str, str]]]:
-    """Return the report's pictures (key, file name) of each unit, and of the block under None, sorted by name.
+    """Group the report's pictures (key, file name) by unit; the block's are under None.
 
     A picture is named after its unit and a stage, `w1-f2-level-0.webp`; the longest matching unit is taken.
     """

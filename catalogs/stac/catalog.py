@@ -25,8 +25,9 @@ def write_catalog(
 ) -> Folder:
     """Write catalog.json of a run or of a folder of runs, atomically.
 
-    A run's catalog has the Collections of its current snapshot as children, and STAC files of older snapshots are marked as
-    deprecated. A folder's catalog has one child per run, at most two levels down; the run's own catalog.json is updated if needed.
+    A run's catalog has the Collections of its current snapshot as children, and STAC files of older snapshots are
+    marked as deprecated. A folder's catalog has one child per run, at most two levels down; outdated catalogs of runs
+    are updated.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def write_catalog(
     for run in runs:
         try:
             _write_run_catalog(run, find_snapshot)
-            # a run's folder may have a name that means something in a link
+            # folder names may contain characters that are special in links
             children.append((f"./{re.sub('[%?#]', lambda sign: quote(sign[0]), run.name)}/{CATALOG}", run.name))
         except (InputError, OSError) as error:
             left_out.append(f"{run.name} is left out: {error}")
@@ -60,7 +61,10 @@ def write_catalog(
 
 
 def _write_run_catalog(run: PublishedRun, find_snapshot: Callable[[Folder], Snapshot]) -> None:
-    """Write the catalog of a run until `current` stays the same, so that the last of two writers sees the newest snapshot."""
+    """Write the catalog of a run until `current` stays the same.
+
+    Of two concurrent writers, the last one then sees the newest snapshot.
+    """
     snapshot = None
     while snapshot != (snapshot := find_snapshot(run.folder)):
         collections = collection_paths(snapshot.folder)
@@ -82,7 +86,7 @@ def _write_catalog_file(folder: Folder, description: str, children: Sequence[tup
     catalog.add_links([pystac.Link("child", href, "application/json", title) for href, title in children])
     path, data = folder / CATALOG, object_json(catalog).encode()
     if path.is_file() and path.read_bytes() == data:
-        return  # a folder that cannot be written to may be catalogued all the same
+        return  # allows read-only folders with an up-to-date catalog
     write_atomically(path, data)
 
 

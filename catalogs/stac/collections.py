@@ -51,11 +51,11 @@ def build_collection(
     import pystac
     from pyproj import CRS
 
-    # what is nowhere, such as a model, lies somewhere on Earth
+    # items without a location, such as models, get the whole Earth
     boxes = [item.bbox for item in items if item.bbox]
     box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
     interval: list[datetime | None] = [min(times), max(times)] if times else [None, None]
-    sources = () if kind == "models" else facts.sources  # these have licences of their own
+    sources = () if kind == "models" else facts.sources  # models have licences of their own
     projection = projection_fields(CRS.from_user_input(facts.crs))
     collection = pystac.Collection(
         collection_id(facts.name, kind),

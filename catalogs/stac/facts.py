@@ -1,4 +1,4 @@
-"""Facts about a published snapshot's block, streets, run and models, from which STAC Items are built."""
+"""Facts about a snapshot's block, streets, run and models, for STAC Items."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from shapely import LineString
     from shapely.geometry.base import BaseGeometry
 
-# Of a street: textured; not textured, and why; textured before one that it reads was done again; still to do; without walls.
+# States of a street; stale: a street that it reads was textured again; unseen: it sees no wall.
 STREET_STATES = ("done", "failed", "stale", "waiting", "unseen")
 
 

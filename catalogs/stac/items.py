@@ -28,9 +28,9 @@ VERSION = "https://stac-extensions.github.io/version/v1.2.0/schema.json"
 CITY3D = "https://cityjson.github.io/stac-city3d/v0.2.0/schema.json"
 ZARR = "https://stac-extensions.github.io/zarr/v1.0.0/schema.json"
 
-# STAC's name for what models make of measurements.
+# STAC's processing level of model output from measurements.
 PROCESSING_LEVEL = "L4"
-# What a field of STAC's own says, or the geometry.
+# Columns that a STAC field or the geometry states.
 _NON_PROPERTY_COLUMNS = {"id", "geometry", "xmin", "ymin", "xmax", "ymax", "updated", "code_version"}
 ITEM_PROPERTIES = tuple(column.name for column in COLUMNS if column.name not in _NON_PROPERTY_COLUMNS)
 _SHARE_COLUMNS = ("photo", "inpainted", "synthesised", "translated")
@@ -178,7 +178,10 @@ def projection_fields(crs: CRS) -> dict[str, Any]:
 
 
 def project_place(geometry: BaseGeometry | None, crs: CRS) -> ItemPlace:
-    """Return a geometry of the block's frame as a place, without heights; NOWHERE if a coordinate is not finite."""
+    """Return a geometry of the block's frame as a place, without heights.
+
+    NOWHERE if a coordinate is not finite.
+    """
     import numpy as np
     from pyproj import Transformer
 
@@ -212,7 +215,10 @@ def _add_fields(item: Item, fields: Mapping[str, Any]) -> None:
 def _new_item(
     identifier: str, kind: str, facts: BlockFacts, place: ItemPlace, updated: datetime, code_version: str | None = None
 ) -> Item:
-    """Build the common part of an Item; geometry to 7 decimals of a degree (about 1 cm) and to millimetres."""
+    """Build the common part of an Item.
+
+    Geometry is rounded to 7 decimals of a degree (about 1 cm) and to millimetres.
+    """
     import pystac
     from pyproj import CRS
 

@@ -11,7 +11,7 @@ from catalogs.stac.facts import SourceFact
 if TYPE_CHECKING:
     from pystac import Link, Provider
 
-# Licences by what the words for them end in: their SPDX identifiers, and where their text is.
+# Ending of a licence's words -> SPDX identifier and address of the text.
 SPDX = {
     "ODbL 1.0": ("ODbL-1.0", "https://opendatacommons.org/licenses/odbl/1-0/"),
     "CC BY 4.0": ("CC-BY-4.0", "https://creativecommons.org/licenses/by/4.0/"),
@@ -19,12 +19,12 @@ SPDX = {
     "CC-BY-SA-4.0": ("CC-BY-SA-4.0", "https://creativecommons.org/licenses/by-sa/4.0/"),
     "etalab-2.0": ("etalab-2.0", "https://spdx.org/licenses/etalab-2.0.html"),
 }
-# STAC's word for a licence that has no identifier, or for several.
+# STAC's word for a licence without an identifier, or for several.
 OTHER_LICENSE = "other"
 
 
 def common_license(sources: Sequence[SourceFact]) -> str:
-    """Return the SPDX identifier that all sources share; OTHER_LICENSE if they differ or one is unknown."""
+    """Return the SPDX identifier that all sources share, or OTHER_LICENSE."""
     found = {known[0] if (known := _spdx_license(source.licence)) else OTHER_LICENSE for source in sources}
     return found.pop() if len(found) == 1 else OTHER_LICENSE
 

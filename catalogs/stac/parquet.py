@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 MIRROR_NAME = "items.parquet"
 _BOX_SIDES = ("xmin", "ymin", "xmax", "ymax")
-# Parquet has no struct without a field.
+# Parquet has no empty structs.
 _NO_ASSETS = {"thumbnail": {"href": None}}
 
 
 def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Collection, crs: CRS) -> None:
     """Write Items that have a place, and their Collection.
 
-    Properties are columns, times are times, geometries are WKB (proj:geometry in `crs`). Links and assets are relative to the
-    file's folder. Without Items the file has no rows, and `id` is its only column.
+    Properties are columns, times are times, geometries are WKB (proj:geometry in `crs`). Links and assets are
+    relative to the file's folder. Without Items the file has no rows, and `id` is its only column.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Static STAC 1.1 of a published snapshot: Collections of facades, streets, blocks, runs and models."""
+"""Static STAC 1.1 of a published snapshot: Items and Collections of each kind."""
 
 from __future__ import annotations
 
@@ -44,11 +44,12 @@ from catalogs.stac.parquet import MIRROR_NAME, write_mirror
 if TYPE_CHECKING:
     from pystac import Item, Link, STACObject
 
-# Where a published snapshot has its Collections: stac/<kind>/collection.json.
-STAC_FOLDER, COLLECTION_FILE = "stac", "collection.json"
-# Kinds of which there may be thousands, and whose Items are also in one file.
+# A published snapshot has its Collections at stac/<kind>/collection.json.
+STAC_FOLDER = "stac"
+COLLECTION_FILE = "collection.json"
+# Kinds with up to thousands of Items, which are also written to one file.
 MIRRORED_KINDS = ("facades", "streets")
-# The store's asset is described on the Item alone: for a Collection the extension's schema asks it of every asset.
+# Only on the Item: on a Collection the extension's schema requires these fields of every asset.
 _ZARR = {"zarr:node_type": "group", "zarr:zarr_format": 3, "zarr:consolidated": False}
 _JSON = "application/json"
 
@@ -64,10 +65,10 @@ def write_stac(
     predecessor: str | None = None,
     published: Folder | None = None,
 ) -> None:
-    """Write folder/stac/ for the block in `folder`, which is or becomes OUT/published/<snapshot> and is complete otherwise.
+    """Write folder/stac/ for the block in `folder`, which is complete otherwise.
 
-    The bytes depend only on the arguments and the files. Links are relative; the root is OUT/catalog.json (see
-    catalogs.stac.catalog).
+    `folder` is or becomes OUT/published/<snapshot>. The bytes depend only on the arguments and the files. Links are
+    relative; the root is OUT/catalog.json (see catalogs.stac.catalog).
 
     Parameters
     ----------
@@ -215,7 +216,10 @@ class _StacWriter:
 
 
 def object_json(value: STACObject) -> str:
-    """Return an object as JSON text, links unchanged; pystac's own output depends on the installed JSON library."""
+    """Return an object as JSON text, links unchanged.
+
+    pystac's own output depends on the installed JSON library.
+    """
     return fields_json(value.to_dict(include_self_link=False, transform_hrefs=False))
 
 
@@ -231,7 +235,7 @@ def item_stem(identifier: str) -> str:
 
 
 def _facades_place(feet: Sequence[FacadeFoot]) -> ItemPlace:
-    """Return the convex hull of the facades' foot lines; polygons are anticlockwise, as GeoJSON requires."""
+    """Return the convex hull of the facades' foot lines; polygons are anticlockwise."""
     if not feet:
         return ItemPlace(None, None)
     lines = [foot.lonlat for foot in feet], [foot.in_frame for foot in feet]

@@ -12,20 +12,19 @@ from catalogs.published.folders import Folder, file_sizes, join_path, write_atom
 from catalogs.stac.parquet import MIRROR_NAME, remove_links
 from catalogs.stac.snapshot import COLLECTION_FILE, STAC_FOLDER, fields_json
 
-# Links between versions.
 VERSION_LINKS = ("predecessor-version", "latest-version")
 
 
 def mark_superseded(published: Folder, latest: str) -> None:
-    """Mark the STAC files of all snapshots except `latest` as deprecated, linked to the latest version of the same thing.
+    """Mark the STAC files of all snapshots except `latest` as deprecated.
 
-    Each file is replaced atomically; files that are marked already stay.
+    They get a link to the latest version of the same thing. Each file is replaced atomically; marked files stay.
     """
     newest: Collection[str] | None = None
     for snapshot in sorted(path.name for path in published.iterdir() if path.name not in (latest, f".{latest}.tmp")):
         stac = join_path(published, f"{snapshot}/{STAC_FOLDER}")
         names = [name for name in sorted(file_sizes(stac)) if name.endswith(".json")]
-        # Collections last: what has one that says so was finished
+        # Collections last: a marked Collection means that its Items are marked
         for collection in (name for name in names if re.fullmatch(f"[^/]+/{COLLECTION_FILE}", name)):
             if _is_superseded(join_path(stac, collection), latest):
                 continue
@@ -40,7 +39,7 @@ def _is_superseded(path: Folder, latest: str) -> bool:
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return True  # nothing of ours
+        return True  # not written by Streetloom
     return any(link["rel"] == "latest-version" and f"/{latest}/" in link["href"] for link in fields.get("links", ()))
 
 
@@ -57,7 +56,12 @@ def _deprecate_file(stac: Folder, name: str, newest: Collection[str], latest: st
 
 
 def remove_dead_links(published: Folder) -> dict[str, list[str]]:
-    """Remove version links to snapshots that are gone; return the changed files, by snapshot and path in it."""
+    """Remove version links to snapshots that are gone.
+
+    Returns
+    -------
+    Changed files, by snapshot, as paths in it.
+    """
     there = {path.name for path in published.iterdir() if path.is_dir()}
 
     def is_dead(link: dict[str, Any]) -> bool:

@@ -1,4 +1,4 @@
-"""What somebody corrected of a facade, in place of what was parsed or made up."""
+"""Apply manual corrections of elements to a facade."""
 
 from __future__ import annotations
 
@@ -27,7 +27,17 @@ CONTEXT_TEXELS = 10
 
 
 def rasterise_boxes(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
-    """The texels (h, w) bool whose middle lies in one of some boxes, for size = (h, w)."""
+    """Mark the texels whose centre is in one of the boxes.
+
+    Parameters
+    ----------
+    boxes : (x0, y0, x1, y1) as shares of width and height.
+    size : (h, w) of the raster.
+
+    Returns
+    -------
+    (h, w) bool.
+    """
     mask = np.zeros(size, bool)
     for x0, y0, x1, y1 in boxes:
         mask[_pixel_slice(y0 * size[0], y1 * size[0]), _pixel_slice(x0 * size[1], x1 * size[1])] = True
@@ -35,10 +45,15 @@ def rasterise_boxes(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarra
 
 
 def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, float, float]]) -> Facade:
-    """A facade with these elements in place of its own, which are sure. A photo stays what it shows; where the texture was made
-    up, its own wall is laid over elements that are gone, and its own elements are drawn where there are new ones.
+    """Replace a facade's elements by corrected ones of full confidence.
 
-    A class of which it shows none is not drawn: its labels have it, its texture does not.
+    Photographed texels stay. In synthetic texels the facade's own wall covers removed elements, and its own elements
+    are drawn where elements are added. If the facade shows no element of a class, an added one changes the labels
+    only.
+
+    Parameters
+    ----------
+    shares : label and box (x0, y0, x1, y1) of each element, as shares of width and height.
     """
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
@@ -68,8 +83,10 @@ def replace_elements(facade: Facade, shares: Sequence[tuple[str, float, float, f
 
 
 def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, synthetic: np.ndarray) -> None:
-    """Lay the facade's own wall over what was an element: the piece, clear of elements, round which it looks most like here. By
-    diffusion where no piece is clear."""
+    """Paint the facade's own wall over a removed element, in place.
+
+    The source is the wall patch whose surroundings are most similar; without a free patch the area is diffused.
+    """
     import cv2
 
     height, width = labels.shape
@@ -97,13 +114,15 @@ def _paint_wall(image: np.ndarray, labels: np.ndarray, e: Element, synthetic: np
 
 
 def _paint_element(image: np.ndarray, facade: Facade, e: Element, synthetic: np.ndarray) -> None:
-    """Draw the element of the facade that is of this class and most of this size; nothing where it has none."""
+    """Draw the facade's element of this class with the most similar size, in place; nothing if there is none."""
     import cv2
 
     candidates = [other for other in facade.elements if other.label == e.label and min(other.width, other.height) >= 1]
     if not candidates:
         return
-    other = min(candidates, key=lambda o: (abs(np.log(o.width / e.width)) + abs(np.log(o.height / e.height)), o.y0, o.x0))
+    other = min(
+        candidates, key=lambda o: (abs(np.log(o.width / e.width)) + abs(np.log(o.height / e.height)), o.y0, o.x0)
+    )
     size = facade.labels.shape
     rows, columns = _element_slices(e, 0, size)
     if rows.stop <= rows.start or columns.stop <= columns.start:
@@ -115,7 +134,7 @@ def _paint_element(image: np.ndarray, facade: Facade, e: Element, synthetic: np.
 
 
 def _element_slices(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice, slice]:
-    """The texels, in a raster of size (h, w), of an element and a rim around it."""
+    """Return the rows and columns of an element and a rim around it, in a raster of size (h, w)."""
     y0, y1 = (min(max(round(y), 0), size[0]) for y in (e.y0 - rim, e.y1 + rim))
     x0, x1 = (min(max(round(x), 0), size[1]) for x in (e.x0 - rim, e.x1 + rim))
     return slice(y0, y1), slice(x0, x1)
@@ -124,7 +143,7 @@ def _element_slices(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice,
 def unmatched_elements(
     elements: Sequence[Element], others: Sequence[Element], *, max_shift: float = MAX_SHIFT_TEXELS
 ) -> list[Element]:
-    """The elements that none of the others is, of one class and with no side farther off than `moved`."""
+    """Return the elements without a counterpart of the same class within `max_shift` of every side."""
     return [
         a
         for a in elements
@@ -137,7 +156,7 @@ def unmatched_elements(
 
 
 def _draw_labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
-    """A label map (h, w) uint8 whose elements are those of a layout: what else was one is wall."""
+    """Return a label map (h, w) uint8 whose elements are those of a layout; former elements become wall."""
     drawn = labels.copy()
     drawn[np.isin(labels, [CLASSES.index(name) for name in ELEMENT_CLASSES])] = FacadeClass.WALL
     for name in ELEMENT_CLASSES:
@@ -148,5 +167,5 @@ def _draw_labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
 
 
 def _pixel_slice(low: float, high: float) -> slice:
-    """The pixels whose middle lies within."""
+    """Return the pixels whose centre is in the interval."""
     return slice(max(round(low), 0), max(round(high), 0))

@@ -1,4 +1,4 @@
-"""The facade stages in their order: parse, lattice, elements, variation, layout completion, inpainting, retargeting."""
+"""Facade pipeline: parse, complete the layout, inpaint, fit lattice and variations, or retarget an exemplar."""
 
 from __future__ import annotations
 
@@ -57,15 +57,25 @@ FREE_MARGIN_M = 0.25
 
 @dataclass(frozen=True)
 class Facade:
-    """A facade after its stages.
+    """Facade after all of its stages.
 
-    evidence (h, w, 3) uint8, the image before completion; image (h, w, 3) uint8, complete; labels (h, w) uint8, complete;
-    occluded (h, w) bool; provenance (h, w) uint8; masked, boxes (x0, y0, x1, y1) of the trees, cars, people and the like
-    that the parser saw in front and that are no longer in the image, and masked_share, the share of it that these hid; told,
-    the share of it that its windows are, their number and that of its storeys, and the least and most that these may be, None
-    where no picture tells; floors, its storeys, the ground floor included, 0 where it shows no windows; the elements'
-    confidence is the probability that they are there, times the share of them that was seen, 1 where no picture tells; seconds
-    per stage.
+    Attributes
+    ----------
+    evidence : (h, w, 3) uint8 image before completion.
+    image : (h, w, 3) uint8 completed image.
+    labels : (h, w) uint8 completed class ids.
+    occluded : (h, w) bool.
+    provenance : (h, w) uint8 Provenance.
+    masked : boxes (x0, y0, x1, y1) of trees, cars, people and the like that were removed from the image.
+    masked_share : share of the image that they hid.
+    lattice : irregular lattice of the labels.
+    elements : elements with the probability that they exist times their visible share as confidence; 1 without a
+        photo.
+    hierarchy : variation-factored hierarchy, None for walls on no street.
+    completion : completed layout, None if nothing was completed.
+    estimates : window share, number of windows and of floors, with intervals; None without a photo.
+    floors : number of floors, the ground floor included; 0 without windows.
+    seconds : seconds of each stage.
     """
 
     evidence: np.ndarray
@@ -86,9 +96,19 @@ class Facade:
 
 @dataclass(frozen=True)
 class Exemplar:
-    """A facade image prepared for retargeting: evidence, image, labels and occluded as in `Facade`, cut to the facade, which
-    was the box (x0, y0, x1, y1) of the picture; found, whether there is one in it; its metric scale, floors and windows in the
-    fullest row; shaded, the share of its wall that lies in shadow; seconds per stage."""
+    """Facade image prepared for retargeting.
+
+    Attributes
+    ----------
+    evidence, image, labels, occluded : as in `Facade`, cut to the facade.
+    box : (x0, y0, x1, y1) of the facade in the picture.
+    has_facade : True if a facade was found in the picture.
+    metres_per_pixel : metric scale.
+    floors : number of floors.
+    columns : number of windows in the fullest row.
+    shaded_share : share of its wall in shadow.
+    seconds : seconds of each stage.
+    """
 
     evidence: np.ndarray
     image: np.ndarray
@@ -104,7 +124,7 @@ class Exemplar:
 
 
 class _CompletedPhoto(NamedTuple):
-    """A photo parsed and completed, as `Facade` has it, with its lattice and variations to come."""
+    """Parsed and completed photo, before lattice and variations; fields as in `Facade`."""
 
     image: np.ndarray
     labels: np.ndarray
@@ -129,13 +149,27 @@ def build_facade_from_photo(
     models: ModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Facade:
-    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
-    `outside` (h, w) bool, sky or street, which the parser may look at, nor what is `private` (h, w) bool, faces and plates.
+    """Run all stages on a rectified photo of a facade.
 
-    What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
-    number plate; but for what is `kept` (h, w) bool, known to be of the facade. A clean photo is known to show the facade
-    alone. entrances: where a map has doors, as shares of the width; front: whether it is on a street, and entered there
-    (`complete`); models: by which it is parsed and completed. Raises ImageError where less than LEAST_SEEN of it is seen.
+    Occluders that the parser finds are inpainted, so that no tree, face or number plate stays in the texture.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool pixels known not to show the facade.
+    facade_mask : (h, w) bool pixels known to show the facade; no occluder is searched there.
+    outside : (h, w) bool sky and street; the parser may use them as context.
+    private : (h, w) bool faces and number plates.
+    clean : True for a photo without occluders.
+    entrances : positions of mapped doors as shares of the width.
+    front : True for a wall on a street (`complete`).
+    models : models of parser and layout.
+    seed : seed of completion and inpainting.
+
+    Raises
+    ------
+    ImageError
+        If less than MIN_VISIBLE_SHARE of the facade is visible.
     """
     seconds: dict[str, float] = {}
     made = _complete_photo(
@@ -187,7 +221,7 @@ def _complete_photo(
     models: ModelFiles,
     seed: int,
 ) -> _CompletedPhoto:
-    """What `build_facade_from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
+    """Parse and complete a photo; add the seconds of its stages to `seconds`."""
     _require_visible(hidden, "of it")
     with _timer(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
@@ -258,9 +292,26 @@ def prepare_exemplar(
     models: ModelFiles = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Exemplar:
-    """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch; hidden and private as
-    in `build_facade_from_photo`. One that comes with labels (h, w) uint8, and of which all is seen, is taken as it is: it shows the facade
-    alone. Raises ImageError where it shows too little, or no window."""
+    """Cut an exemplar to its facade, complete it and measure it.
+
+    The scale comes from the floor pitch. A wholly visible exemplar with labels is used as it is: it shows the facade
+    only.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool pixels known not to show the facade.
+    floor_height : metres.
+    private : (h, w) bool faces and number plates.
+    labels : (h, w) uint8 class ids, if known.
+    models : models of parser and layout.
+    seed : seed of completion and inpainting.
+
+    Raises
+    ------
+    ImageError
+        If too little of the facade is visible, or no window.
+    """
     seconds: dict[str, float] = {}
     if labels is not None and not hidden.any() and (private is None or not private.any()):
         evidence = completed = image
@@ -298,7 +349,7 @@ def prepare_exemplar(
 
 
 def _shrink_to_side(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
-    """An image (h, w, 3) and labels (h, w), so much smaller that no side has more pixels than `longest`."""
+    """Shrink an image (h, w, 3) and its labels (h, w) until no side is longer than `longest` pixels."""
     share = longest / max(labels.shape)
     if share >= 1:
         return image, labels
@@ -318,12 +369,21 @@ def build_facade_from_exemplar(
     wall_colour: np.ndarray | None = None,
     seed: int = 0,
 ) -> Facade:
-    """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`: finer than the raster of size = (h, w)
-    that is filled, or coarser; its storeys are as high as in the style `like`, if given. part: from where to where of the wall,
-    metres, of one that goes round a bend; house is the seed of its paint's shade; colour (3,), 0..255, that of the building's
-    walls where pictures of others of them show it.
+    """Build a wall without imagery in the style of an exemplar.
 
-    What is no wall on a street has no hierarchy, and of what stands against a neighbour nothing is known.
+    Walls on no street get no hierarchy; texels behind a neighbour are marked as unseen.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    wall : metric wall.
+    size : (h, w) of the raster to fill.
+    span : left and right end, metres, of the part of a wall that turns a bend; the whole wall by default.
+    floor_style : exemplar whose floor heights apply; `style` by default.
+    metres_per_pixel : scale of the exemplar; may be finer or coarser than the raster.
+    building_seed : seed of the shade of the paint, common to a building.
+    wall_colour : (3,) 0..255, colour of the building's walls where photos of other walls show it.
+    seed : seed of the composition and of the panes.
     """
     import cv2
 
@@ -382,15 +442,17 @@ def build_facade_from_exemplar(
 
 
 def _paint_factors(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
-    """Factors (3,) that give the wall of a texture (h, w, 3) a colour (3,); None without either."""
+    """Return (3,) factors that bring a texture's wall to a colour; None without a wall or a colour."""
     is_wall = labels == FacadeClass.WALL
     if colour is None or not is_wall.any():
         return None
-    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[is_wall]), 1), 1 / MAX_PAINT_FACTOR, MAX_PAINT_FACTOR))
+    return np.asarray(
+        np.clip(colour / np.maximum(lit_colour(texture[is_wall]), 1), 1 / MAX_PAINT_FACTOR, MAX_PAINT_FACTOR)
+    )
 
 
 def _free_mask(wall: FacadeWall, span: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
-    """The texels (h, w) bool of a part of a wall, from left to right in metres, that stand against no neighbour."""
+    """Mark, (h, w) bool, the texels of a part of a wall that no neighbour covers."""
     import cv2
 
     mask = np.zeros(size, np.uint8)
@@ -405,7 +467,7 @@ def _free_mask(wall: FacadeWall, span: tuple[float, float], size: tuple[int, int
 
 
 def count_columns(layout: Sequence[Element]) -> int:
-    """Windows in the fullest row: window centres are gathered into rows by overlap in height."""
+    """Count the windows in the fullest row; windows that overlap in height form a row."""
     windows = sorted((e for e in layout if e.label == "window"), key=lambda e: e.y0 + e.y1)
     best, row, bottom = 0, 0, -np.inf
     for window in windows:

@@ -1,4 +1,4 @@
-"""What a building's walls are of, by its own facade: the colour of the wall there, and whether it is laid of bricks."""
+"""Wall material of a building from its own facade: colour, and bricks or plaster."""
 
 from __future__ import annotations
 
@@ -27,14 +27,27 @@ MIN_TEXELS_PER_METRE = 30.0
 
 
 class WallMaterial(NamedTuple):
-    """colour (3,): 0..255; brick: whether courses of bricks show, else it is taken for plaster of that colour."""
+    """Colour and structure of a wall.
+
+    Attributes
+    ----------
+    colour : (3,) 0..255.
+    brick : True if courses of bricks show; otherwise plaster of that colour.
+    """
 
     colour: np.ndarray
     brick: bool
 
 
 def measure_wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> WallMaterial | None:
-    """The wall of a facade (h, w, 3) uint8 with labels (h, w); None where too little of it shows."""
+    """Measure the wall material of a facade, None where too little wall is visible.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    labels : (h, w) uint8 class ids.
+    texels_per_metre : resolution of the image.
+    """
     is_wall = labels == FacadeClass.WALL
     if is_wall.sum() < MIN_WALL_M2 * texels_per_metre**2:
         return None
@@ -42,7 +55,7 @@ def measure_wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metr
 
 
 def lit_colour(pixels: np.ndarray) -> np.ndarray:
-    """The colour (3,) of wall's texels (n, 3) that lie neither in shadow nor shine."""
+    """Return the (3,) colour of wall texels (n, 3) that are neither in shadow nor glossy."""
     light = pixels.mean(axis=1, dtype=np.float64)
     low, high = np.quantile(light, LIT_QUANTILES)
     lit = (light >= low) & (light <= high)
@@ -50,7 +63,7 @@ def lit_colour(pixels: np.ndarray) -> np.ndarray:
 
 
 def _shows_courses(image: np.ndarray, is_wall: np.ndarray, density: float) -> bool:
-    """Whether whole pieces of wall have the period of courses down them."""
+    """Return whether the vertical profile of wall patches has the period of brick courses."""
     if density < MIN_TEXELS_PER_METRE:
         return False
     wide, high = (round(side * density) for side in PATCH_SIZE_M)

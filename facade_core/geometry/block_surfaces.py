@@ -77,9 +77,9 @@ def build_block_surfaces(
     for index, building in enumerate(buildings):
         try:
             adjoining = roof_neighbours(index, buildings, tree)
-            around = RoofSurroundings(eaves_obstacles(index, buildings, tree, terrain), eyes, tree)
+            surroundings = RoofSurroundings(eaves_obstacles(index, buildings, tree, terrain), eyes, tree)
             outline, found = add_building(
-                pieces, index, building, terrain, adjoining, around, largest=largest, grid=grid
+                pieces, index, building, terrain, adjoining, surroundings, largest=largest, grid=grid
             )
         except GeometryError as error:
             refused.append((building.id, str(error)))
@@ -92,8 +92,8 @@ def build_block_surfaces(
         near = [street.line.buffer(ground_margin, cap_style="square", join_style="mitre") for street in streets]
         built = shapely.union_all(outlines)
         # closing the footprints covers courtyards and gaps far from streets
-        around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
-        open_ground = shapely.union_all([*near, around]).difference(built)
+        near_buildings = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
+        open_ground = shapely.union_all([*near, near_buildings]).difference(built)
         if within is not None:
             end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(FORECOURT_M, join_style="mitre")
             open_ground = open_ground.intersection(end)
@@ -111,7 +111,7 @@ def add_building(
     building: Building,
     terrain: Terrain,
     adjoining: Sequence[Polygon | MultiPolygon] = (),
-    around: RoofSurroundings = OPEN_SURROUNDINGS,
+    surroundings: RoofSurroundings = OPEN_SURROUNDINGS,
     *,
     largest: float,
     grid: float = 32.0,
@@ -123,7 +123,7 @@ def add_building(
     pieces : charts collected so far; extended in place.
     index : row of the building.
     adjoining : footprints that its roof continues over.
-    around : surroundings of its roof edges.
+    surroundings : surroundings of its roof edges.
     largest : metres; longer surfaces are cut.
     grid : step of the world grid in metres.
 
@@ -145,21 +145,21 @@ def add_building(
             raise GeometryError(f"its height is not above {above_what}; state one or drop it")
         base = terrain.lowest_along(outline) if building.base is None else building.base
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
-        roofed = (
+        roof_shell = (
             build_roof_shell(replace(building, footprint=onto_grid), base, adjoining) if onto_grid.is_valid else None
         )
         details: list[RoofDetail | None] = []
         assumed = building.roof is not None and building.roof.confidence < 1
         top = base + building.height
-        if roofed is None:
+        if roof_shell is None:
             if building.roof is not None and building.roof.shape == "flat" and building.height > MIN_PARAPET_ROOF_M:
-                details.append(build_parapet(outline, top, around))
+                details.append(build_parapet(outline, top, surroundings))
                 if assumed:
-                    details.append(build_flat_roof_vents(building.id, outline, top, around, building.height))
+                    details.append(build_flat_roof_vents(building.id, outline, top, surroundings, building.height))
             add_extrusion(pieces, index, outline, base, building.height, terrain, largest, grid, raised=building.raised)
         else:
-            closed = facets_above(group_facets(roofed, outline), top)
-            over = build_overhang(closed, onto_grid, around)
+            closed = facets_above(group_facets(roof_shell, outline), top)
+            over = build_overhang(closed, onto_grid, surroundings)
             roof = over.roof
             add_extrusion(
                 pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof, building.raised
@@ -170,8 +170,8 @@ def add_building(
             ]
             if assumed:
                 stacks = build_chimneys(building.id, closed, onto_grid)
-                lights = build_dormers(building.id, closed, onto_grid, around, stacks)
-                cowls = build_vents(building.id, closed, onto_grid, around, building.height, [stacks, lights])
+                lights = build_dormers(building.id, closed, onto_grid, surroundings, stacks)
+                cowls = build_vents(building.id, closed, onto_grid, surroundings, building.height, [stacks, lights])
                 details += [stacks, lights, cowls]
         for trim in details:
             if trim is not None:

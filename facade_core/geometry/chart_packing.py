@@ -93,8 +93,8 @@ def pack_charts(
     page : side of a page in texels.
     chunk : side of a chunk in texels.
     gutter : texels around each chart.
-    ids : (n,) chart ids, needed with `last`.
-    last : placement of an earlier ingest.
+    ids : (n,) chart ids, needed with `previous`.
+    previous : placement of an earlier ingest.
 
     Raises
     ------
@@ -116,7 +116,10 @@ def pack_charts(
         corner = np.column_stack([inner_x, inner_y]) + gutter
         place = _reuse_places(place, block, corner, texels, ids, previous, chunk)
     _first_fit(
-        place, cells, page // chunk, MAX_OPEN_PAGES if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1
+        place,
+        cells,
+        page // chunk,
+        MAX_OPEN_PAGES if previous is None else blocks + int(place[:, 0].max(initial=0)) + 1,
     )
     return Placement(
         page=place[block, 0].astype(np.int32),

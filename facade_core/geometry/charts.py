@@ -101,8 +101,7 @@ class Charts:
         return np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in (self.axis_u, self.axis_v)], axis=1)
 
     def charts_within(self, chart: int, reach: float) -> np.ndarray:
-        """Return the charts (k,), ascending, whose boxes from above are within `reach` metres of a chart's, itself included.
-        """
+        """Return the charts (k,), ascending, whose boxes from above are within `reach` metres of a chart's, itself included."""
         low, high = self._low[chart] - reach, self._high[chart] + reach
         return np.sort(self._boxes.query(shapely.box(*low, *high)))
 

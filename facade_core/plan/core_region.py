@@ -28,14 +28,14 @@ def core_charts(
 ) -> np.ndarray:
     """Return the charts of the core, (n,).
 
-    These are charts of core buildings, and ground charts whose nearest building or street is in the core. Buildings precede
-    streets, and lower ids precede higher ones at equal distance.
+    These are charts of core buildings, and ground charts whose nearest building or street is in the core. Buildings
+    precede streets, and lower ids precede higher ones at equal distance.
 
     Parameters
     ----------
     buildings : all buildings, in the order of `Charts.building`.
     streets : all streets.
-    own : the core.
+    core : the core.
     """
     mine = np.array([one.id in core.buildings for one in buildings], bool)
     found = np.zeros(len(charts), bool)
@@ -67,10 +67,10 @@ def core_viewpoints(
 
     Parameters
     ----------
-    cameras : all viewpoints.
+    viewpoints : all viewpoints.
     streets : all streets.
     buildings : all buildings.
-    own : the core.
+    core : the core.
     visibility_range : metres.
     """
     mine = shapely.STRtree([one.footprint for one in buildings if one.id in core.buildings])
@@ -102,9 +102,9 @@ def core_streets(
     Parameters
     ----------
     streets : all streets.
-    cameras : the viewpoints.
+    viewpoints : the viewpoints.
     facades : the facades of the core.
-    own : the core.
+    core : the core.
 
     Returns
     -------

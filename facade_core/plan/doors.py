@@ -42,7 +42,9 @@ def has_back_door(facades: Facades, facade: int) -> bool:
     if facades.role[facade] != WallRole.BACK:
         return False
     own = facades.building_facades(facade)
-    backs = own[(facades.role[own] == WallRole.BACK) & (np.abs(facades.foot[own]) < LEVEL_TOLERANCE_M) & ~facades.raised[own]]
+    backs = own[
+        (facades.role[own] == WallRole.BACK) & (np.abs(facades.foot[own]) < LEVEL_TOLERANCE_M) & ~facades.raised[own]
+    ]
     runs = np.unique(facades.run[backs])
     wide = np.array(
         [(facades.along[one] + facades.width[one]).max() for one in map(facades.run_members, runs.tolist())]

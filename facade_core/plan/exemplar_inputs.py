@@ -23,7 +23,7 @@ def walls_from_outlines(
     buildings : buildings of the city.
     streets : name of the nearest street of each building.
     shops : 1, 0 or -1 (unknown) for each building.
-    storey : floor height in metres where levels are not tagged.
+    floor_height : floor height in metres where levels are not tagged.
     """
     ends, owner = [], []
     for row, building in enumerate(buildings):

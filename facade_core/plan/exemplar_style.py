@@ -38,8 +38,8 @@ SHOP_MISMATCH_COST = 1.4
 # Exemplars per family, and families per library.
 FAMILY_SIZE = 5
 MAX_FAMILIES = 8
-# Rounds in which neighbours choose one after the other, in random order; buildings left then ignore each other. So a choice
-# depends on nothing beyond MAX_ROUNDS * NEIGHBOURHOOD_M.
+# Rounds in which neighbours choose one after the other, in random order; buildings left then ignore each other. So a
+# choice depends on nothing beyond MAX_ROUNDS * NEIGHBOURHOOD_M.
 MAX_ROUNDS = 16
 # Clearly visible difference of each component of a style descriptor.
 _DESCRIPTOR_SCALES = np.array([12.0, 8.0, 10.0, 0.10, 0.35, 0.30, 0.06, 0.12, 3.0])
@@ -122,8 +122,8 @@ class ExemplarLibrary:
 def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: float) -> list[float]:
     """Compute the style descriptor of a facade.
 
-    Its components are the CIELAB colour of the wall; the share of windows, log of their height to width, and log of their pitch in
-    metres; the shares of balconies and roof; ornament, the mean lightness step of the wall within 10 cm.
+    Its components are the CIELAB colour of the wall; the share of windows, log of their height to width, and log of
+    their pitch in metres; the shares of balconies and roof; ornament, the mean lightness step of the wall within 10 cm.
 
     Parameters
     ----------
@@ -160,9 +160,10 @@ def style_descriptor(image: np.ndarray, labels: np.ndarray, metres_per_pixel: fl
 def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int) -> np.ndarray:
     """Choose an exemplar for each wall; the walls of one building share theirs.
 
-    The misfit is that of the building's widest wall: floors, floor height, families of the street, and shares inpainted or in shadow.
-    A random cost by (seed, building) adds variety. Neighbours take different exemplars while there are others, then the one with the
-    farthest use, and avoid similar ones. A choice depends on the neighbourhood only, not on order or number.
+    The misfit is that of the building's widest wall: floors, floor height, families of the street, and shares inpainted
+    or in shadow. A random cost by (seed, building) adds variety. Neighbours take different exemplars while there are
+    others, then the one with the farthest use, and avoid similar ones. A choice depends on the neighbourhood only, not
+    on order or number.
 
     Parameters
     ----------
@@ -193,8 +194,8 @@ def choose_exemplars(walls: StyleTargets, library: ExemplarLibrary, *, seed: int
     for turn in range(MAX_ROUNDS + 1):
         left = np.flatnonzero(chosen < 0)
         ready = [int(i) for i in left if turn == MAX_ROUNDS or all(rank[i] < rank[j] for j in near[i] if chosen[j] < 0)]
-        taken = {i: _cheapest_exemplar(misfit[i], chosen[near[i]], metres[i], library) for i in ready}
-        for i, exemplar in taken.items():
+        newly_chosen = {i: _cheapest_exemplar(misfit[i], chosen[near[i]], metres[i], library) for i in ready}
+        for i, exemplar in newly_chosen.items():
             chosen[i] = exemplar
         if len(ready) == len(left):
             break
@@ -214,9 +215,9 @@ class ChoiceOrder:
     numbers: np.ndarray
     predecessors: tuple[np.ndarray, ...]
 
-    def dependencies(self, chosen: np.ndarray) -> np.ndarray:
+    def dependencies(self, buildings: np.ndarray) -> np.ndarray:
         """Return the buildings (k,) whose choices some buildings (c,) depend on, these included, at any depth."""
-        found = np.isin(self.numbers, chosen)
+        found = np.isin(self.numbers, buildings)
         waiting = np.flatnonzero(found).tolist()
         while waiting:
             rows = self.predecessors[waiting.pop()]
@@ -254,8 +255,8 @@ def _misfit_costs(walls: StyleTargets, main: np.ndarray, library: ExemplarLibrar
     misfit += FLOOR_HEIGHT_COST * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
     misfit += WIDTH_COST * ratio(walls.width[main], np.asarray(library.width, float))
     misfit += HIDDEN_COST * np.maximum(0, np.asarray(library.hidden, float) - USUAL_HIDDEN_SHARE)
-    told, has = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
-    misfit += SHOP_MISMATCH_COST * ((told >= 0) & (has != (told > 0)))
+    mapped, has_shops = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
+    misfit += SHOP_MISMATCH_COST * ((mapped >= 0) & (has_shops != (mapped > 0)))
     return misfit + HIDDEN_COST * np.maximum(0, np.asarray(library.shaded, float) - USUAL_SHADED_SHARE)
 
 
@@ -286,8 +287,7 @@ def _neighbouring_buildings(ends: np.ndarray, row: np.ndarray, count: int) -> tu
 
 
 def _cheapest_exemplar(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, library: ExemplarLibrary) -> int:
-    """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances.
-    """
+    """Return the cheapest exemplar for a building, given those of its neighbours (-1: none yet) and their distances."""
     cost = misfit.copy()
     has = theirs >= 0
     closeness = 1 - metres[has] / NEIGHBOURHOOD_M

@@ -114,9 +114,9 @@ def find_facades(
     ----------
     scene : geometry of the block.
     buildings : all buildings, in the order of `Charts.building`.
-    cameras : the viewpoints.
+    viewpoints : the viewpoints.
     seen : charts in the panorama of each viewpoint.
-    storey : floor height in metres where levels are not tagged.
+    floor_height : floor height in metres where levels are not tagged.
     free_share : (charts,) share of each chart without a neighbour against it.
     streets : all streets; empty restricts the result to walls that a street sees.
     """
@@ -133,7 +133,9 @@ def find_facades(
     shown = best >= MIN_SEEN_SHARE
     for one in runs:  # all facets of a round wall share one role
         shown[one] = shown[one].any() if streets else shown[one]
-    role = np.where(shown, np.where(wide >= MIN_FACADE_WIDTH_M, WallRole.STREET, WallRole.SIDE), WallRole.BACK).astype(np.uint8)
+    role = np.where(shown, np.where(wide >= MIN_FACADE_WIDTH_M, WallRole.STREET, WallRole.SIDE), WallRole.BACK).astype(
+        np.uint8
+    )
     chart = np.flatnonzero((large & (role == WallRole.STREET)) | free)
     if streets:
         street[chart] = _nearest_streets(charts, chart, street[chart], best[chart], streets)
@@ -162,7 +164,7 @@ def find_facades(
         eaves=eaves,
         storeys=storeys,
         raised=np.array([buildings[b].raised > 0 for b in building], bool) | _begins_above_ground(scene, chart, foot),
-        house=np.array([hash_name(buildings[b].house) for b in building], np.int64),
+        house=np.array([hash_name(buildings[b].whole_id) for b in building], np.int64),
     )
 
 
@@ -194,8 +196,7 @@ def _nearest_streets(
 
 
 def _foot_and_eaves(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the foot of walls (k,) over the prevailing foot of their building, and the prevailing eaves over that, metres.
-    """
+    """Return the foot of walls (k,) over the prevailing foot of their building, and the prevailing eaves over that, metres."""
     foot = charts.points_at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
     top, width = charts.origin[chart, 2], charts.size[chart, 0]
     over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
@@ -281,7 +282,7 @@ def count_floors(levels: Sequence[int | None], height: np.ndarray, floor_height:
     ----------
     levels : tagged levels, None where unknown.
     height : (n,) metres.
-    storey : floor height in metres.
+    floor_height : floor height in metres.
 
     Returns
     -------

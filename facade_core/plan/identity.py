@@ -69,7 +69,7 @@ class SceneObjects:
 
     @cached_property
     def _boxes(self) -> shapely.STRtree:
-        """The boxes of what has a surface, from above."""
+        """Return a tree of the boxes of objects with a surface, seen from above."""
         low, high = self.low[self._with_surface], self.high[self._with_surface]
         return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
@@ -143,30 +143,30 @@ def compute_view_digests(
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
     """Compute what the panorama of each viewpoint shows, and a digest of everything it is made of.
 
-    The digest covers the chart and depth of every pixel, the objects, common surfaces and daylight of the charts, and the
-    ground drawn on them. Other changes of the block leave it equal.
+    The digest covers the chart and depth of every pixel, the objects, common surfaces and daylight of the charts, and
+    the ground drawn on them. Other changes of the block leave it equal.
 
     Parameters
     ----------
-    things : objects of the block.
+    objects : objects of the block.
     ids : (charts,) chart ids.
-    cameras : the viewpoints.
+    viewpoints : the viewpoints.
     ground : mapped ground.
     width : panorama width in pixels.
-    each : runs the ray casts.
+    parallel_map : runs the ray casts.
 
     Returns
     -------
     Ascending charts, and the digest, of each viewpoint.
     """
-    looks = parallel_map(partial(_trace_viewpoints, scene, ids, width), viewpoints)
-    seen = [charts for charts, _ in looks]
+    traces = parallel_map(partial(_trace_viewpoints, scene, ids, width), viewpoints)
+    seen = [charts for charts, _ in traces]
     lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
     light = np.zeros(len(scene.charts), np.uint64)
     light[lit] = parallel_map(partial(_daylight_digests, scene), lit.tolist())
     squares = GroundTiles(ground, scene.charts)
     digests = []
-    for charts, pixels in looks:
+    for charts, pixels in traces:
         digest = blake2b(pixels, digest_size=16)
         ordered = charts[np.argsort(ids[charts])]
         surface = scene.charts.surface[ordered]

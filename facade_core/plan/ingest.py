@@ -79,8 +79,8 @@ def ingest(
     ground : mapped ground; None assumes carriageways along the streets.
     elevation : ground heights; None follows the bases of the buildings.
     poses, panorama_sizes : poses and (rows, columns) of the panoramas.
-    last : earlier placement; known charts keep their places in the atlas.
-    each : runs the ray casts, which are most of the work.
+    previous : earlier placement; known charts keep their places in the atlas.
+    parallel_map : runs the ray casts, which are most of the work.
     core : part that is textured; the halo gets the lowest density. None textures everything.
 
     Raises

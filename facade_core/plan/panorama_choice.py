@@ -46,8 +46,8 @@ def choose_panoramas(
 ) -> PanoramaChoice:
     """Choose panoramas so that every visible street facade is covered.
 
-    Greedy rule: repeatedly the panorama that adds most square metres, the earlier of equals; then redundant ones are dropped,
-    last chosen first. At most ln(points) times the optimum.
+    Greedy rule: repeatedly the panorama that adds most square metres, the earlier of equals; then redundant ones are
+    dropped, last chosen first. At most ln(points) times the optimum.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def choose_panoramas(
     """
     rows = np.flatnonzero(facades.role == WallRole.STREET)
     points = _facade_points(scene, facades.chart[rows], poses, sizes)
-    needs = points.covered(points.weight) * MIN_COVERED_SHARE
+    needs = points.facade_sums(points.weight) * MIN_COVERED_SHARE
     has = np.zeros(len(rows))
     left = points.weight.copy()
     chosen: list[int] = []
@@ -71,16 +71,16 @@ def choose_panoramas(
         if gains[best] <= 0:
             break
         chosen.append(best)
-        has += points.covered(points.of(best) * left)
-        left[points.of(best)] = 0.0
+        has += points.facade_sums(points.is_covered_by(best) * left)
+        left[points.is_covered_by(best)] = 0.0
     kept = _drop_redundant(points, needs, chosen)
-    reached = float(points.weight[points.times(kept) > 0].sum())
+    reached = float(points.weight[points.coverage_counts(kept) > 0].sum())
     covering = int((np.diff(points.covers.indptr) > 0).sum())
     return PanoramaChoice(tuple(kept), covering, len(rows), int((needs > 0).sum()), float(points.weight.sum()), reached)
 
 
 def covered_area(
-    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], some: Sequence[int]
+    scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]], panoramas: Sequence[int]
 ) -> float:
     """Return the square metres of street facades that some panoramas cover.
 
@@ -88,10 +88,10 @@ def covered_area(
     ----------
     poses : poses of the panoramas.
     sizes : (rows, columns) of the panoramas.
-    some : indices of the panoramas to count.
+    panoramas : indices of the panoramas to count.
     """
     points = _facade_points(scene, facades.chart[facades.role == WallRole.STREET], poses, sizes)
-    return float(points.weight[points.times(some) > 0].sum())
+    return float(points.weight[points.coverage_counts(panoramas) > 0].sum())
 
 
 @dataclass(frozen=True)
@@ -111,16 +111,16 @@ class _FacadePoints:
     facade: np.ndarray
     facades: int
 
-    def of(self, panorama: int) -> np.ndarray:
-        """Whether a panorama covers each point, (points,) bool."""
-        return self.times([panorama]) > 0
+    def is_covered_by(self, panorama: int) -> np.ndarray:
+        """Return whether a panorama covers each point, (points,)."""
+        return self.coverage_counts([panorama]) > 0
 
-    def times(self, panoramas: Sequence[int]) -> np.ndarray:
-        """How many of some panoramas cover each point, (points,)."""
+    def coverage_counts(self, panoramas: Sequence[int]) -> np.ndarray:
+        """Return the number of some panoramas that cover each point, (points,)."""
         return np.asarray(self.covers[list(panoramas)].sum(axis=0)).ravel() if panoramas else np.zeros(len(self.weight))
 
-    def covered(self, weight: np.ndarray) -> np.ndarray:
-        """The sum of a weight of points over each facade, (facades,)."""
+    def facade_sums(self, weight: np.ndarray) -> np.ndarray:
+        """Return the sum of a weight of points per facade, (facades,)."""
         return np.bincount(self.facade, weight, self.facades)
 
 
@@ -149,10 +149,10 @@ def _facade_points(
 
 def _drop_redundant(points: _FacadePoints, needs: np.ndarray, chosen: Sequence[int]) -> list[int]:
     """Return the chosen panoramas without those whose points the others cover."""
-    kept, times = list(chosen), points.times(chosen)
+    kept, times = list(chosen), points.coverage_counts(chosen)
     for one in reversed(chosen):
-        without = times - points.of(one)
-        if (points.covered(points.weight * (without > 0)) >= needs).all():
+        without = times - points.is_covered_by(one)
+        if (points.facade_sums(points.weight * (without > 0)) >= needs).all():
             kept.remove(one)
             times = without
     return kept

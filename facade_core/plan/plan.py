@@ -137,8 +137,7 @@ class Plan:
         return RowIndex(self.scene.charts.building[self._own_charts])
 
     def ground_near_cameras(self) -> np.ndarray:
-        """Return the ground charts (k,) of the core, ascending, that a panorama may show after refinement of its pose.
-        """
+        """Return the ground charts (k,) of the core, ascending, that a panorama may show after refinement of its pose."""
         return self._ground_near_cameras
 
     @cached_property

@@ -225,8 +225,8 @@ def _finishes_from_table(buildings: Values) -> tuple[Finish, ...]:
         return ()
     columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
     return tuple(
-        Finish(_parse_colour(wall), _parse_colour(roof), of or None, over or None)
-        for wall, roof, of, over in zip(*columns, strict=True)
+        Finish(_parse_colour(wall_colour), _parse_colour(roof_colour), wall or None, roof or None)
+        for wall_colour, roof_colour, wall, roof in zip(*columns, strict=True)
     )
 
 

@@ -161,14 +161,14 @@ def _run(
     from flows.cli.console import console, progress, show, tell
     from flows.cli.interrupts import end_on_interrupt
     from flows.entry import entered
-    from tasks.engine.store.disk_space import require_room
+    from tasks.engine.store.disk_space import require_disk_space
 
     start = time.monotonic()
     again = None if redo is None else partial(_redo, street=redo, only=only)
     with entered(block_file, out, tell=tell, before=again, alone=True) as entry:
         summary = entry.summary
         if summary is None:
-            require_room(entry.run.local)
+            require_disk_space(entry.run.local)
             if entry.run.local != out.resolve():
                 note(f"log and the server's records are in {entry.run.local}")
             end_on_interrupt()

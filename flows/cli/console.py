@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.text import Text
 
 from catalogs.printable_text import escape_invisible
-from tasks.engine.progress import StageProgress, listen
+from tasks.engine.progress import StageProgress, add_listener
 
 console = Console(stderr=True)
 
@@ -25,7 +25,7 @@ def progress(*, quiet: bool = False) -> Iterator[None]:
         yield
         return
     if not console.is_terminal:
-        stop = listen(Lines(tell))
+        stop = add_listener(Lines(tell))
         try:
             yield
         finally:
@@ -48,7 +48,7 @@ def progress(*, quiet: bool = False) -> Iterator[None]:
             failed = f"{told.failed} failed" if told.failed else ""
             display.update(bars[told.stage], completed=told.finished, total=told.total, failed=failed)
 
-        stop = listen(on_event)
+        stop = add_listener(on_event)
         try:
             yield
         finally:

@@ -31,9 +31,9 @@ def ending(error: Exception) -> tuple[int, str]:
         return _code(error), " ".join(str(error).split())
     if isinstance(error, OSError) and error.errno in DENIED and error.filename:
         return UNUSABLE, f"{error.filename}: {error.strerror}; mend that or name another place"
-    from tasks.engine.outcome import machine_error, machine_fault
+    from tasks.engine.outcome import machine_error, is_machine_fault
 
-    if machine_fault(error):
+    if is_machine_fault(error):
         return CRASHED, str(machine_error("stopped", error))
     said = " ".join(f"{type(error).__name__}: {error}".split())
     return CRASHED, f"stopped by an error of its own ({said}); {_kept(error)}"

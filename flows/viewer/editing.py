@@ -21,7 +21,7 @@ from flows.viewer.guard import refusal_to_edit
 from flows.viewer.redo import Redo
 from tasks.corrections import Taker, block_of
 from tasks.corrections.words import words
-from tasks.engine.store.status import recorded_source
+from tasks.engine.store.status import read_source
 from tasks.viewing import Reader
 from tasks.viewing.standing import standing
 
@@ -46,7 +46,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
     redo, taker = Redo(reader.out), Taker(reader.out)
 
     def state(request: Request) -> dict[str, Any]:
-        block = recorded_source(reader.out)
+        block = read_source(reader.out)
         return {
             "who": editor.who,
             "labels": ELEMENT_CLASSES,

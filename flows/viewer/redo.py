@@ -14,7 +14,7 @@ from typing import Any
 from catalogs.published.folders import Folder
 from facade_core.core.errors import InputError
 from flows.lock import is_held
-from tasks.engine.compute.child_processes import follow
+from tasks.engine.compute.child_processes import end_with_parent
 
 
 class Redo:
@@ -54,7 +54,7 @@ class Redo:
                     stderr=subprocess.PIPE,
                     text=True,
                     errors="replace",
-                    preexec_fn=follow,
+                    preexec_fn=end_with_parent,
                 )
             except (OSError, subprocess.SubprocessError) as error:
                 self._said, self._failed = f"the run could not be started: {error}", True

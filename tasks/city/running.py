@@ -22,7 +22,7 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.folders import Folder
 from catalogs.published.snapshot import find_current_snapshot
 from tasks.city.account import BLOCKS, Ended, tileset_of
-from tasks.engine.compute.child_processes import follow
+from tasks.engine.compute.child_processes import end_with_parent
 
 log = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ def _called(arguments: Sequence[str], ends: float | None) -> Called:
             stdin=subprocess.DEVNULL,
             stdout=printed,
             stderr=said,
-            preexec_fn=follow,  # a block does not outlive the city's process
+            preexec_fn=end_with_parent,  # a block does not outlive the city's process
         )
         handle = os.pidfd_open(process.pid)
         try:

@@ -29,7 +29,7 @@ from catalogs.readers.annotations import Annotation, facades_by_picture_name, pa
 from facade_core.core.errors import InputError
 from tasks.corrections.told import Told
 from tasks.corrections.walls import unreached
-from tasks.engine.store.status import recorded_source
+from tasks.engine.store.status import read_source
 from tasks.published.opened import Published, opened, published
 
 
@@ -92,7 +92,7 @@ class Taker:
 
 def block_of(out: Folder) -> Path:
     """The block file of the run in `out`, beside which its corrections are. Raises InputError where it is gone."""
-    block = recorded_source(out)
+    block = read_source(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     return block

@@ -27,11 +27,11 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan_tables import read_plan
 from tasks.doctor.findings import Finding
 from tasks.engine.forecast import forecast_work
-from tasks.engine.run_key import run_of
+from tasks.engine.run_key import create_run
 from tasks.engine.stage import read_journals
-from tasks.engine.store.digests import differing
-from tasks.engine.store.integrity import find_lost_units, is_suspect, suspect
-from tasks.engine.store.status import recorded_source, unpublished
+from tasks.engine.store.digests import find_differing_units
+from tasks.engine.store.integrity import find_lost_units, is_suspect, mark_suspect
+from tasks.engine.store.status import read_source, unpublished_reason
 from tasks.stages.ingest.task import ingest_block
 
 # Charts and panoramas whose digests are computed again.
@@ -40,7 +40,7 @@ SAMPLE = 64
 
 def examine_folder(out: Folder) -> Iterator[Finding]:
     """What is to be said of a run's folder. No run may go on in it meanwhile."""
-    source = recorded_source(out)
+    source = read_source(out)
     again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
     store = out / "store"
     if not store.is_dir():
@@ -95,13 +95,13 @@ def _store(out: Folder, repository: Any, session: icechunk.Session, group: Store
         yield Finding("store", False, f"{len(tags)} tags of streets cannot be read; {again} removes them")
     if lost := find_unreadable_chunks(session):
         if has_all_files(repository, store):
-            suspect(out)
+            mark_suspect(out)
         count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
         yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {mended}")
         return
     plan = read_plan(session)
-    if wrong := differing(group, plan, SAMPLE):
-        suspect(out)
+    if wrong := find_differing_units(group, plan, SAMPLE):
+        mark_suspect(out)
         told = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
         yield Finding("store", False, f"texels are not those of their records: {told}; {mended}")
     elif not wounds:
@@ -121,7 +121,7 @@ def _published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]
         yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
     elif fault := find_damage(current.folder, thorough=True):
         yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
-    elif newest is not None and (fault := unpublished(out, newest)):
+    elif newest is not None and (fault := unpublished_reason(out, newest)):
         yield Finding(
             "published", False, f"{current.id}, whole; the newest snapshot is {newest}: {fault}; {again} goes on"
         )
@@ -144,7 +144,7 @@ def _stale(out: Folder, source: Path | None, session: icechunk.Session, group: S
         return Finding("stale", None, f"not tried of a run in a bucket; {again} says what is due, and does it")
     try:
         block = read_block(source)
-        run = run_of(block, out)
+        run = create_run(block, out)
         if group.attrs.get("block") != run.block:
             return Finding(
                 "stale", False, f"{source} is block {run.block} now; the folder holds {group.attrs.get('block')}"

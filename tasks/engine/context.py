@@ -10,7 +10,7 @@ from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 
 
-def worker_name() -> str:
+def current_worker() -> str:
     """The Dask worker that runs this unit, or "serial"."""
     import sys
 

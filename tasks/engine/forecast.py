@@ -40,7 +40,7 @@ def forecast_work(run: Run, block: Block, outline: Outline) -> WorkForecast:
     if outline.anew:
         return WorkForecast(f"all is due: {outline.anew}")
     group = newest_group(run)
-    if not _has_complete_run(group):
+    if not _has_earlier_run(group):
         return WorkForecast()
     plan = plan_of_run(run)
     units: dict[str, list[Unit]] = {}
@@ -92,7 +92,7 @@ def _forecast_order() -> list[Stage]:
     return [one for stage in whole for one in (stage, *(part for part in stages if part.part_of == stage.stage))]
 
 
-def _has_complete_run(group: StoreGroup) -> bool:
+def _has_earlier_run(group: StoreGroup) -> bool:
     """Whether a stage that is not fanned out was reached: less is resumed, not done again."""
     return any(
         any(read_journal(group, stage.stage)) for stage in all_stages() if stage.units is None and stage.part_of is None

@@ -20,10 +20,10 @@ from facade_core.core.errors import FacadeError, MachineError, ModelError, Store
 
 log = logging.getLogger(__name__)
 
-SPACE = {errno.ENOSPC, errno.EDQUOT}
-MEMORY = {errno.ENOMEM}
+DISK_ERRORS = {errno.ENOSPC, errno.EDQUOT}
+MEMORY_ERRORS = {errno.ENOMEM}
 # Of a disk, a mount, the network or a limit. Not here: what a wrong path or a file's rights in the input raise.
-OTHERS = {
+MACHINE_ERRORS = {
     errno.EIO,
     errno.EROFS,
     errno.EMFILE,
@@ -40,11 +40,11 @@ OTHERS = {
     errno.ENOLCK,
 }
 # Raised by the store, by an installation that lacks something, or for want of memory, whatever they say.
-MACHINES = (MachineError, StoreError, ModelError, MemoryError, ImportError, icechunk.IcechunkError, BaseZarrError)
+MACHINE_ERROR_TYPES = (MachineError, StoreError, ModelError, MemoryError, ImportError, icechunk.IcechunkError, BaseZarrError)
 # What zarr's codecs say of a chunk that is cut or garbled.
-DAMAGED = ("decompression error",)
+DAMAGE_TEXTS = ("decompression error",)
 # How libraries put into words what they do not give a number or a type.
-NO_MEMORY = ("Insufficient memory", "Failed to allocate memory", "bad_alloc", "can't start new thread")
+NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_alloc", "can't start new thread")
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Outcome:
             self,
             done=self.done + len(records) - len(failed),
             failed=self.failed + failed,
-            refused=self.refused + refused(records),
+            refused=self.refused + rejected_pictures(records),
         )
 
     def __add__(self, other: Outcome) -> Outcome:
@@ -81,7 +81,7 @@ class Outcome:
         )
 
 
-def refused(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
+def rejected_pictures(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
     """The units that are done without a picture that was refused, as (unit, reason), by their journal records."""
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
@@ -91,13 +91,13 @@ def is_done(record: Record | None, *keys: str) -> bool:
     return record is not None and record["key"] in keys and record["status"] == "done"
 
 
-def failure(unit: str, key: str, error: Exception) -> Record:
+def failed_record(unit: str, key: str, error: Exception) -> Record:
     """The journal record of a unit that failed as a whole: one line, whatever was raised, and where that was."""
     return {
         "unit": unit,
         "key": key,
         "status": "failed",
-        "reason": reason_of(error),
+        "reason": error_reason(error),
         "traceback": "".join(traceback.format_exception(error)),
         "started": time.time(),
     }
@@ -119,49 +119,49 @@ def log_units(stage: str, records: Iterable[Record]) -> None:
             log.debug("%s %s done", stage, unit, extra=about)
 
 
-def reason_of(error: Exception) -> str:
+def error_reason(error: Exception) -> str:
     """An error in one line."""
     reason = str(error) if isinstance(error, FacadeError) else f"{type(error).__name__}: {error}"
     return " ".join(reason.split())
 
 
 @contextmanager
-def refusing(errors: list[Exception]) -> Iterator[None]:
+def collect_rejections(errors: list[Exception]) -> Iterator[None]:
     """What is raised within refuses a picture, and is added to `errors`; the machine's faults pass."""
     try:
         yield
     except Exception as error:
-        if machine_fault(error):
+        if is_machine_fault(error):
             raise
         errors.append(error)
 
 
-def refusal(errors: Sequence[Exception], instead: str) -> dict[str, str]:
+def describe_rejections(errors: Sequence[Exception], instead: str) -> dict[str, str]:
     """What the record of a unit says of pictures that were refused, and of what it was made from instead."""
     if not errors:
         return {}
     return {
-        "reason": f"{'; '.join(map(reason_of, errors))}; textured {instead}",
+        "reason": f"{'; '.join(map(error_reason, errors))}; textured {instead}",
         "traceback": "".join(line for error in errors for line in traceback.format_exception(error)),
     }
 
 
-def machine_fault(error: BaseException) -> bool:
+def is_machine_fault(error: BaseException) -> bool:
     """Whether an error, or what it was raised from, is the machine's: retried later, the same unit may well be done."""
-    return any(_is_machines(one) for one in _chain(error))
+    return any(_is_machine_error(one) for one in _error_chain(error))
 
 
 def machine_error(doing: str, error: BaseException) -> MachineError:
     """What to raise from an error that is the machine's: one line with the unit that met it, the cause and the remedy."""
-    chain = list(_chain(error))
+    chain = list(_error_chain(error))
     said = next((one for one in chain if isinstance(one, MachineError)), None)
     if said is not None:
         return MachineError(f"{doing}: {said}") if type(said) is MachineError else said
-    number = next((number for one in chain if (number := _number(one)) is not None), None)
-    first = next(filter(_is_machines, chain), error)
-    if number in SPACE:
+    number = next((number for one in chain if (number := _error_number(one)) is not None), None)
+    first = next(filter(_is_machine_error, chain), error)
+    if number in DISK_ERRORS:
         remedy = "free some space"
-    elif number in MEMORY or any(isinstance(one, MemoryError) or _says(one, NO_MEMORY) for one in chain):
+    elif number in MEMORY_ERRORS or any(isinstance(one, MemoryError) or _mentions(one, NO_MEMORY_TEXTS) for one in chain):
         remedy = "free some memory, or use fewer workers,"
     else:
         remedy = "see to the machine, its disks and its network,"
@@ -169,41 +169,41 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
     return MachineError(f"{doing}: {words}; {remedy} and run again: what is done is kept")
 
 
-def store_fault(error: BaseException) -> bool:
+def is_store_fault(error: BaseException) -> bool:
     """Whether an error, or what it was raised from, is that a store could not be read or written."""
     store = (StoreError, icechunk.IcechunkError, BaseZarrError)
-    return any(isinstance(one, store) or _says(one, DAMAGED) for one in _chain(error))
+    return any(isinstance(one, store) or _mentions(one, DAMAGE_TEXTS) for one in _error_chain(error))
 
 
 @contextmanager
-def raising_machine_errors(doing: str) -> Iterator[None]:
+def raise_machine_errors(doing: str) -> Iterator[None]:
     """Raise a fault of the machine as MachineError, whatever it came as; other errors as they are."""
     try:
         yield
     except FacadeError:
         raise
     except Exception as error:
-        if machine_fault(error):
+        if is_machine_fault(error):
             raise machine_error(doing, error) from error
         raise
 
 
-def _is_machines(error: BaseException) -> bool:
-    return isinstance(error, MACHINES) or _number(error) is not None or _says(error, NO_MEMORY + DAMAGED)
+def _is_machine_error(error: BaseException) -> bool:
+    return isinstance(error, MACHINE_ERROR_TYPES) or _error_number(error) is not None or _mentions(error, NO_MEMORY_TEXTS + DAMAGE_TEXTS)
 
 
-def _says(error: BaseException, texts: Iterable[str]) -> bool:
+def _mentions(error: BaseException, texts: Iterable[str]) -> bool:
     return any(text in str(error) for text in texts)
 
 
-def _number(error: BaseException) -> int | None:
+def _error_number(error: BaseException) -> int | None:
     """The error number of a machine's fault: as the system gave it, or in the words in which a library passes it on."""
     if isinstance(error, OSError) and error.errno is not None:
-        return error.errno if error.errno in SPACE | MEMORY | OTHERS else None
-    return next((number for number in sorted(SPACE | MEMORY | OTHERS) if _says(error, [os.strerror(number)])), None)
+        return error.errno if error.errno in DISK_ERRORS | MEMORY_ERRORS | MACHINE_ERRORS else None
+    return next((number for number in sorted(DISK_ERRORS | MEMORY_ERRORS | MACHINE_ERRORS) if _mentions(error, [os.strerror(number)])), None)
 
 
-def _chain(error: BaseException) -> Iterator[BaseException]:
+def _error_chain(error: BaseException) -> Iterator[BaseException]:
     """An error, what it was raised from or while, and what those were."""
     seen: set[int] = set()
     waiting: list[BaseException | None] = [error]

@@ -12,9 +12,9 @@ from tasks.engine.context import plan_of_run
 from tasks.engine.outcome import is_done
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage
-from tasks.engine.store.carry_over import forget_units
+from tasks.engine.store.carry_over import delete_units
 from tasks.engine.store.commits import newest_group
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.unit import UnitGroup, Unit
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class PendingUnits:
     """Pending units of a stage, in pieces of what one worker does in one go, and the records of the others."""
 
     stage: Stage
-    pieces: tuple[Piece, ...]
+    pieces: tuple[UnitGroup, ...]
     done: tuple[Record, ...]
 
     @property
@@ -49,7 +49,7 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
         units = stage.units(run, block, plan, group)
     waiting = [unit for unit in units if not is_done(records[unit.index], *unit.keys)]
     if stage.writes_base_layer:
-        forget_units(run, plan, stage.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
+        delete_units(run, plan, stage.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
     indices = {unit.index for unit in waiting}
     return PendingUnits(
         stage,
@@ -58,7 +58,7 @@ def find_pending_units(run: Run, block: Block, stage: Stage, units: Sequence[Uni
     )
 
 
-def _pieces(units: Sequence[Unit]) -> list[Piece]:
+def _pieces(units: Sequence[Unit]) -> list[UnitGroup]:
     """Group units that one worker processes in one go: by group, else one by one in the order of their indices."""
     alone = [(unit,) for unit in units if unit.group_id is None]
     shared = sorted((unit for unit in units if unit.group_id is not None), key=lambda unit: unit.group_id or 0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from facade_core.atlas.journal import Record
 from tasks.engine.outcome import is_done
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import changed_parts
+from tasks.engine.unit_key import differing_parts
 
 # A viewpoint's view digests changed.
 VIEW_CHANGED = "what is in sight changed"
@@ -58,5 +58,5 @@ def _reason(record: Record | None, keys: tuple[str, ...]) -> str:
         return NEW
     if record["key"] in keys:
         return NOT_DONE
-    changed = min((changed_parts(record["key"], key) for key in keys), key=len)
+    changed = min((differing_parts(record["key"], key) for key in keys), key=len)
     return next((reason for part, reason in REASONS.items() if part in changed), REASONS["settings"])

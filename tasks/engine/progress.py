@@ -30,7 +30,7 @@ _stages: dict[str, StageProgress] = {}
 _lock = Lock()
 
 
-def listen(listener: Listener) -> Callable[[], None]:
+def add_listener(listener: Listener) -> Callable[[], None]:
     """Call `listener` at every event until the returned function is called."""
     _listeners.append(listener)
     return lambda: _listeners.remove(listener)
@@ -39,15 +39,15 @@ def listen(listener: Listener) -> Callable[[], None]:
 def begin_stage(stage: str, total: int, earlier: int = 0) -> None:
     """A stage of `total` units starts, of which so many were finished by an earlier run."""
     with _lock:
-        _tell(StageProgress(stage, earlier, total, earlier=earlier))
+        _notify(StageProgress(stage, earlier, total, earlier=earlier))
 
 
-def advance(stage: str, finished: int = 0, failed: int = 0, *, earlier: int = 0) -> None:
+def report_progress(stage: str, finished: int = 0, failed: int = 0, *, earlier: int = 0) -> None:
     """So many more units of a stage are finished, of which some failed; and so many are found to be from an earlier run. From
     any thread."""
     with _lock:
         before = _stages.get(stage) or StageProgress(stage, 0, 0)
-        _tell(
+        _notify(
             replace(
                 before,
                 finished=before.finished + finished + earlier,
@@ -57,7 +57,7 @@ def advance(stage: str, finished: int = 0, failed: int = 0, *, earlier: int = 0)
         )
 
 
-def _tell(progress: StageProgress) -> None:
+def _notify(progress: StageProgress) -> None:
     _stages[progress.stage] = progress
     for listener in _listeners:
         listener(progress)

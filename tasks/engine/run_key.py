@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 
-def run_of(block: Block, out: Folder) -> Run:
+def create_run(block: Block, out: Folder) -> Run:
     """The run that textures `block` into folder `out`."""
     key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
     return Run(
@@ -30,12 +30,12 @@ def run_of(block: Block, out: Folder) -> Run:
         aerial=block.aerial,
         roof_material=block.roof_material,
         materials=block.materials,
-        models=_usable(block.models),
+        models=_check_models(block.models),
         failed_limit=block.failed_limit,
     )
 
 
-def _usable(models: ModelFiles) -> ModelFiles:
+def _check_models(models: ModelFiles) -> ModelFiles:
     """A block's own models. Raises InputError, with the block's key, for one that cannot be used: no facade could be made."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing.confidence import load_calibration

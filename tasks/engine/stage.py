@@ -188,13 +188,13 @@ def is_done_record(record: Record | None) -> bool:
     return record is not None and record["status"] == "done"
 
 
-def same_name(records: Sequence[Record | None], names: Sequence[str]) -> dict[int, int]:
+def match_by_name(records: Sequence[Record | None], names: Sequence[str]) -> dict[int, int]:
     """Match units by name with records, new -> old."""
     at = {record["unit"]: i for i, record in enumerate(records) if record}
     return {index: at[name] for index, name in enumerate(names) if name in at}
 
 
-def same_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, int]:
+def match_by_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, int]:
     """Match units by key with records, else by name, new -> old. The latter are pending, with a known reason."""
     keys = {record["key"]: i for i, record in enumerate(records) if record}
     found = {unit.index: keys[unit.key] for unit in units if unit.key in keys}

@@ -23,14 +23,14 @@ from tasks.engine.data_files import DATA_FILES
 
 VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
-HOUSE = ("facade_core", "catalogs", "tasks")
+CODE_PACKAGES = ("facade_core", "catalogs", "tasks")
 
 # The translator that only runs with `translator: neural` take.
-NEURAL = "facade_core.street.translator.neural_translator"
+NEURAL_TRANSLATOR = "facade_core.street.translator.neural_translator"
 # What finds models in packages that may be installed or not: both the presence and the content of these count.
-DETECT = "facade_core.imagery.detect.models"
+DETECTION_MODELS = "facade_core.imagery.detect.models"
 # What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
-APART = frozenset(
+EXCLUDED_MODULES = frozenset(
     {
         "facade_core.core.errors",
         "facade_core.atlas.journal",
@@ -48,7 +48,7 @@ APART = frozenset(
 )
 # Likewise of libraries; and what encodes pictures of exports alone, which no unit does, or rewrites the header of a model whose
 # content counts (an environment for tests has it, one for users only where that model is).
-LIBRARIES_APART = frozenset(
+EXCLUDED_LIBRARIES = frozenset(
     {
         "alktx2",
         "dask",
@@ -64,7 +64,7 @@ LIBRARIES_APART = frozenset(
     }
 )
 # Under which name a library is installed, where that is not the one it is imported by.
-INSTALLED_AS = {
+DISTRIBUTION_NAMES = {
     "PIL": "pillow",
     "cv2": "opencv-python-headless",
     "maxflow": "PyMaxflow",
@@ -76,7 +76,7 @@ INSTALLED_AS = {
 
 
 @dataclass(frozen=True)
-class Module:
+class CodeModule:
     """A module of the house: digest of its syntax; imports, pairs of a module and a name of it, "" for the module itself;
     passes_on, whether it only imports names for others."""
 
@@ -92,118 +92,118 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
 
     neural: whether it takes the network that translates panoramas.
     """
-    found = reached([module_of(stage, root)], APART if neural else APART | {NEURAL}, root)
+    found = collect_modules([worker_module(stage, root)], EXCLUDED_MODULES if neural else EXCLUDED_MODULES | {NEURAL_TRANSLATOR}, root)
     digest = blake2b(digest_size=8)
     for name in sorted(found):
         digest.update(f"{name} {found[name].digest}\n".encode())
     for file in sorted({file for name in found for file in DATA_FILES.get(name, ())}):
-        digest.update(f"{file} {_content(root / file)}\n".encode())
+        digest.update(f"{file} {_content_digest(root / file)}\n".encode())
     digest.update(f"python {sys.version_info.major}.{sys.version_info.minor}\n".encode())
     outside = {name.partition(".")[0] for module in found.values() for name, _ in module.imports}
-    for library in sorted(outside - sys.stdlib_module_names - LIBRARIES_APART - set(HOUSE)):
-        digest.update(f"{library} {_version(library)}\n".encode())
-    if DETECT in found:
+    for library in sorted(outside - sys.stdlib_module_names - EXCLUDED_LIBRARIES - set(CODE_PACKAGES)):
+        digest.update(f"{library} {_library_version(library)}\n".encode())
+    if DETECTION_MODELS in found:
         digest.update(f"detect {models_digest()}\n".encode())
     return digest.hexdigest()
 
 
-def module_of(stage: str, root: Path = ROOT) -> str:
+def worker_module(stage: str, root: Path = ROOT) -> str:
     """The module that does a stage's units."""
-    return next(name for part in ("worker", "task") if _path(name := f"tasks.stages.{stage}.{part}", root) is not None)
+    return next(name for part in ("worker", "task") if _module_path(name := f"tasks.stages.{stage}.{part}", root) is not None)
 
 
 @cache
 def code_version(stages: tuple[str, ...], root: Path = ROOT) -> str:
     """The version and a digest of the code of some stages: workers of one cluster must have the same."""
-    return version_of({stage: stage_code(stage, root=root) for stage in stages})
+    return join_code_versions({stage: stage_code(stage, root=root) for stage in stages})
 
 
-def version_of(codes: Mapping[str, str]) -> str:
+def join_code_versions(codes: Mapping[str, str]) -> str:
     """The version of the package and a digest of the codes of some stages."""
     text = "\n".join(f"{stage} {code}" for stage, code in sorted(codes.items()))
     return f"{VERSION}+{blake2b(text.encode(), digest_size=6).hexdigest()}"
 
 
-def reached(
-    starts: Iterable[str], apart: Iterable[str], root: Path, house: Collection[str] = HOUSE
-) -> dict[str, Module]:
+def collect_modules(
+    starts: Iterable[str], apart: Iterable[str], root: Path, house: Collection[str] = CODE_PACKAGES
+) -> dict[str, CodeModule]:
     """The modules of the house that some modules import, at any depth and in functions too, by name; these among them."""
-    found: dict[str, Module] = {}
+    found: dict[str, CodeModule] = {}
     waiting = list(starts)
     while waiting:
         name = waiting.pop()
         if name in found or name in apart:
             continue
-        module = _module(name, root)
+        module = _load_module(name, root)
         if module is None:
             continue
         found[name] = module
         for imported, member in module.imports:
-            waiting += _sources(imported, member, root, house)
+            waiting += _resolve_import(imported, member, root, house)
         # what runs before a module is the code of the packages around it
         waiting += [
             package
-            for package in _parents(name)
-            if (around := _module(package, root)) is not None and not around.passes_on
+            for package in _parent_packages(name)
+            if (around := _load_module(package, root)) is not None and not around.passes_on
         ]
     return found
 
 
-def _sources(name: str, member: str, root: Path, house: Collection[str]) -> list[str]:
+def _resolve_import(name: str, member: str, root: Path, house: Collection[str]) -> list[str]:
     """The modules of the house that an import reaches: those where the name is defined."""
     if name.partition(".")[0] not in house:
         return []
     below = f"{name}.{member}" if member else name
-    module = _module(name, root)
+    module = _load_module(name, root)
     if member and module is not None and module.passes_on:
         bound = [source for source in module.imports if source[1] == member]
         if bound:
-            return [one for source in bound for one in _sources(*source, root, house)]
-    if member and _path(below, root) is not None:
+            return [one for source in bound for one in _resolve_import(*source, root, house)]
+    if member and _module_path(below, root) is not None:
         return [below]
     return [name]
 
 
-def _parents(name: str) -> list[str]:
+def _parent_packages(name: str) -> list[str]:
     parts = name.split(".")
     return [".".join(parts[:depth]) for depth in range(1, len(parts))]
 
 
 @cache
-def _path(name: str, root: Path) -> Path | None:
+def _module_path(name: str, root: Path) -> Path | None:
     place = root.joinpath(*name.split("."))
     return next((path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()), None)
 
 
 @cache
-def _module(name: str, root: Path) -> Module | None:
+def _load_module(name: str, root: Path) -> CodeModule | None:
     """A module as it lies below `root`, None where there is none."""
-    path = _path(name, root)
-    return None if path is None else _parsed(name, path, path.stat().st_mtime_ns)
+    path = _module_path(name, root)
+    return None if path is None else _parse_module(name, path, path.stat().st_mtime_ns)
 
 
 @cache
-def _parsed(name: str, path: Path, modified: int) -> Module:
+def _parse_module(name: str, path: Path, modified: int) -> CodeModule:
     collecting = gc.isenabled()
     gc.disable()  # a tree is many small objects, none of which can go yet
     try:
         tree = ast.parse(path.read_bytes())
         said: list[str] = []
         imports: list[ast.Import | ast.ImportFrom] = []
-        _say(tree, said, imports)
+        _collect_syntax(tree, said, imports)
     finally:
         if collecting:
             gc.enable()
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    return Module(
+    return CodeModule(
         path,
         blake2b("\n".join(said).encode(errors="surrogatepass"), digest_size=8).hexdigest(),
-        tuple(dict.fromkeys(pair for node in imports for pair in _imported(node, package))),
-        path.name == "__init__.py" and all(map(_only_names, tree.body)),
+        tuple(dict.fromkeys(pair for node in imports for pair in _imported_names(node, package))),
+        path.name == "__init__.py" and all(map(_only_passes_names, tree.body)),
     )
 
 
-def _say(node: ast.AST, said: list[str], imports: list[ast.Import | ast.ImportFrom]) -> None:
+def _collect_syntax(node: ast.AST, said: list[str], imports: list[ast.Import | ast.ImportFrom]) -> None:
     """What a tree is, in words, and its imports; without what nothing is computed by: docstrings and imports for type checkers,
     and without places in the text."""
     if isinstance(node, ast.Import | ast.ImportFrom):
@@ -214,17 +214,17 @@ def _say(node: ast.AST, said: list[str], imports: list[ast.Import | ast.ImportFr
         if value is None:
             said.append("None")
         elif isinstance(value, list):
-            kept = [one for one in value if not (_is_text(one) or _for_types(one))] if field in _BODIES else value
+            kept = [one for one in value if not (_is_text(one) or _is_for_type_checking(one))] if field in _BODIES else value
             said.append(str(len(kept)))
             for one in kept:
                 if isinstance(one, ast.AST):
-                    _say(one, said, imports)
+                    _collect_syntax(one, said, imports)
                 else:
                     said.append(repr(one))
         elif not isinstance(value, ast.AST):
             said.append(repr(value))
         elif field != "ctx":  # where a name stands says whether it is read
-            _say(value, said, imports)
+            _collect_syntax(value, said, imports)
 
 
 _BODIES = frozenset({"body", "orelse", "finalbody"})
@@ -234,17 +234,17 @@ def _is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
-def _for_types(node: ast.AST) -> bool:
+def _is_for_type_checking(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
-def _only_names(node: ast.AST) -> bool:
+def _only_passes_names(node: ast.AST) -> bool:
     """Whether a statement of a package imports a name, lists those that it passes on, or only tells of them."""
     listed = isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["__all__"]
-    return listed or isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node) or _for_types(node)
+    return listed or isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node) or _is_for_type_checking(node)
 
 
-def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, str]]:
+def _imported_names(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, str]]:
     if isinstance(node, ast.Import):
         yield from ((alias.name, "") for alias in node.names)
     else:
@@ -253,13 +253,13 @@ def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple
 
 
 @cache
-def _content(path: Path) -> str:
+def _content_digest(path: Path) -> str:
     return blake2b(path.read_bytes(), digest_size=8).hexdigest()
 
 
 @cache
-def _version(library: str) -> str:
+def _library_version(library: str) -> str:
     try:
-        return version(INSTALLED_AS.get(library, library))
+        return version(DISTRIBUTION_NAMES.get(library, library))
     except PackageNotFoundError:
         return "none"

@@ -41,4 +41,4 @@ class Unit:
 
 
 # What one worker does in one go.
-Piece = Sequence[Unit]
+UnitGroup = Sequence[Unit]

@@ -15,7 +15,7 @@ from facade_core.geometry.walls import WallRole
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.facade import PaintedFacade, facade
 from facade_core.synth.styles import NORDIC
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.stages.ingest.planning import plan_of
 
 NAME = "helsinki"
@@ -91,7 +91,7 @@ def paint_exemplars(folder: Path) -> None:
         name = f"exemplar-{number:02d}"
         Image.fromarray(painted.image).save(folder / f"{name}.png", compress_level=1)
         Image.fromarray(painted.labels).save(folder / f"{name}.labels.png", compress_level=1)
-        advance("paint", 1)
+        report_progress("paint", 1)
 
     with ThreadPoolExecutor(2) as threads:
         list(threads.map(paint, range(EXEMPLARS)))
@@ -119,7 +119,7 @@ def _paint_photos(block: Block, folder: Path) -> None:
             occluders=2,
         )
         _save(folder / f"{facades.id[i]}.png", painted)
-        advance("paint", 1)
+        report_progress("paint", 1)
 
     with ThreadPoolExecutor(2) as threads:
         list(threads.map(paint, range(len(chosen))))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleSource, download_source
 from facade_core.core.errors import InputError
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
 
 # Where the packaged block files look for the exemplars that a fetched block has painted.
@@ -32,7 +32,7 @@ def fetch_block(
     if source is None:
         raise InputError(f"{name}: no block of this name has public data; there is {', '.join(sources)}")
     begin_stage("fetch", len(source.files))
-    download_source(source, folder, lambda: advance("fetch", 1))
+    download_source(source, folder, lambda: report_progress("fetch", 1))
     exemplars = folder / "exemplars"
     if not (exemplars.is_dir() and len(list(exemplars.iterdir())) == EXEMPLARS):
         paint(exemplars)

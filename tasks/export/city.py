@@ -14,7 +14,7 @@ import numpy as np
 from catalogs.printable_text import escape_invisible_json
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.types import Element
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.export.models import with_ground
 from tasks.published.opened import Published
 
@@ -97,14 +97,14 @@ def _objects(
     (folder / TEXTURES).mkdir()
     for page, image in enumerate(images):
         (folder / image).write_bytes(encode_page(drawn, page))
-        advance("export", 1)
+        report_progress("export", 1)
     layouts = facade_layouts(found, buildings) if openings else {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
     taken = set(found.names.values())
 
     def building(index: int, pool: Any) -> dict[str, Any]:
         made = building_objects(found, drawn, triangles[index], index, layouts, pool, taken)
-        advance("export", 1)
+        report_progress("export", 1)
         return made
 
     def terrain(id: str, faces: Any, pool: Any) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def _objects(
             for number, faces in enumerate(ground_faces(drawn, triangles[-1], origin_of(found))):
                 id = _free(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
                 yield id, partial(terrain, id, faces)
-            advance("export", 1)
+            report_progress("export", 1)
 
     return images, features()
 

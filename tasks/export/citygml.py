@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from catalogs.printable_text import escape_invisible
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
 from tasks.export.models import with_ground
 from tasks.published.opened import Published
@@ -35,7 +35,7 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     (folder / TEXTURES).mkdir()
     for page, image in enumerate(images):
         (folder / image).write_bytes(encode_page(drawn, page))
-        advance("export", 1)
+        report_progress("export", 1)
     triangles = group_rows(source.charts.building[source.mesh.chart])
     layouts = facade_layouts(found, buildings)
     ids = {index: xml_id(found.names[index]) for index in buildings.tolist()}
@@ -46,11 +46,11 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     with open_city_model(folder / name, found.block, found.crs, extent, found.attribution) as file:
         for index in buildings.tolist():
             file.write(_building(found, drawn, triangles[index], index, ids[index], layouts, images))
-            advance("export", 1)
+            report_progress("export", 1)
         if -1 in shown and -1 in triangles:
             for element in _terrain(found, drawn, triangles[-1], set(ids.values()), images):
                 file.write(element)
-            advance("export", 1)
+            report_progress("export", 1)
     return [name], []
 
 

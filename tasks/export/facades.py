@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.features import file_stem
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
         Image.fromarray(texture).save(folder / file, pnginfo=said)
         metres = 1 / float(found.plan.scene.placement.texels_per_metre[chart])
         yield AnnotatedFacade(name, file, texture.shape[1], texture.shape[0], metres, found.elements(index))
-        advance("export", 1)
+        report_progress("export", 1)
 
 
 def _left_out(found: Published, buildings: np.ndarray, written: int) -> list[str]:
@@ -128,7 +128,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
             attribution=found.attribution.tags(),
         ),
     )
-    advance("export", 1)
+    report_progress("export", 1)
     return [name], []
 
 

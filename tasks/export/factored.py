@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tasks.engine.progress import advance
+from tasks.engine.progress import report_progress
 from tasks.export.earth import on_earth
 from tasks.export.features import features_of
 from tasks.export.laying import laid
@@ -72,7 +72,7 @@ def write_factored(
         "seconds": round(time.monotonic() - start, 1),
     }
     (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")
-    advance("export", 1)
+    report_progress("export", 1)
     return ["block.glb"], made.notes
 
 
@@ -102,7 +102,7 @@ def write_factored_tiles(
     far, near = made.details
     every = merge_pieces([*far.values(), *near.values()])
     pictures, used, features = pack_textures(every, made.libraries), texture_encoder("jpeg"), features_of(found)
-    shells = build_shells(source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: advance("export", 1))
+    shells = build_shells(source, found.plan.scene.spec.texels_per_metre * COARSE_SCALE, lambda: report_progress("export", 1))
     for name in ("tiles", "tilesets", "pictures"):
         (folder / name).mkdir()
     picture_bytes = 0
@@ -114,7 +114,7 @@ def write_factored_tiles(
 
     def write(uri: str, data: bytes) -> None:
         (folder / uri).write_bytes(data)
-        advance("export", 1)
+        report_progress("export", 1)
 
     names = [f"pictures/{k}.jpg" for k in range(len(pictures.pictures))]
     for name, picture in zip(names, pictures.pictures, strict=True):
@@ -145,7 +145,7 @@ def write_factored_tiles(
         attribution=found.attribution,
         levels=leaves.detail_levels,
     )
-    advance("export", sum(map(leaves.is_unfactored, cells.leaves())))
+    report_progress("export", sum(map(leaves.is_unfactored, cells.leaves())))
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     coarse = tiled.page_texels * used.bytes_per_texel * MIPMAP_FACTOR

@@ -11,8 +11,8 @@ import numpy as np
 
 from catalogs.block.reader import read_block
 from facade_core.core.errors import FacadeError, InputError
-from tasks.engine.progress import advance, begin_stage
-from tasks.engine.store.status import recorded_source
+from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.store.status import read_source
 from tasks.published.opened import Published
 from tasks.stages.shared.images import read_exemplar_picture
 
@@ -55,7 +55,7 @@ def laid(found: Published, buildings: np.ndarray, details: Sequence[WallDetail],
             build_wall(
                 seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, WallPieces())
             )
-        advance("export", 1)
+        report_progress("export", 1)
     charts = np.array(sorted(int(found.plan.facades.chart[index]) for index in planes), np.int64)
     return Laid(charts, libraries, by_detail, notes)
 
@@ -116,7 +116,7 @@ def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[FacadeLib
                 made = build_library(image, labels, found.elements(index), density, seed=chart)
             number[source] = len(libraries)
             libraries.append(made)
-            advance("libraries", 1)
+            report_progress("libraries", 1)
         of[index] = number[source]
     notes = []
     if coarse:
@@ -135,7 +135,7 @@ def _source(found: Published, index: int) -> str:
 
 def _given(found: Published) -> dict[str, Path]:
     """The exemplars by name as they were given, where they still are."""
-    path = recorded_source(found.snapshot.out)
+    path = read_source(found.snapshot.out)
     if path is None:
         return {}
     try:

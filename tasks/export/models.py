@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from facade_core.core.errors import InputError
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.export.earth import on_earth
 from tasks.published.opened import Published
 
@@ -82,7 +82,7 @@ def write_models(
         time: TimeOfDay = "night or day" if night else "day or night"
         named = found.attribution.line
         path.write_bytes(encode_glb(nodes, looks, extras=extras, copyright=named, time=time))
-        advance("export", 1)
+        report_progress("export", 1)
 
     for building in buildings.tolist():
         write(folder / "buildings" / f"{file_stem(found.names[building])}.glb", np.array([building]))
@@ -125,7 +125,7 @@ def write_3dtiles(
     cells = build_quadtree(source)
     time: TimeOfDay = "night" if night else "day"
     begin_stage("export", len(buildings) + count_tiles(cells))
-    shells = build_shells(source, density * COARSE_SCALE, lambda: advance("export", 1))
+    shells = build_shells(source, density * COARSE_SCALE, lambda: report_progress("export", 1))
     most = encoded.max_view_mb if max_texture_mb is None else max_texture_mb
     scale = view_scale(source, shells, cells, encoded, most * 1e6, time)
     if scale < 1:
@@ -138,7 +138,7 @@ def write_3dtiles(
 
     def write(uri: str, data: bytes) -> None:
         (folder / uri).write_bytes(data)
-        advance("export", 1)
+        report_progress("export", 1)
 
     tiled = write_tileset(
         source,

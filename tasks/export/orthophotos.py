@@ -12,7 +12,7 @@ import numpy as np
 from catalogs.features import file_stem
 from catalogs.printable_text import escape_invisible, escape_invisible_json
 from facade_core.core.errors import InputError
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.published.opened import Published
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
         item = _item(found, name, row, plane, texels.shape[:2], names[-1])
         text = json.dumps(item.to_dict(include_self_link=False), indent=1, ensure_ascii=False, allow_nan=False)
         (folder / f"{file_stem(name)}.json").write_text(escape_invisible_json(text) + "\n", encoding="utf-8")
-        advance("export", 1)
+        report_progress("export", 1)
     return names, []
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.features import file_stem
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.export.features import building_rows
 from tasks.export.models import shown, with_ground
 from tasks.published.opened import Published
@@ -61,7 +61,7 @@ def write_usd(
             (folder / files[field]).write_bytes(picture)
         packed += files.values()
         pages.append(TextureFiles(**{field: f"../{file}" for field, file in files.items()}))
-        advance("export", 1)
+        report_progress("export", 1)
     time = None if source.maps is None else NIGHT if night else DAY
     rows = {found.names[index]: row for index, row in building_rows(found).items()}
     parts: dict[str, str] = {}
@@ -69,7 +69,7 @@ def write_usd(
         parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
         about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": found.attribution.line}
         write_usd_building(folder / parts[node.name], node, pages, about, time)
-        advance("export", 1)
+        report_progress("export", 1)
     stem = file_stem(found.block)
     said_of_all: dict[str, Any] = {
         "block": found.block,
@@ -83,5 +83,5 @@ def write_usd(
     for name in packed:  # a package states when its files were changed: the same snapshot gives the same bytes
         os.utime(folder / name, (CHANGED_S, CHANGED_S))
     write_usd_package(folder, packed, folder / f"{stem}.usdz")
-    advance("export", 1)
+    report_progress("export", 1)
     return [f"{stem}.usda", f"{stem}.usdz"], notes

@@ -19,8 +19,8 @@ from facade_core.core.name_hash import hash_name
 from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.imagery.poses.photo_matching import WallLikelihoods, estimate_orientation, match_walls
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import reason_of
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.outcome import error_reason
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.matching.table import COLUMNS, Candidate, Table, found_row
 from tasks.stages.facades.evidence import rectified_photo
 from tasks.stages.ingest.planning import plan_of
@@ -62,8 +62,8 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
         except (FacadeError, ValueError, OSError) as error:
             if is_system_error(error):
                 raise
-            faults.append(Fault(photo.name, "photo", reason_of(error)))
-        advance("match", 1)
+            faults.append(Fault(photo.name, "photo", error_reason(error)))
+        report_progress("match", 1)
     return Table(path, COLUMNS, tuple(found)), faults
 
 

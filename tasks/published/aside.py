@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from tasks.engine.outcome import machine_error, machine_fault, reason_of, store_fault
+from tasks.engine.outcome import error_reason, is_machine_fault, is_store_fault, machine_error
 
 log = logging.getLogger(__name__)
 
@@ -26,8 +26,8 @@ class Aside:
         try:
             yield
         except Exception as error:
-            if machine_fault(error) and not store_fault(error):
+            if is_machine_fault(error) and not is_store_fault(error):
                 raise machine_error(f"publish {what}", error) from error
-            self.suspect = self.suspect or store_fault(error)
-            self.failed[what] = reason_of(error)
+            self.suspect = self.suspect or is_store_fault(error)
+            self.failed[what] = error_reason(error)
             log.warning("%s is not published: %s", what, self.failed[what], exc_info=error)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import TypeVar
 
 from catalogs.features import file_stem
 from catalogs.published.reuse import SnapshotFiles
@@ -19,8 +20,12 @@ from facade_core.export.pictures.views import sample_evenly, select_pictured_fac
 from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
+from tasks.stages.pictures.record import PictureRecord
 
 # Panoramas that are shown.
+R = TypeVar("R", bound=Record)
+
+
 PANORAMAS = 6
 
 # A file's name in report/images, and its title.
@@ -67,16 +72,16 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: SnapshotFil
     )
 
 
-def _done(records: Sequence[Record | None]) -> list[Record]:
+def _done(records: Sequence[R | None]) -> list[R]:
     """Of the others the journal says why."""
     return [record for record in records if record is not None and record["status"] == "done"]
 
 
-def _file(block: StoredBlock, record: Record) -> bytes:
+def _file(block: StoredBlock, record: PictureRecord) -> bytes:
     return read_stored_file(block.group, picture_path(record["file"]), record["digest"])
 
 
-def _sheets(folder: str, block: StoredBlock, record: Record, made: SnapshotFiles) -> Iterator[Titled]:
+def _sheets(folder: str, block: StoredBlock, record: PictureRecord, made: SnapshotFiles) -> Iterator[Titled]:
     """One WebP for each picture of a facade, cut out of its file, which is read where one of them is not linked."""
     whole = cache(partial(_file, block, record))
     for name, title, offset, length in record["pictures"]:

@@ -30,7 +30,7 @@ def write_block_report(
     models: Sequence[str],
 ) -> None:
     """Write the report into its folder, in which its images are already. models: files of the snapshot, from its folder."""
-    journals = {stage: [record for record in journal if record] for stage, journal in block.journals.items()}
+    journals = {stage: [record for record in journal if record] for stage, journal in block.records_by_stage.items()}
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
     facades = block.plan.facades

@@ -13,13 +13,14 @@ from typing import Any, cast
 import numpy as np
 
 from catalogs.published.items import ASSUMED_HEIGHT, ROW_KEYS
-from facade_core.atlas.journal import Record, atlas_digest
+from facade_core.atlas.journal import atlas_digest
 from facade_core.core.provenance import PROVENANCE, Provenance
 from facade_core.core.types import Pose
 from facade_core.geometry.walls import WALL_ROLES, WallRole
 from facade_core.plan.facades import Facades
 from tasks.engine.run import Run
 from tasks.published.stored import StoredBlock
+from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.facades.stage import FACADES
 from tasks.stages.order import STAGES_IN_ORDER
 
@@ -56,7 +57,7 @@ def rows_of(run: Run, block: StoredBlock) -> Rows:
     return Rows(_facade_rows(run, block), _set_aside_rows(run, block))
 
 
-def write_masked(path: Path, records: Sequence[Record | None]) -> None:
+def write_masked(path: Path, records: Sequence[FacadeRecord | None]) -> None:
     """Write the facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
     regions = [
         {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
@@ -237,7 +238,7 @@ def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
     for kind in STAGES_IN_ORDER:
         if kind.units is None or kind is FACADES:  # facades have rows of their own
             continue
-        for record in block.journals[kind.stage]:
+        for record in block.records_by_stage[kind.stage]:
             if record and record["status"] == "failed":
                 yield kind.subject, record["unit"], record["reason"]
     for record in block.journals["streets"]:

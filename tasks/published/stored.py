@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
-from facade_core.atlas.journal import read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import open_root
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import Values, read_plan, read_table
-from tasks.engine.store.status import made_by
+from tasks.engine.store.status import store_code_version
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.journals import Journals, read_typed_journals
 from tasks.stages.poses.record import RefinedPoseRecord
@@ -34,6 +35,11 @@ class StoredBlock:
     def journals(self) -> Journals:
         """Stage -> the record of every unit, None where there is none."""
         return read_typed_journals(self.group)
+
+    @property
+    def records_by_stage(self) -> Mapping[str, Sequence[Record | None]]:
+        """Return the journals with the part of their records that all stages share."""
+        return cast(Mapping[str, Sequence[Record | None]], self.journals)
 
     @cached_property
     def posed(self) -> list[RefinedPoseRecord | None]:
@@ -58,7 +64,7 @@ class StoredBlock:
     @cached_property
     def version(self) -> str:
         """That of the code that made it."""
-        return made_by(self.group)
+        return store_code_version(self.group)
 
     @property
     def ingested(self) -> datetime:

@@ -15,7 +15,7 @@ import numpy as np
 
 from catalogs.published.reuse import SnapshotFiles
 from catalogs.published.snapshot import Snapshot
-from facade_core.atlas.journal import Record, unit_key
+from facade_core.atlas.journal import unit_key
 from facade_core.atlas.stored_files import read_stored_file, read_verified_array, tile_paths
 from facade_core.export.city_models.attribution import Attribution
 from facade_core.export.models.glb import replace_copyright
@@ -28,6 +28,7 @@ from facade_core.export.tiles.tile_model import coarse_rasters, coarse_size
 from tasks.engine.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
+from tasks.stages.tiles.record import TileRecord
 
 # The model of the whole block is written where it has no more bytes than this: viewers and glTF's own counts end not far above.
 MODEL_BYTES = 512_000_000
@@ -38,7 +39,7 @@ class WrittenTile:
     """A tile that is published: what it is of, its record, its file and that one's sha256."""
 
     tile: BlockTile
-    record: Record
+    record: TileRecord
     file: Path
     sha256: str
 
@@ -94,7 +95,11 @@ def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attr
 
 
 def write_model(
-    snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: SnapshotFiles, attribution: Attribution
+    snapshot: Snapshot[Path],
+    block: StoredBlock,
+    tiles: Sequence[WrittenTile],
+    made: SnapshotFiles,
+    attribution: Attribution,
 ) -> bool:
     """Write block.glb, the tiles joined. Returns whether it fits MODEL_BYTES."""
     if sum(one.record["bytes"] for one in tiles) > MODEL_BYTES:

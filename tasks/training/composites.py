@@ -18,7 +18,7 @@ from facade_core.synth.street_truth import (
     panorama,
     synthetic_street,
 )
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.training.materials import picture
 from tasks.training.parser import cmp_photos
 
@@ -44,7 +44,7 @@ def composites(data: Path, *, seed: int) -> list[TrainingPair]:
         plain = synthetic_street(BUILDINGS, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE)
         street = with_photos(plain, [photos[index] for index in chosen])
         found += _pairs(street, roadway, pavements[number % len(pavements)])
-        advance("composites", 1)
+        report_progress("composites", 1)
     return found
 
 

@@ -20,7 +20,7 @@ from facade_core.export.pictures.stage_pictures import read_chart_raster
 from facade_core.facade.correction import rasterise_boxes
 from facade_core.parsing.segmenter import outside_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS
-from tasks.engine.store.status import recorded_source
+from tasks.engine.store.status import read_source
 from tasks.published.opened import published
 from tasks.stages.shared.facade_corrections import corrected_of
 
@@ -74,7 +74,7 @@ def corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
 
 
 def _of_run(out: Folder) -> list[CorrectedFacade]:
-    block = recorded_source(out)
+    block = read_source(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     found = []

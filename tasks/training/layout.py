@@ -8,7 +8,7 @@ from pathlib import Path
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.model import save_layout_model
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 
 
 def train_layout(
@@ -44,4 +44,4 @@ def train_layout(
 def _tell(step: str, done: int, total: int) -> None:
     if done <= 1:
         begin_stage(step, total)
-    advance(step, min(done, 1))
+    report_progress(step, min(done, 1))

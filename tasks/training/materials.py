@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.errors import InputError
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
 from facade_core.street.materials.grain_file import save_examples
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 
 # Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
 SOURCES: dict[str, tuple[str, float, float | None]] = {
@@ -36,7 +36,7 @@ def train_materials(data: Path, out: Path) -> Path:
         image, digest = picture(data / "materials" / file)
         examples[name] = learn_grain(image, width, structure=structure)
         told[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
-        advance("examples", 1)
+        report_progress("examples", 1)
     path = out / "materials.npz"
     save_examples(examples, path, sources=told)
     return path

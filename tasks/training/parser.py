@@ -23,7 +23,7 @@ from facade_core.parsing import confidence, network, network_export, network_tra
 from facade_core.parsing.network_training import TrainingSchedule
 from facade_core.parsing.segmenter import parse
 from facade_core.parsing.training_views import ANY_CLASS
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.published.catalogue_facts import OF_FACADES
 from tasks.training.corrected import LEAST, CorrectedFacade, labelled
 from tasks.training.labelled import painted, with_occluders
@@ -189,7 +189,7 @@ def stage_progress() -> Callable[[str, int, int], None]:
         if step not in reached:
             begin_stage(step, total, earlier=done)
         else:
-            advance(step, done - reached[step])
+            report_progress(step, done - reached[step])
         reached[step] = done
 
     return progress

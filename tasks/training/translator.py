@@ -22,8 +22,8 @@ from facade_core.street.translator.training_views import PANORAMA_WIDTHS, Traini
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.model_relief import relief
 from facade_core.synth.street_truth import synthetic_street
-from tasks.engine.progress import advance, begin_stage
-from tasks.engine.store.status import recorded_source
+from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.store.status import read_source
 from tasks.stages.ingest.planning import plan_of
 from tasks.training.composites import composites
 from tasks.training.parser import stage_progress
@@ -56,7 +56,7 @@ class Street:
 
 def street_of(run: Path) -> Street:
     """What the run in a folder was made of. Raises InputError where it does not say, or has no panoramas."""
-    source = recorded_source(run)
+    source = read_source(run)
     if source is None:
         raise InputError(f"{run}: no run of a block; name the folder that one was written to")
     found = tuple((f"{run.resolve().name}/{one.path.name}", one.path) for one in read_block(source).panoramas)
@@ -166,11 +166,11 @@ def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[TrainingRende
     runs: list[list[TrainingRendering]] = []
     for number in range(PROCEDURAL):
         runs.append(procedural_run(seed=100 * seed + number, furnished=number % 2 == 0))
-        advance("renderings", 1)
+        report_progress("renderings", 1)
     for path in blocks:
         for run in block_runs(read_block(path), RUNS, seed=seed):
             runs.append(run)
-            advance("renderings", 1)
+            report_progress("renderings", 1)
     learnt = [view for number, run in enumerate(runs) if number % EVERY for view in run]
     judged = [view for number, run in enumerate(runs) if number % EVERY == 0 for view in run]
     return learnt, judged

@@ -24,7 +24,7 @@ from facade_core.export.pictures.stage_pictures import StoredFacade
 from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.facades import Facades
 from facade_core.plan.plan_tables import placement_from_table, read_facades, read_table
-from tasks.engine.outcome import refused
+from tasks.engine.outcome import rejected_pictures
 from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import facts
 from tasks.stages.facades.record import FacadeRecord
@@ -201,7 +201,7 @@ class View:
                 stages.append({"name": stage, **counts})
             outdated += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in stale]
             failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
-            failures += [{"stage": stage, "unit": unit, "reason": reason} for unit, reason in refused(made)]
+            failures += [{"stage": stage, "unit": unit, "reason": reason} for unit, reason in rejected_pictures(made)]
         return {
             "snapshot": self.snapshot,
             "published": self.published,

@@ -136,7 +136,7 @@ def windows(labels: np.ndarray) -> list[tuple[slice, slice]]:
     return ndimage.find_objects(ndimage.label(labels == FacadeClass.WINDOW)[0])
 
 
-def shown(plan: Plan, style: ExemplarStyle, facade: int) -> tuple[Wall, np.ndarray]:
+def shown(plan: Plan, style: ExemplarStyle, facade: int) -> tuple[FacadeWall, np.ndarray]:
     wall = facade_wall(plan.scene, plan.facades, facade)
     return wall, compose_wall(style, wall, metres_per_pixel=MPP, seed=facade)[1]
 

@@ -169,5 +169,5 @@ def test_neighbours_do_not_differ_in_paint_alone() -> None:
     looks[:, 3] = 0.2 * (np.arange(24) % 4)
     two = row(2)
     for seed in range(12):
-        one, other = choose_exemplars(two, replace(many, looks=looks.tolist()), seed=seed) % 4
+        one, other = choose_exemplars(two, replace(many, descriptors=looks.tolist()), seed=seed) % 4
         assert one != other

@@ -19,8 +19,8 @@ from facade_core.atlas.journal import clear_record, read_journal, unit_key, writ
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import find_lost_units, mend, suspect
-from tasks.engine.store.status import nothing_due
+from tasks.engine.store.integrity import find_lost_units, repair_store, mark_suspect
+from tasks.engine.store.status import finished_summary
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, texture
 
@@ -85,20 +85,20 @@ def lose_exemplar(group: Any) -> None:
     ],
 )
 def test_a_record_without_its_data_is_found_and_due_again(run: Run, wound: Callable[[Any], None], said: str) -> None:
-    assert mend(run) == []
+    assert repair_store(run) == []
     changed(run.store, wound)
-    (line,) = mend(run)
+    (line,) = repair_store(run)
     assert re.search(said, line)
     assert line.endswith("they are due again")
-    assert mend(run) == []
+    assert repair_store(run) == []
 
 
 def test_what_lost_its_data_is_made_again_and_nothing_else(textured: tuple[Path, Run], run: Run) -> None:
     out = Path(run.out)
     wanted, before = digests_of(out), started(out)
     changed(run.store, lose_panorama)
-    assert nothing_due(run) is None
-    mend(run)
+    assert finished_summary(run) is None
+    repair_store(run)
     texture(textured[0], out)
     assert digests_of(out) == wanted
     group = zarr.open_group(open_repository(out / "store").readonly_session(BRANCH).store, mode="r")
@@ -113,24 +113,24 @@ def test_without_its_newest_snapshot_a_run_goes_on_from_the_one_before(
     for tag in (run.store / "refs").glob("tag.*"):  # not they bring it back
         shutil.rmtree(tag)
     damage(tip(run.store))
-    assert nothing_due(run) is None
+    assert finished_summary(run) is None
     with pytest.raises(StoreError, match=r"snapshot \w+ cannot be read .*`streetloom run BLOCK.yaml --out .*` goes on"):
         after_viewpoint(Path(run.out), "s1", 0)
-    said = mend(run)
+    said = repair_store(run)
     assert "the newest snapshot cannot be read" in said[0]
     assert "what was made since is due again" in said[0]
     assert not any("\n" in line for line in said)
-    assert mend(run) == []
+    assert repair_store(run) == []
 
 
 @pytest.mark.parametrize("damage", [cut, Path.unlink])
 def test_the_branch_is_found_again(run: Run, damage: Callable[[Path], None]) -> None:
     wanted = digests_of(Path(run.out))
     damage(run.store / "refs" / "branch.main" / "ref.json")
-    assert nothing_due(run) is None
-    assert len(mend(run)) == 1
+    assert finished_summary(run) is None
+    assert len(repair_store(run)) == 1
     assert digests_of(Path(run.out)) == wanted
-    assert nothing_due(run) is not None
+    assert finished_summary(run) is not None
 
 
 def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run], run: Run) -> None:
@@ -145,8 +145,8 @@ def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run],
             path.write_bytes(held)
     lost = find_unreadable_chunks(open_repository(store).readonly_session(BRANCH))
     assert lost
-    assert nothing_due(run) is None
-    (line,) = mend(run)
+    assert finished_summary(run) is None
+    (line,) = repair_store(run)
     assert "lost what they made" in line
     assert find_unreadable_chunks(open_repository(store).readonly_session(BRANCH)) == {}
     texture(textured[0], out)
@@ -156,11 +156,11 @@ def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run],
 def test_where_nothing_can_be_read_the_way_out_is_said(run: Run) -> None:
     for snapshot in (run.store / "snapshots").iterdir():
         cut(snapshot)
-    assert nothing_due(run) is None
+    assert finished_summary(run) is None
     with pytest.raises(
         LostStoreError, match=r"store: cannot be read \(.*\), nor any earlier snapshot; move .*store away"
     ):
-        mend(run)
+        repair_store(run)
 
 
 @pytest.mark.parametrize("gone", ["refs", "snapshots refs"])
@@ -172,16 +172,16 @@ def test_what_a_run_killed_while_it_made_the_store_left_is_begun_anew(
     for name in gone.split():
         shutil.rmtree(run.store / name)
         (run.store / name).mkdir()
-    assert nothing_due(run) is None
-    assert mend(run) == []
+    assert finished_summary(run) is None
+    assert repair_store(run) == []
     assert open_repository(run.store, create=True).lookup_branch(BRANCH)
 
 
 def test_a_store_in_which_nothing_was_done_has_no_wounds(tmp_path: Path, textured: tuple[Path, Run]) -> None:
     run = replace(textured[1], out=str(tmp_path))
-    assert mend(run) == []
+    assert repair_store(run) == []
     open_repository(run.store, create=True)
-    assert mend(run) == []
+    assert repair_store(run) == []
     assert find_lost_units(open_repository(Path(textured[1].out) / "store").readonly_session(BRANCH)) == {}
 
 
@@ -201,17 +201,17 @@ def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it
         provenance[0] = np.where(provenance[0] > 0, 1, 0)
 
     changed(run.store, paint)
-    assert mend(run) == []
-    suspect(out)
-    assert nothing_due(run) is None
-    (line,) = mend(run)
+    assert repair_store(run) == []
+    mark_suspect(out)
+    assert finished_summary(run) is None
+    (line,) = repair_store(run)
     assert "lost what they made" in line
     assert "viewpoint" in line
-    assert mend(run) == []
+    assert repair_store(run) == []
     texture(textured[0], out)
     assert digests_of(out) == wanted
-    suspect(out)
-    assert mend(run) == []
+    mark_suspect(out)
+    assert repair_store(run) == []
 
 
 @pytest.mark.parametrize("what", ["a file", "a link to nowhere"])

@@ -20,7 +20,7 @@ from flows.lock import locked
 from tasks.doctor import examine_folder, examine_machine
 from tasks.doctor.machine import disk, models, packages
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import is_suspect, mend
+from tasks.engine.store.integrity import is_suspect, repair_store
 from tasks.engine.store.status import record_source
 
 
@@ -87,7 +87,7 @@ def test_what_is_damaged_is_said_with_what_mends_it(
     assert "\n" not in found[concern]
     if damage is garble_panorama:
         assert is_suspect(out)  # no size shows it: the next run looks at everything
-        assert "lost what they made" in mend(run)[0]
+        assert "lost what they made" in repair_store(run)[0]
 
 
 def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from facade_core.core.errors import MachineError
-from tasks.engine.outcome import raising_machine_errors
+from tasks.engine.outcome import raise_machine_errors
 from tasks.engine.store import disk_space
-from tasks.engine.store.commits import journal
-from tasks.engine.store.disk_space import RESERVE, require_room
+from tasks.engine.store.commits import read_newest_journal
+from tasks.engine.store.disk_space import RESERVED_BYTES, require_disk_space
 from tasks.stages.ingest import task
 from tasks.stages.order import STAGE_NAMES
 from tests.pipeline.runs import ROOT, command, environment
@@ -34,20 +34,20 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def states(out: Path) -> set[str]:
-    return {record["status"] for stage in STAGE_NAMES for record in journal(out / "store", stage) if record}
+    return {record["status"] for stage in STAGE_NAMES for record in read_newest_journal(out / "store", stage) if record}
 
 
 def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
     disk: Path, left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     block = write_block(tmp_path / "block", texture={"walls": "translate"})
-    monkeypatch.setattr(disk_space, "RESERVE", 0)
-    monkeypatch.setattr(task, "room_for", lambda plan, width, stored: 0)  # as if another program had filled it
+    monkeypatch.setattr(disk_space, "RESERVED_BYTES", 0)
+    monkeypatch.setattr(task, "store_bytes", lambda plan, width, stored: 0)  # as if another program had filled it
     with (
         pytest.raises(
             MachineError, match=r"No space left on device; free some space and run again: what is done is kept$"
         ),
-        raising_machine_errors("small"),
+        raise_machine_errors("small"),
     ):
         texture(block, disk / "out")
     assert states(disk / "out") == {"done"}
@@ -59,18 +59,18 @@ def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
 
 def test_a_disk_without_room_is_told_before_anything_is_written(tmp_path: Path) -> None:
     def left(bytes_free: int) -> Callable[[Path], int]:
-        return lambda folder: RESERVE + bytes_free if folder == tmp_path else 0
+        return lambda folder: RESERVED_BYTES + bytes_free if folder == tmp_path else 0
 
-    require_room(tmp_path, 200_000, left(200_000))
+    require_disk_space(tmp_path, 200_000, left(200_000))
     with pytest.raises(
         MachineError, match=r"needs about 55 MB of space and its disk has 50 MB free; free some space, or"
     ):
-        require_room(tmp_path, 5_000_000, left(300_000))
+        require_disk_space(tmp_path, 5_000_000, left(300_000))
     with pytest.raises(MachineError, match="free some space"):
-        require_room(tmp_path, 250_000, left(200_000))
+        require_disk_space(tmp_path, 250_000, left(200_000))
     (tmp_path / "store").mkdir()
     (tmp_path / "store" / "chunk").write_bytes(bytes(100_000))  # of what is needed, this is there already
-    require_room(tmp_path, 250_000, left(200_000))
+    require_disk_space(tmp_path, 250_000, left(200_000))
 
 
 def test_the_command_says_what_room_it_needs(disk: Path, tmp_path: Path) -> None:

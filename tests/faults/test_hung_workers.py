@@ -16,8 +16,8 @@ from distributed import Client, LocalCluster
 from facade_core.core.errors import MachineError
 from tasks.engine.compute.cluster import Cluster, ClusterGone, UnitOverran
 from tasks.engine.compute.connect import connect
-from tasks.engine.compute.timeouts import Patience
-from tasks.engine.compute.worker_setup import make, prepared
+from tasks.engine.compute.timeouts import Timeouts
+from tasks.engine.compute.worker_setup import environment_versions, worker_setup_plugin
 from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.test_cluster import wait_until
 
@@ -27,7 +27,7 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two local workers, of which some seconds' silence is noticed; a unit may take as long as it likes."""
-    patience = Patience(look=0.2, worker_silence=8.0)
+    patience = Timeouts(poll_interval=0.2, worker_silence=8.0)
     with connect(2, None, str(tmp_path_factory.mktemp("two")), patience=patience) as made:
         yield made
 
@@ -35,7 +35,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two others, for whose units four seconds are too long."""
-    patience = Patience(look=0.2, unit_least=4.0, unit_first=4.0)
+    patience = Timeouts(poll_interval=0.2, unit_least=4.0, unit_first=4.0)
     with connect(2, None, str(tmp_path_factory.mktemp("hasty")), patience=patience) as made:
         yield made
 
@@ -66,7 +66,7 @@ def both(two: Cluster) -> set[int]:
     found: set[int] = set()
     while len(found) < 2 and time.monotonic() < deadline:
         units = [two.submit(slow, 0.2) for _ in range(4)]
-        found = {unit.result() for unit in two.completed(units)}
+        found = {unit.result() for unit in two.iterate_completed(units)}
     assert len(found) == 2
     return found
 
@@ -96,7 +96,7 @@ def test_a_stopped_worker_costs_what_it_had_and_no_more(two: Cluster) -> None:
         units = [two.submit(slow, 0.5, worker=lease), *(two.submit(slow, 0.1) for _ in range(10))]
         os.kill(stopped, signal.SIGSTOP)
         try:
-            assert {unit.result() for unit in two.completed(units)} <= pids
+            assert {unit.result() for unit in two.iterate_completed(units)} <= pids
             assert two.submit(worker, worker=lease).result() == (pids - {stopped}).pop()
         finally:
             os.kill(stopped, signal.SIGCONT)
@@ -173,8 +173,8 @@ def test_a_late_worker_of_another_make_is_not_used() -> None:
     }
     with LocalCluster(n_workers=1, **local) as there, Client(there) as client:
         (first,) = client.scheduler_info(n_workers=-1)["workers"]
-        asked = make() | {"numpy": "0.9"}
-        client.register_plugin(prepared(asked), name="streetloom")
+        asked = environment_versions() | {"numpy": "0.9"}
+        client.register_plugin(worker_setup_plugin(asked), name="streetloom")
         # Asked of the scheduler, which keeps what workers say: a subscription made just before may come after the line.
         wait_until(lambda: client.get_events("streetloom"))
         wait_until(lambda: not client.scheduler_info(n_workers=-1)["workers"])

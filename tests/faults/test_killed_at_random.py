@@ -24,7 +24,7 @@ import pytest
 
 from catalogs.query.execution import query
 from facade_core.core.errors import FacadeError, StoreError
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 from tasks.viewing import Reader
 from tests.pipeline import stages
@@ -171,7 +171,7 @@ def committed(out: Path) -> dict[tuple[str, str], tuple[str, float]]:
     found = {}
     for stage in STAGE_NAMES:
         with suppress(StoreError, KeyError, FileNotFoundError):
-            for record in journal(out / "store", stage):
+            for record in read_newest_journal(out / "store", stage):
                 if record and record["status"] == "done":
                     found[stage, record["unit"]] = (record["key"], record["started"])
     return found

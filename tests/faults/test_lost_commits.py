@@ -15,8 +15,8 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, Repository, commit, create_root, open_repository
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
-from tasks.engine.store.carry_over import forget_units
-from tasks.engine.store.commits import begin, finish
+from tasks.engine.store.carry_over import delete_units
+from tasks.engine.store.commits import fork_store, commit_units
 
 THREADS, ROUNDS = 4, 40
 
@@ -39,10 +39,10 @@ def test_no_commit_is_lost_among_threads_that_finish_units_and_forget_units(stor
         """As a street does: units one after the other, with one that is due again now and then."""
         made = []
         for unit in range(thread * ROUNDS, (thread + 1) * ROUNDS):
-            session, fork = begin(store)
-            made.append(finish(session, fork, "viewpoints", {unit: {"unit": str(unit), "key": "k"}}, str(unit)))
+            session, fork = fork_store(store)
+            made.append(commit_units(session, fork, "viewpoints", {unit: {"unit": str(unit), "key": "k"}}, str(unit)))
             if unit % 2:
-                forget_units(run, plan, "viewpoints", {unit: []})
+                delete_units(run, plan, "viewpoints", {unit: []})
         return made
 
     with ThreadPoolExecutor(THREADS) as threads:
@@ -56,7 +56,7 @@ def test_no_commit_is_lost_among_threads_that_finish_units_and_forget_units(stor
 
 
 def test_a_commit_that_another_process_overwrote_is_said(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    session, fork = begin(store)
+    session, fork = fork_store(store)
     monkeypatch.setattr(Repository, "lookup_branch", lambda repository, branch: "ELSEWHERE")
     with pytest.raises(StoreError, match=r"^unit: the commit \w+ is lost.*another process writes.*run again$"):
-        finish(session, fork, "viewpoints", {0: {"unit": "0", "key": "k"}}, "unit")
+        commit_units(session, fork, "viewpoints", {0: {"unit": "0", "key": "k"}}, "unit")

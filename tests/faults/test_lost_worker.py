@@ -18,14 +18,14 @@ from facade_core.atlas.store import BRANCH, open_repository
 from tasks.engine import fan_out
 from tasks.engine.compute.connect import connect
 from tasks.engine.fan_out import process_batch
-from tasks.engine.store.commits import journal
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.store.commits import read_newest_journal
+from tasks.engine.unit import UnitGroup, Unit
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 
-def slow(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
+def slow(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Leaves a line with its worker in a file of its own each time that it begins. Once the second worker is killed, the first
     does no more until the late one is at work: however long that takes to start, there is something left for it."""
     index, (folder,) = units[0].index, units[0].arguments
@@ -48,10 +48,10 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     committed: dict[int, str] = {}
-    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
+    monkeypatch.setattr(fan_out, "fork_store", lambda store: ("session", "fork"))
     monkeypatch.setattr(
         fan_out,
-        "finish",
+        "commit_units",
         lambda session, fork, stage, records, message: committed.update(
             {index: record["worker"] for index, record in records.items()}
         ),
@@ -112,5 +112,5 @@ def test_workers_killed_among_facades_and_in_a_street(
     assert summary["failures"] == []
     commits = Counter(s.message for s in open_repository(out / "store").ancestry(branch=BRANCH))
     assert {message: n for message, n in commits.items() if n > 1} == {}
-    workers = {record["worker"] for stage in ("facades", "viewpoints") for record in journal(out / "store", stage)}
+    workers = {record["worker"] for stage in ("facades", "viewpoints") for record in read_newest_journal(out / "store", stage)}
     assert "three" in workers

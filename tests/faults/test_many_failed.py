@@ -12,9 +12,9 @@ from catalogs.block.reader import read_block
 from facade_core.atlas.journal import write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import BlockFileError
-from tasks.engine.outcome import failure
+from tasks.engine.outcome import failed_record
 from tasks.engine.run import Run
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.publish.task import publish_block
 from tests.pipeline.stages import texture, write_block
 
@@ -22,11 +22,11 @@ from tests.pipeline.stages import texture, write_block
 def fail(run: Run, stage: str, count: int) -> None:
     session = open_repository(run.store).writable_session(BRANCH)
     group = zarr.open_group(session.store)
-    records = journal(run.store, stage)
+    records = read_newest_journal(run.store, stage)
     for index, record in enumerate(records[:count]):
         assert record
         digests = {"digests": record["digests"]} if "digests" in record else {}
-        write_record(group, stage, index, failure(record["unit"], record["key"], ValueError("broken")) | digests)
+        write_record(group, stage, index, failed_record(record["unit"], record["key"], ValueError("broken")) | digests)
     commit(session, "broken")
 
 

@@ -24,7 +24,7 @@ def told(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[Any, str]]:
 
     for name in ("create_link_artifact", "create_markdown_artifact", "create_table_artifact"):
         monkeypatch.setattr(artifacts, name, record)
-    monkeypatch.setattr(artifacts, "journal", lambda store, stage: [])
+    monkeypatch.setattr(artifacts, "read_newest_journal", lambda store, stage: [])
     return made
 
 

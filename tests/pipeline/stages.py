@@ -24,13 +24,13 @@ from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade.pipeline import Exemplar, prepare_exemplar
 from facade_core.plan.plan_tables import read_plan
 from facade_core.synth.exemplars import exemplars
-from tasks.engine.compute.connect import Serial
+from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.forecast import forecast_work
-from tasks.engine.outcome import Outcome, refused
+from tasks.engine.outcome import Outcome, rejected_pictures
 from tasks.engine.pending import PendingUnits, find_pending_units
 from tasks.engine.run import Run
-from tasks.engine.run_key import run_of
+from tasks.engine.run_key import create_run
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.order import STAGE_NAMES, STAGES_IN_ORDER
 from tasks.stages.streets.redo import chosen_streets
@@ -136,8 +136,8 @@ def sooner() -> Iterator[None]:
 def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | None = None) -> Textured:
     """All stages of a block but publishing, one unit at a time; or those before a street, or with one street only."""
     out.mkdir(parents=True, exist_ok=True)
-    block, compute = read_block(block_file), Serial()
-    run = run_of(block, out)
+    block, compute = read_block(block_file), SerialCompute()
+    run = create_run(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
     said, outcome = forecast_work(run, block, outline).said, Outcome()
@@ -186,8 +186,8 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     return atlas_digest(group), latest_digests(read_journal(group, "surfaces"), [])
 
 
-def _do(run: Run, due: PendingUnits, compute: Serial) -> Outcome:
-    outcome = Outcome(refused=refused(due.done))
+def _do(run: Run, due: PendingUnits, compute: SerialCompute) -> Outcome:
+    outcome = Outcome(refused=rejected_pictures(due.done))
     if due.pieces and due.stage.function is not None:
         outcome += process_batch.fn(run, due.stage.stage, "1", due.stage.function, due.pieces, compute)
     assert not outcome.failed, outcome.failed

@@ -32,8 +32,8 @@ from facade_core.atlas.snapshot import open_atlas
 from facade_core.core.errors import FacadeError, InputError
 from flows.cli.commands import main
 from flows.lock import locked
-from tasks.engine.compute.worker_setup import standing
-from tasks.engine.store.commits import begin, journal
+from tasks.engine.compute.worker_setup import inspect_worker
+from tasks.engine.store.commits import fork_store, read_newest_journal
 from tasks.published.prune import prune
 from tasks.stages.order import STAGE_NAMES
 from tests.bucket import SECRET, served
@@ -135,7 +135,7 @@ def done(out: S3Folder) -> list[str]:
     """The units that the store holds as done."""
     with suppress(FacadeError, KeyError, FileNotFoundError):
         return [
-            r["unit"] for stage in STAGE_NAMES for r in journal(out / "store", stage) if r and r["status"] == "done"
+            r["unit"] for stage in STAGE_NAMES for r in read_newest_journal(out / "store", stage) if r and r["status"] == "done"
         ]
     return []
 
@@ -204,12 +204,12 @@ def test_the_page_shows_it(runs: Runs) -> None:
 def test_workers_are_asked_whether_they_reach_the_bucket(runs: Runs, monkeypatch: pytest.MonkeyPatch) -> None:
     token = runs.out / ".seen-test"
     token.touch()
-    assert standing(str(token))[0]
+    assert inspect_worker(str(token))[0]
     token.unlink()
-    assert not standing(str(token))[0]
+    assert not inspect_worker(str(token))[0]
     assert not [name for name in runs.out.sizes() if name.startswith(".seen-")]
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:1")
-    assert not standing(str(token))[0]
+    assert not inspect_worker(str(token))[0]
 
 
 def test_older_snapshots_stay_for_an_hour_and_then_go(runs: Runs) -> None:
@@ -242,5 +242,5 @@ def test_the_secret_is_nowhere(runs: Runs) -> None:
     leaks += [str(path) for path in local if SECRET.encode() in path.read_bytes()]
     assert leaks == []
     assert SECRET not in runs.said
-    _, fork = begin(runs.out / "store")
+    _, fork = fork_store(runs.out / "store")
     assert SECRET.encode() not in pickle.dumps(fork), "workers take the credentials of their own environment"

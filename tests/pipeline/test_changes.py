@@ -16,7 +16,7 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.stored_files import read_stored_file
 from facade_core.core.errors import InputError
 from facade_core.synth.facade import facade as paint
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.engine.store.integrity import find_lost_units
 from tasks.stages.publish.task import publish_block
 from tasks.viewing import Reader, picture_before
@@ -86,7 +86,7 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     assert set(query(out, where="changed > 0.3").building) == {"a"}
     assert told.source["a"].startswith("a-new.jpg")
     # where, and how it was, in the report too
-    records = {r["unit"]: r for r in journal(out / "store", "facades") if r}
+    records = {r["unit"]: r for r in read_newest_journal(out / "store", "facades") if r}
     cells = records[told.id["a"]]["change_map"]
     upper, lower = ("".join(part).replace("-", "") for part in (cells[:6], cells[-4:]))
     assert np.mean([cell > "4" for cell in upper]) > 0.6

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from facade_core.core.errors import StoreError
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 
 
@@ -83,7 +83,7 @@ def wait_until(true: Callable[[], object]) -> None:
 def done(out: Path, stage: str) -> int:
     """Units of a stage that the journal holds; -1 where there is no store yet."""
     try:
-        return sum(record is not None for record in journal(out / "store", stage))
+        return sum(record is not None for record in read_newest_journal(out / "store", stage))
     except (StoreError, KeyError, FileNotFoundError):
         return -1
 
@@ -124,7 +124,7 @@ def test_a_scheduler_that_goes_away_ends_the_run_in_one_line_and_the_next_goes_o
     assert "went away; run again to go on from here" in errors.strip().splitlines()[-1]  # after lines of progress
     held = done(out, "facades")
     assert held >= 1
-    assert all(record["status"] == "done" for record in journal(out / "store", "facades") if record)
+    assert all(record["status"] == "done" for record in read_newest_journal(out / "store", "facades") if record)
     with machines(tmp_path / "second") as second:
         for name in ("three", "four"):
             second.worker(name, threads=2)
@@ -133,7 +133,7 @@ def test_a_scheduler_that_goes_away_ends_the_run_in_one_line_and_the_next_goes_o
     assert summary["units_skipped"] > held
     assert summary["atlas_digest"] == undisturbed[1]["atlas_digest"]
     assert summary["facades_failed"] == 0
-    workers = {record["worker"] for stage in ("facades", "viewpoints") for record in journal(out / "store", stage)}
+    workers = {record["worker"] for stage in ("facades", "viewpoints") for record in read_newest_journal(out / "store", stage)}
     assert workers <= {"one", "two", "three", "four"}
     assert {"three", "four"} <= workers
 

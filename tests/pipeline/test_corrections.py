@@ -17,8 +17,8 @@ from catalogs.query.execution import query
 from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
 from tasks.corrections import Taker, import_corrections
-from tasks.engine.store.commits import journal
-from tasks.engine.store.status import record_source, recorded_source
+from tasks.engine.store.commits import read_newest_journal
+from tasks.engine.store.status import record_source, read_source
 from tasks.export.formats import export
 from tasks.training.corrected import corrected_facades
 from tasks.viewing import Reader
@@ -40,7 +40,7 @@ def folder(once: Path, tmp_path: Path) -> Path:
 
 
 def record(folder: Path, facade: str) -> dict[str, Any]:
-    return next(dict(r) for r in journal(folder / "out" / "store", "facades") if r and r["unit"] == facade)
+    return next(dict(r) for r in read_newest_journal(folder / "out" / "store", "facades") if r and r["unit"] == facade)
 
 
 def facades_since(before: dict[tuple[str, str], float], folder: Path) -> set[str]:
@@ -157,10 +157,10 @@ def test_a_copy_of_a_run_with_its_block_is_corrected_by_itself(tmp_path: Path) -
     block = write_block(tmp_path / "out" / "input", buildings=HOUSES, streets=STREET)
     record_source(tmp_path / "out", block)
     shutil.copytree(tmp_path / "out", tmp_path / "copy")
-    assert recorded_source(tmp_path / "out") == block
-    assert recorded_source(tmp_path / "copy") == tmp_path / "copy" / "input" / "block.yaml"
+    assert read_source(tmp_path / "out") == block
+    assert read_source(tmp_path / "copy") == tmp_path / "copy" / "input" / "block.yaml"
     record_source(tmp_path / "copy", block)
-    assert recorded_source(tmp_path / "copy") == block, "of a block elsewhere"
+    assert read_source(tmp_path / "copy") == block, "of a block elsewhere"
 
 
 def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: Path, tmp_path: Path) -> None:

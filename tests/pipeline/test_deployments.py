@@ -24,7 +24,7 @@ from facade_core.core.errors import StoreError
 from flows.block import flow_run_name
 from flows.lock import locked
 from flows.server.starting import free_port
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 from tests.pipeline.deployed import (
     README,
@@ -173,7 +173,7 @@ def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, Flow
     shown = artifacts(site, run.id)
     assert set(shown) == {"progress", "units", "facades", "failures", "viewer", "report", "outputs"}
     assert shown["progress"][0] == 100
-    records = [(stage, record["unit"]) for stage in STAGE_NAMES for record in journal(out / "store", stage) if record]
+    records = [(stage, record["unit"]) for stage in STAGE_NAMES for record in read_newest_journal(out / "store", stage) if record]
     rows = shown["units"][0]
     assert sorted((row["stage"], row["unit"]) for row in rows) == sorted([("ingest", "small"), *records])
     assert {row["status"] for row in rows} == {"done"}
@@ -460,7 +460,7 @@ def until_ended(site: Site, run: UUID) -> FlowRun:
 def held(out: Path, stage: str) -> list[dict[str, Any]]:
     """The records of a stage that are there."""
     try:
-        return [record for record in journal(out / "store", stage) if record]
+        return [record for record in read_newest_journal(out / "store", stage) if record]
     except (StoreError, KeyError, FileNotFoundError):
         return []
 

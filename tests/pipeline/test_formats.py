@@ -12,8 +12,8 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import commit, open_repository, open_root
 from facade_core.core.errors import FormatError
 from tasks.engine.run import Run
-from tasks.engine.run_key import run_of
-from tasks.engine.store.integrity import mend
+from tasks.engine.run_key import create_run
+from tasks.engine.store.integrity import repair_store
 from tasks.history import after_viewpoint
 from tasks.stages.ingest.task import ingest_block
 from tasks.viewing.reading import Reader
@@ -26,14 +26,14 @@ def before(tmp_path: Path) -> tuple[Run, Block]:
     """A block whose store was made when its format was new."""
     out = unpack(FORMAT_4, tmp_path / "out")
     block = read_block(write_block(tmp_path / "in", buildings=BUILDINGS, streets=STREETS))
-    run = run_of(block, out)
+    run = create_run(block, out)
     return run, block
 
 
 def test_a_store_of_before_goes_on(before: tuple[Run, Block]) -> None:
     run, block = before
     held = open_root(open_repository(run.store).readonly_session("main"))
-    assert mend(run) == []
+    assert repair_store(run) == []
     outline = ingest_block.fn(run, block)
     assert outline.anew is None
     group = open_root(open_repository(run.store).readonly_session("main"))
@@ -61,7 +61,7 @@ def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> Non
         Reader(Path(run.out)).view()
     with pytest.raises(FormatError, match=said):
         after_viewpoint(run.out, "s1", 0)
-    assert mend(run) == []
+    assert repair_store(run) == []
     assert ingest_block.fn(run, block).anew == "another version of Streetloom made the store"
     group = open_root(open_repository(run.store).readonly_session("main"))
     assert group.attrs["format"] == STORE_FORMAT

@@ -16,13 +16,13 @@ from PIL import Image, ImageOps
 from catalogs.block.reader import read_block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
-from tasks.engine.compute.connect import Serial
+from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.context import plan_of_run
 from tasks.engine.fan_out import process_batch
-from tasks.engine.run_key import run_of
+from tasks.engine.run_key import create_run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.store.commits import journal
-from tasks.engine.store.status import nothing_due
+from tasks.engine.store.commits import read_newest_journal
+from tasks.engine.store.status import finished_summary
 from tasks.stages.publish.task import publish_block
 from tasks.stages.surfaces.stage import surface_units
 from tests.pipeline.stages import (
@@ -141,7 +141,7 @@ def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tm
     def fails(*_: Any) -> None:
         raise ValueError("no material")
 
-    assert process_batch.fn(made.run, "surfaces", "1", fails, [[unit]], Serial()).failed == (
+    assert process_batch.fn(made.run, "surfaces", "1", fails, [[unit]], SerialCompute()).failed == (
         ("a", "ValueError: no material"),
     )
     own = {f"{number:016x}" for number in plan.ids[list(unit.arguments[0])].tolist()}
@@ -166,7 +166,7 @@ def test_a_street_that_goes_takes_its_texels_along(left_to_streets: Path, tmp_pa
 def test_a_run_that_stops_halfway_goes_on(left_to_streets: Path, tmp_path: Path) -> None:
     folder = copied(left_to_streets, tmp_path)
     block = write_block(folder / "in", buildings=BUILDINGS | {"e": (*BUILDINGS["e"][:4], 9.0)}, **LEFT)
-    waves = {r["unit"]: r["wave"] for r in journal(folder / "out" / "store", "streets") if r}
+    waves = {r["unit"]: r["wave"] for r in read_newest_journal(folder / "out" / "store", "streets") if r}
     last = max("s1", "s2", key=lambda unit: waves[unit])
     before = started(folder / "out")
     texture(block, folder / "out", stop_before=f"street {last[1:]}")
@@ -183,7 +183,7 @@ def walls_of(house: str) -> set[str]:
 
 
 def records_of(folder: Path) -> dict[str, Record]:
-    return {r["unit"]: r for r in journal(folder / "out" / "store", "facades") if r}
+    return {r["unit"]: r for r in read_newest_journal(folder / "out" / "store", "facades") if r}
 
 
 def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
@@ -203,13 +203,13 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
     assert {unit for unit in before if after[unit] != before[unit]} == see
     assert_as_fresh(folder, made)
-    shown = [[r["panorama"] for r in journal(folder / out / "store", "viewpoints") if r] for out in ("out", "fresh")]
+    shown = [[r["panorama"] for r in read_newest_journal(folder / out / "store", "viewpoints") if r] for out in ("out", "fresh")]
     assert shown[0] == shown[1]
 
 
 def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
-    taken = {r["unit"]: r["source"] for r in journal(folder / "out" / "store", "facades") if r}
+    taken = {r["unit"]: r["source"] for r in read_newest_journal(folder / "out" / "store", "facades") if r}
     assert set(taken.values()) <= {"a-0.png", "0", "1"}
     for name in ("0", "1"):
         users = {unit for unit, source in taken.items() if source == name}
@@ -302,8 +302,8 @@ def test_a_store_from_before_a_stage_was_there_goes_on(seeded: Path, tmp_path: P
     for stage in ("poses", "exemplars"):
         del group[f"journal/{stage}"]
     commit(session, "older")
-    run = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
-    assert nothing_due(run) is None
+    run = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
+    assert finished_summary(run) is None
     done, _ = again(folder)
     assert done == {"0", "1"}, "the exemplars, of which nothing is known; what was made from them stands"
     assert digests_of(folder / "out") == digests
@@ -313,18 +313,18 @@ def test_other_code_that_publishes_does_nothing_else(
     left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(left_to_streets, tmp_path)
-    run = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
+    run = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
     first = publish_block.fn(run)
-    done = nothing_due(run)
+    done = finished_summary(run)
     assert done is not None
     assert done["units_done"] == 0
     for reader in ("stages.publish.task", "engine.store.status"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("publish"))
-    assert nothing_due(run) is None
+    assert finished_summary(run) is None
     before = started(folder / "out")
     second = publish_block.fn(run)
     assert redone(before, folder / "out") == set()
-    assert nothing_due(run) is not None
+    assert finished_summary(run) is not None
     assert first["atlas_digest"] == second["atlas_digest"]
     assert first["outputs"]["items"] != second["outputs"]["items"]  # readers of the first are not disturbed
     assert Path(first["outputs"]["items"]).is_file()

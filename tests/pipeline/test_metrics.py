@@ -16,7 +16,7 @@ from opentelemetry.proto.collector.metrics.v1.metrics_service_pb2 import ExportM
 from prometheus_client.parser import text_string_to_metric_families as parsed
 
 from flows.cli.commands import main
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 
 
@@ -30,7 +30,7 @@ def test_metrics_are_those_of_the_journal(undisturbed: tuple[Path, dict[str, Any
         for sample in samples
         if sample.name == "streetloom_units"
     }
-    records = [(stage, record) for stage in STAGE_NAMES for record in journal(out / "store", stage) if record]
+    records = [(stage, record) for stage in STAGE_NAMES for record in read_newest_journal(out / "store", stage) if record]
     assert Counter(told) == Counter((stage, record["status"]) for stage, record in records)
     assert told["facades", "failed"] == 0, "it is there before anything failed"
     assert told["facades", "done"] == summary["facades_done"]

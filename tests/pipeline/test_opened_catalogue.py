@@ -21,7 +21,7 @@ from facade_core.core.labels import FacadeClass
 from facade_core.core.provenance import Provenance
 from facade_core.imagery.privacy import BLUR_CELL_M
 from facade_core.parsing.segmenter import parse
-from tasks.engine.run_key import run_of
+from tasks.engine.run_key import create_run
 from tasks.stages.publish.task import publish_block
 
 
@@ -95,7 +95,7 @@ def test_a_later_snapshot_is_published_beside_the_first(
     """Also where the first was published without its Collections, as an earlier version did."""
     out = tmp_path / "out"
     shutil.copytree(undisturbed[0], out, ignore=shutil.ignore_patterns("prefect"))
-    run = run_of(read_block(block), out)
+    run = create_run(read_block(block), out)
     first = (out / "current").read_text().strip()
     shutil.rmtree(out / "published" / first / "stac" / "runs")
     publish_block.fn(run, block)

@@ -30,12 +30,12 @@ from facade_core.atlas.stored_files import (
     tile_paths,
 )
 from facade_core.export.models.glb import read_glb_header, replace_copyright
-from tasks.engine.compute.connect import Serial
+from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.fan_out import process_batch
 from tasks.engine.pending import find_pending_units
-from tasks.engine.run_key import run_of
-from tasks.engine.store.integrity import is_suspect, mend
-from tasks.engine.store.status import nothing_due, unpublished
+from tasks.engine.run_key import create_run
+from tasks.engine.store.integrity import is_suspect, repair_store
+from tasks.engine.store.status import finished_summary, unpublished_reason
 from tasks.published.stored import stored_block
 from tasks.stages.pictures import stage as pictures
 from tasks.stages.pictures.stage import PICTURES
@@ -157,10 +157,10 @@ def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tm
     assert (snapshot.stac / "blocks" / "small.json").is_file()
     assert "a" not in trimesh.load(snapshot.model).graph.nodes_geometry
     assert (snapshot.report / "index.html").is_file()
-    assert unpublished(folder / "out", snapshot.id) is not None
-    assert nothing_due(made.run) is None
+    assert unpublished_reason(folder / "out", snapshot.id) is not None
+    assert finished_summary(made.run) is None
     assert is_suspect(folder / "out")
-    assert mend(made.run)
+    assert repair_store(made.run)
     made, summary, snapshot = again(folder)
     assert "unpublished" not in summary
     assert listed(snapshot) == listed(whole)
@@ -178,7 +178,7 @@ def test_coarse_rasters_that_are_not_as_written_are_made_again(seeded: Path, tmp
     made, summary, _ = again(folder)
     assert path in {one["unit"] for one in summary["unpublished"]}
     assert is_suspect(folder / "out")
-    assert mend(made.run)
+    assert repair_store(made.run)
     _, summary, snapshot = again(folder)
     assert "unpublished" not in summary
     assert snapshot.overview.read_bytes() == current_snapshot(seeded / "out").overview.read_bytes()
@@ -201,7 +201,7 @@ def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Pa
     assert all(reason.endswith("the next run makes it again") for reason in told.values())
     assert not (snapshot.report / "images" / "above.jpg").exists()
     assert is_suspect(folder / "out")
-    assert "3 pictures (" in mend(made.run)[0]
+    assert "3 pictures (" in repair_store(made.run)[0]
     _, summary, snapshot = again(folder)
     assert "unpublished" not in summary
     assert redone(before, folder / "out") == {("pictures", unit) for unit in ("view above", "a-0", "c-0")}
@@ -223,7 +223,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     session.commit("garbled")
     block = read_block(folder / "in" / "block.yaml")
     outcome = process_batch.fn(
-        made.run, "pictures", "1", PICTURES.function, find_pending_units(made.run, block, PICTURES).pieces, Serial()
+        made.run, "pictures", "1", PICTURES.function, find_pending_units(made.run, block, PICTURES).pieces, SerialCompute()
     )
     failed = dict(outcome.failed)
     assert failed["view above"] == "pages/0 is not as it was written; the next run makes it again"
@@ -235,7 +235,7 @@ def test_a_picture_that_cannot_be_drawn_leaves_the_others(
     assert len(list((snapshot.report / "images").glob("c-0-*.webp"))) > 3
     assert not (snapshot.report / "images" / "above.jpg").exists()
     assert is_suspect(folder / "out")
-    assert mend(made.run)
+    assert repair_store(made.run)
     snapshot = again(folder)[2]
     ours, theirs = (_images(one) for one in (snapshot, current_snapshot(seeded / "out")))
     assert ours == theirs
@@ -253,7 +253,7 @@ def test_publishing_copies_pictures_and_draws_none(
         group[path][:] = 0
     delete_stored_files(group, HIERARCHIES, set())
     session.commit("nothing to draw from")
-    made = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
+    made = create_run(read_block(folder / "in" / "block.yaml"), folder / "out")
     publish_block.fn(made, folder / "in" / "block.yaml")
     images = _images(current_snapshot(folder / "out"))
     for record in read_journal(group, "pictures"):

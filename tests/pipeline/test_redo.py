@@ -11,10 +11,10 @@ import pytest
 from catalogs.query.execution import query
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError
-from tasks.engine.compute.connect import Serial
+from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.context import plan_of_run
-from tasks.engine.store.commits import journal
-from tasks.engine.store.digests import differing
+from tasks.engine.store.commits import read_newest_journal
+from tasks.engine.store.digests import find_differing_units
 from tasks.stages.publish.task import publish_block
 from tasks.stages.streets import task
 from tasks.stages.streets.redo import find_redo, redo_street, street_chunks
@@ -22,7 +22,7 @@ from tests.pipeline.stages import digests_of, redone, started, texture
 
 
 def states(out: Path) -> dict[str, str]:
-    return {r["unit"]: r["status"] for r in journal(out / "store", "streets") if r}
+    return {r["unit"]: r["status"] for r in read_newest_journal(out / "store", "streets") if r}
 
 
 def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(
@@ -32,7 +32,7 @@ def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(
     block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"
     made = texture(block, out)
     digest, before = digests_of(out), started(out)
-    first, *others = sorted((r for r in journal(out / "store", "streets") if r), key=lambda r: r["wave"])
+    first, *others = sorted((r for r in read_newest_journal(out / "store", "streets") if r), key=lambda r: r["wave"])
     later = [r["unit"] for r in others if r["wave"] > 0 and set(r["digests"]) & set(first["digests"])]
     assert later
     assert redo_street(made.run, first["unit"], only=True) == ([first["unit"]], later)
@@ -57,7 +57,7 @@ def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
     block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"
     run = texture(block, out).run
     digest, plan = digests_of(out), plan_of_run(run)
-    unit = max((r for r in journal(out / "store", "streets") if r), key=lambda r: r["wave"])["unit"]
+    unit = max((r for r in read_newest_journal(out / "store", "streets") if r), key=lambda r: r["wave"])["unit"]
     street = [one.id for one in plan.streets].index(unit)
     redo_street(run, unit, only=False)
 
@@ -66,10 +66,10 @@ def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
 
     with monkeypatch.context() as patch:
         patch.setattr(task, "street_unit", broken)
-        assert task.texture_street.fn(run, street, unit, 0, Serial()).failed
+        assert task.texture_street.fn(run, street, unit, 0, SerialCompute()).failed
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
-    assert differing(group, plan) == {}
-    assert None in journal(out / "store", "streets"), "an earlier street is due again"
+    assert find_differing_units(group, plan) == {}
+    assert None in read_newest_journal(out / "store", "streets"), "an earlier street is due again"
     texture(block, out)
     assert digests_of(out) == digest
 

@@ -25,7 +25,7 @@ from facade_core.atlas.store import open_repository
 from facade_core.core.errors import StoreError
 from facade_core.core.provenance import Provenance
 from facade_core.plan.plan_tables import read_plan
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tasks.stages.order import STAGE_NAMES
 from tasks.stages.publish.task import publish_block
 from tasks.stages.streets.redo import street_chunks
@@ -70,7 +70,7 @@ def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> N
 def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> None:
     out, _ = undisturbed
     plan = read_plan(open_repository(out / "store").readonly_session("main"))
-    streets, viewpoints = (journal(out / "store", stage) for stage in ("streets", "viewpoints"))
+    streets, viewpoints = (read_newest_journal(out / "store", stage) for stage in ("streets", "viewpoints"))
     ends = [record["started"] + sum(record["seconds"].values()) for record in streets if record]
     begins = [min(viewpoints[v.id]["started"] for v in plan.street_viewpoints(street)) for street in range(len(streets))]
     chunks = [street_chunks(plan, street) for street in range(len(streets))]
@@ -105,10 +105,10 @@ def test_xarray_opens_every_group_with_dimensions_and_crs(undisturbed: Run) -> N
 def test_workers_wrote_and_are_named_in_the_journal(undisturbed: Run) -> None:
     out, _ = undisturbed
     for stage in ("facades", "viewpoints"):
-        records = journal(out / "store", stage)
+        records = read_newest_journal(out / "store", stage)
         assert all(r and r["status"] == "done" and r["seconds"] for r in records)
         assert {r["worker"] for r in records if r} <= {"0", "1"}
-    assert len({r["worker"] for r in journal(out / "store", "facades") if r}) == 2
+    assert len({r["worker"] for r in read_newest_journal(out / "store", "facades") if r}) == 2
 
 
 def test_the_model_opens_with_its_textures(undisturbed: Run) -> None:
@@ -171,11 +171,11 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
     assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
     for stage in STAGE_NAMES:  # of a record, too, only the fields listed as volatile may differ
         one, two = (
-            [{k: v for k, v in (r or {}).items() if k not in VOLATILE_FIELDS} for r in journal(out / "store", stage)]
+            [{k: v for k, v in (r or {}).items() if k not in VOLATILE_FIELDS} for r in read_newest_journal(out / "store", stage)]
             for out in (undisturbed[0], tmp_path / "out")
         )
         assert one == two
-    assert {r["worker"] for r in journal(tmp_path / "out" / "store", "facades") if r} == {"serial"}
+    assert {r["worker"] for r in read_newest_journal(tmp_path / "out" / "store", "facades") if r} == {"serial"}
 
 
 @pytest.mark.parametrize("translator", ["exemplar", "neural"])
@@ -258,7 +258,7 @@ def test_a_run_that_is_ended_ends_and_leaves_nothing_running(
 def _has_begun(store: Path) -> bool:
     """Whether a unit is done, so that workers are at work."""
     try:
-        return any(journal(store, "exemplars"))
+        return any(read_newest_journal(store, "exemplars"))
     except (StoreError, KeyError, FileNotFoundError):
         return False
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan_tables import read_plan
-from tasks.engine.store.commits import journal
+from tasks.engine.store.commits import read_newest_journal
 from tests.pipeline.stages import texture, write_block
 from tests.pipeline.test_changes import WALL, captured
 
@@ -26,6 +26,6 @@ def test_a_wall_on_a_yard_is_taken_from_who_stands_there(tmp_path: Path) -> None
     plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
     south = plan.scene.charts.normals()[plan.facades.chart][:, 1] < -0.9
     assert plan.facades.role[south].tolist() == [WallRole.BACK]
-    source = {r["unit"]: r["source"] for r in journal(out / "store", "facades") if r}
+    source = {r["unit"]: r["source"] for r in read_newest_journal(out / "store", "facades") if r}
     taken = {name for name, wall in zip(plan.facades.id, south.tolist(), strict=True) if wall}
     assert {name for name, said in source.items() if said == "yard.jpg"} == taken, "and not from afar"

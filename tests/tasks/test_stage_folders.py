@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tasks.engine.data_files import DATA_FILES, NOT_LOADED_BY_STAGES
-from tasks.engine.stage_code import APART, ROOT, module_of
+from tasks.engine.stage_code import EXCLUDED_MODULES, ROOT, worker_module
 from tasks.stages.order import CODE_STAGES, STAGE_NAMES, STAGES_IN_ORDER
 
 PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
@@ -70,7 +70,7 @@ def test_a_stage_has_a_folder(stage: str) -> None:
     assert {"__init__.py"} < {path.name for path in folder.iterdir()}
     body = ast.parse((folder / "__init__.py").read_text()).body
     assert [type(node) for node in body] == [ast.Expr], "a docstring only"
-    assert module_of(stage).startswith(f"tasks.stages.{stage}.")
+    assert worker_module(stage).startswith(f"tasks.stages.{stage}.")
     if stage in STAGE_NAMES:
         assert {"stage.py", "worker.py", "record.py"} <= {path.name for path in folder.iterdir()}
 
@@ -88,7 +88,7 @@ def test_every_data_file_is_declared() -> None:
                 undeclared += [file] if not file.startswith(NOT_LOADED_BY_STAGES) else []
     assert undeclared == []
     assert all((ROOT / file).is_file() for file in declared)
-    for module in (*DATA_FILES, *APART):
+    for module in (*DATA_FILES, *EXCLUDED_MODULES):
         place = ROOT.joinpath(*module.split("."))
         assert place.with_suffix(".py").is_file(), module
 

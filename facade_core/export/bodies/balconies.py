@@ -11,15 +11,24 @@ from shapely import Polygon
 
 from facade_core.core.types import Element
 
-# A balcony stands out so far; one narrower than the third figure, before one window, as far as the second.
-BALCONY_DEPTH_M, NARROW_BALCONY_DEPTH_M, MIN_WIDE_BALCONY_M = 0.9, 0.35, 1.8
-# Its floor and its railing are so thick; no smaller one is built.
-FLOOR_THICKNESS_M, RAILING_THICKNESS_M, MIN_BALCONY_M = 0.15, 0.06, 0.5
-# A window that ends no farther than this above a railing, or anywhere below its top, goes on behind it, and ends so far above
-# the floor.
-MAX_ABOVE_RAILING_M, SILL_ABOVE_FLOOR_M = 0.25, 0.1
-# A face of it: corners (k, 3) as metres right and down in the wall's frame and out of it, where on the wall (k, 2) its look is
-# taken from, and what it is.
+# Depth of a balcony, metres.
+BALCONY_DEPTH_M = 0.9
+# Depth of a balcony before a single window, metres.
+NARROW_BALCONY_DEPTH_M = 0.35
+# Width from which a balcony has its full depth, metres.
+MIN_WIDE_BALCONY_M = 1.8
+# Thickness of a balcony's floor, metres.
+FLOOR_THICKNESS_M = 0.15
+# Thickness of a railing, metres.
+RAILING_THICKNESS_M = 0.06
+# Minimum width and height of a balcony, metres.
+MIN_BALCONY_M = 0.5
+# A window that ends at most this far above a railing continues behind it, metres.
+MAX_ABOVE_RAILING_M = 0.25
+# Height above the balcony's floor at which such a window ends, metres.
+SILL_ABOVE_FLOOR_M = 0.1
+# A face in the frame of its wall: rings (k, 3) in metres right, down and outward; the places (k, 2) on the wall
+# whose texture it shows; and its semantic type.
 WallFrameFace = tuple[list[np.ndarray], list[np.ndarray], str]
 
 

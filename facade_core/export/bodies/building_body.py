@@ -29,14 +29,16 @@ from facade_core.export.bodies.patches import (
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
 
-# What is open no higher above the lowest corner is the foot of a building.
+# Open edges up to this height above the lowest corner belong to the foot of a building, metres.
 MAX_FOOT_HEIGHT_M = 2.0
-# What of a roof lies this far outside of the walls stands out of them.
+# Roof triangles this far outside of the walls are separate from the body, metres.
 WALL_MARGIN_M = 0.02
-# Holes of so many metres around are closed; edges of half of that may be drawn together.
+# Holes up to this perimeter are closed, metres; edges up to half of it may collapse.
 MAX_HOLE_PERIMETER_M = 0.4
-# A body has at least this share of the area of what hangs together; no more, seen from above, is closed where nothing was.
-MIN_AREA_SHARE, MAX_ADDED_AREA_SHARE = 0.4, 0.1
+# Minimum share of the connected area that a body keeps.
+MIN_AREA_SHARE = 0.4
+# Maximum horizontal area that closing may add, as share of the body's area.
+MAX_ADDED_AREA_SHARE = 0.1
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ SURFACE_TYPES = {
     "metal": "RoofSurface",
 }
 OPENING_TYPES = {"window": "Window", "door": "Door"}
-# What stands out of a building is one thing where its pieces come this near each other.
+# Attachments whose boxes are closer than this form one part, metres.
 MAX_GROUP_GAP_M = 0.05
 
 

@@ -9,7 +9,7 @@ import shapely
 
 from facade_core.export.bodies.patches import GRID_M, MAX_WELD_M, PolygonMesh, open_edges, weld_polygons
 
-# Edges whose ends lie this near a line, seen from above, are over it.
+# Maximum distance of an edge's ends from a line, seen from above, metres.
 MAX_OFF_LINE_M = 0.02
 
 Edge = tuple[np.ndarray, np.ndarray]

@@ -10,9 +10,9 @@ from facade_core.core.grouping import group_rows
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind
 
-# Corners are put on a grid of this many metres, so that edges that nearly meet do.
+# Grid on which corners are snapped so that nearly shared edges meet, metres.
 SNAP_GRID_M = 0.001
-# Nothing smaller is a part of a footprint, m2.
+# Minimum area of a part of a footprint, m2.
 MIN_PART_M2 = 0.1
 
 

@@ -12,11 +12,17 @@ from facade_core.core.types import Element
 from facade_core.export.bodies.balconies import WallFrameFace
 from facade_core.export.bodies.mouldings import WallBand, free_wall_mask, segment_bands
 
-# A ledge stands out so far; it is so high at least and at most, and so long at least, metres.
-LEDGE_DEPTH_M, MIN_LEDGE_HEIGHT_M, MAX_LEDGE_HEIGHT_M, MIN_LEDGE_LENGTH_M = 0.08, 0.08, 0.6, 0.8
-# It is lighter than the wall by this share of the wall's light at least.
+# Depth of a ledge, metres.
+LEDGE_DEPTH_M = 0.08
+# Minimum height of a ledge, metres.
+MIN_LEDGE_HEIGHT_M = 0.08
+# Maximum height of a ledge, metres.
+MAX_LEDGE_HEIGHT_M = 0.6
+# Minimum length of a ledge, metres.
+MIN_LEDGE_LENGTH_M = 0.8
+# Minimum contrast of a ledge to the wall, as share of the wall's light.
 MIN_LIGHTER_SHARE = 0.06
-# It ends so far from openings and balconies, metres.
+# Distance of a ledge from openings and balconies, metres.
 ELEMENT_CLEARANCE_M = 0.06
 LEDGE_LABEL = "ledge"
 

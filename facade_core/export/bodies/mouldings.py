@@ -10,17 +10,17 @@ import numpy as np
 from facade_core.core.labels import FacadeClass
 from facade_core.core.linear_light import srgb_to_linear
 
-# What is lower is a moulding (a cornice, a string course, a plinth's edge), metres.
+# Lower bands are mouldings (cornice, string course, edge of a plinth), metres.
 MAX_MOULDING_HEIGHT_M = 0.7
-# So far, in grey levels, the wall's colour changes from row to row where one band ends.
+# Minimum step of the row colour at the border of two bands, grey levels.
 MIN_COLOUR_STEP = 11.0
-# Of the rows above and below, so many metres: no course of bricks is a band.
+# Rows above and below that are averaged, metres; more than a course of bricks.
 STEP_WINDOW_M = 0.15
-# A row says what the wall is of where so much of it is free.
+# Minimum share of free wall in a row whose colour counts.
 MIN_FREE_SHARE = 0.03
-# Around elements so much of the wall is not looked at, metres.
+# Margin around elements that is ignored, metres.
 ELEMENT_MARGIN_M = 0.1
-# A moulding is told by this many colours from its top to its foot.
+# Colour samples from the top of a band to its foot.
 PROFILE_SAMPLES = 12
 
 

@@ -10,13 +10,17 @@ from shapely import Polygon
 
 from facade_core.core.types import Element
 
-# A polygon is taken for its triangles when their areas differ by no more than this share.
+# Maximum relative difference between the areas of a polygon and its triangles.
 MAX_AREA_DIFFERENCE = 1e-3
-# No smaller opening is cut, m2, and none narrower.
-MIN_OPENING_M2, MIN_OPENING_WIDTH_M = 0.05, 0.15
-# So far openings stay from the wall's border, and from each other.
-WALL_EDGE_M, OPENING_GAP_M = 0.05, 0.06
-# Doors are cut before windows: where both are stated, people walk through.
+# Minimum area of an opening, m2.
+MIN_OPENING_M2 = 0.05
+# Minimum width of an opening, metres.
+MIN_OPENING_WIDTH_M = 0.15
+# Distance of openings from the border of the wall, metres.
+WALL_EDGE_M = 0.05
+# Distance between openings, metres.
+OPENING_GAP_M = 0.06
+# Doors are placed first, because people walk through them.
 OPENING_ORDER = ("door", "window")
 
 

@@ -14,14 +14,16 @@ from scipy.spatial import KDTree
 
 from facade_core.core.grouping import group_rows
 
-# Corners lie on a grid of so many metres, the one that is written.
+# Grid of written corners, metres.
 GRID_M = 0.001
-# Corners that lie this near each other are one: where eaves, hips and walls meet, they pass by millimetres.
+# Corners closer than this are merged, metres: eaves, hips and walls miss each other by millimetres.
 MAX_WELD_M = 0.01
-# A corner this near an edge is on it: the edge is split there.
+# An edge is split at corners closer than this, metres.
 MAX_OFF_EDGE_M = 0.006
-# A polygon is planar where its corners are within so much of its plane, and no triangle of it is turned by more (cosine).
-MAX_OFF_PLANE_M, MIN_NORMAL_COSINE = 0.006, 0.96
+# Maximum distance of a planar polygon's corners from its plane, metres.
+MAX_OFF_PLANE_M = 0.006
+# Minimum cosine between a planar polygon's normal and those of its triangles.
+MIN_NORMAL_COSINE = 0.96
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from shapely import Polygon
 
 from facade_core.geometry.charts import Charts
 
-# Openings lie so far behind their wall; where that meets another surface so far, else they are flush.
+# Depths of openings behind their wall in order of preference, metres; flush if neither has room.
 RECESS_DEPTHS_M = (0.15, 0.05)
-# Nothing comes nearer to what is behind a wall than this.
+# Minimum distance to surfaces behind the wall, metres.
 MIN_CLEARANCE_M = 0.03
 
 

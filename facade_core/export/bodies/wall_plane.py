@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.export.bodies.openings import chart_outlines
 from facade_core.export.models.textured_mesh import TexturedMesh
 
-# x runs along the wall to the right as it is seen from outside, y up from its foot: so the plane is described for others.
+# Plane coordinate system: x along the wall to the right as seen from outside, y up from its foot.
 PLANE_WKT = (
     'ENGCRS["Plane of a facade: metres along and up",EDATUM["Left end of its foot"],CS[Cartesian,2],'
     'AXIS["along (x)",east,ORDER[1]],AXIS["up (y)",north,ORDER[2]],LENGTHUNIT["metre",1]]'

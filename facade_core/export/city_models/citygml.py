@@ -26,11 +26,11 @@ NAMESPACES = {
     "dem": "http://www.opengis.net/citygml/relief/2.0",
     "gen": "http://www.opengis.net/citygml/generics/2.0",
 }
-# The theme that readers take first.
+# Name of the theme that readers select first.
 THEME = "rgbTexture"
-# Openings lie in the element of their wall.
+# Surface types that are nested in their wall.
 OPENINGS = ("Window", "Door")
-# What XML cannot have, written as Python would write it.
+# Characters that XML forbids; they are written as Python escapes.
 INVALID_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 

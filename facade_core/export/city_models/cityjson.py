@@ -16,7 +16,7 @@ METRES_PER_UNIT = GRID_M
 THEME = "streetloom"
 # Decimals of a texture coordinate: a hundredth of a texel of the largest page.
 UV_DECIMALS = 6
-# The extension whose names say where data are from, as it is published.
+# Published extension for the lineage of data.
 METADATA_EXTENDED = {
     "url": "https://raw.githubusercontent.com/cityjson/metadata-extended/0.6/metadata-extended.ext.json",
     "version": "0.6",

@@ -15,6 +15,7 @@ from facade_core.export.models.glb import SAMPLERS, pack_glb
 from facade_core.export.models.gltf_materials import MaterialTextures, build_gltf_materials
 from facade_core.export.tiles.tile_glb import MAX_UNSIGNED_SHORT
 
+# glTF wrapping mode REPEAT.
 REPEAT_WRAP = 10497
 
 

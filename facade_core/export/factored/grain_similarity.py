@@ -9,12 +9,15 @@ import numpy as np
 
 from facade_core.export.factored.image_quilting import WallGrain
 
-# Octaves of patterns, waves a metre, the finest that 32 pixels a metre show among them; directions.
-OCTAVES, DIRECTIONS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 4
-# Grains are alike where they differ by no more than this, roots of light of which the mean has one, or by no more than a share
-# of what the weaker shows.
-MIN_GRAIN_DISTANCE, MAX_DISTANCE_SHARE = 0.012, 0.25
-# What stands for others is even: the same in each of so many parts of a side.
+# Octave borders of the descriptor, cycles per metre; the finest are visible at 32 pixels per metre.
+OCTAVES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+# Directions of the descriptor.
+DIRECTIONS = 4
+# Distance up to which grains are similar, in square roots of relative light.
+MIN_GRAIN_DISTANCE = 0.012
+# Distance up to which grains are similar, as share of the weaker grain's contrast.
+MAX_DISTANCE_SHARE = 0.25
+# Parts per side whose contrast is compared to measure evenness.
 EVENNESS_PARTS = 8
 
 

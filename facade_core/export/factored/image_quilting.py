@@ -13,16 +13,23 @@ import numpy as np
 
 from facade_core.core.linear_light import smooth_known, srgb_to_linear
 
-# The picture has the side of these, pixels, that is nearest to so many metres of its example.
-TEXTURE_SIDES_PX, REPEAT_M = (64, 128, 256), 4.0
-# Sides of its blocks, of the largest picture's: the largest of which the free area has so many is taken, none below so many
-# pixels.
-BLOCK_SIDES_PX, MIN_BLOCK_PX, MIN_BLOCK_COUNT = (80, 64, 48, 32, 24, 16), 12, 24
-# Blocks that are tried for each place, and of these how near to the best the one that is taken must be.
-MAX_BLOCKS_TRIED, MAX_ERROR_FACTOR = 320, 1.1
-# What is larger is no grain, metres.
+# Sides of grain textures, pixels.
+TEXTURE_SIDES_PX = (64, 128, 256)
+# Desired period of the texture on the wall, metres.
+REPEAT_M = 4.0
+# Block sides for the largest texture, pixels; the largest with enough places is used.
+BLOCK_SIDES_PX = (80, 64, 48, 32, 24, 16)
+# Minimum side of a block, pixels.
+MIN_BLOCK_PX = 12
+# Minimum number of places for blocks of a size.
+MIN_BLOCK_COUNT = 24
+# Maximum number of candidate blocks.
+MAX_BLOCKS_TRIED = 320
+# A block is drawn among those with an error up to this factor of the least.
+MAX_ERROR_FACTOR = 1.1
+# Larger structures are shade, not grain, metres.
 SHADE_M = 0.45
-# Grain is no more than so many times as light as the mean, or as dark.
+# Maximum factor of grain to its mean light, in both directions.
 MAX_CONTRAST = 3.0
 
 

@@ -14,18 +14,21 @@ from facade_core.export.factored.image_quilting import WallGrain, synthesise_gra
 from facade_core.export.factored.units import FacadeUnit, Rectangle, group_units, surround_reach
 from facade_core.facade.variation.encoding import encode
 
-# A unit is compared with others at so many pixels a side.
+# Side of a unit descriptor, pixels.
 DESCRIPTOR_SIDE_PX = 16
-# Elements are like each other where their sides' ratio is no farther apart than this.
+# Maximum ratio between the aspect ratios of similar units.
 MAX_ASPECT_RATIO = 1.6
-# How far the walls around two elements are apart, roots of light, is worth so many grey levels of what they show.
+# Grey levels per unit of difference between the wall light around two units, in square roots.
 WALL_LIGHT_WEIGHT = 150.0
-# Pixels of a moulding's picture fade into its beginning over this, metres; it is no longer than that, and no shorter unless
-# it is stretched.
-FADE_M, MAX_MOULDING_M, MIN_MOULDING_M = 0.3, 4.0, 0.6
-# Bands of which the roots of their light differ by less are of one material.
+# Length over which the end of a moulding fades into its start, metres.
+FADE_M = 0.3
+# Maximum length of a moulding texture, metres.
+MAX_MOULDING_M = 4.0
+# Minimum length of a moulding texture, metres; shorter runs become one averaged column.
+MIN_MOULDING_M = 0.6
+# Maximum difference of one material, in square roots of light.
 MAX_MATERIAL_DIFFERENCE = 0.07
-# Around a unit the wall's colour is meant over so much, metres.
+# Smoothing of the wall light around units, metres.
 WALL_SMOOTHING_M = 0.35
 
 

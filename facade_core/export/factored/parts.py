@@ -17,9 +17,16 @@ from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
 from facade_core.export.tiles.tile_pages import pack_tile_pages
 from facade_core.geometry.charts import ChartKind
 
-# What is no facade has this share of its texels a metre, which are fewer the farther off streets pass (ADR 0063); at most, and
-# no fewer than so many: ground, and all else (roofs, walls between houses).
-GROUND_SHARE, MAX_GROUND_DENSITY, UNFACTORED_SHARE, MAX_UNFACTORED_DENSITY, MIN_DENSITY = 0.375, 8.0, 0.25, 4.0, 2.0
+# Share of the texel density that ground charts keep; densities already fall with distance (ADR 0063).
+GROUND_SHARE = 0.375
+# Maximum density of ground charts, texels per metre.
+MAX_GROUND_DENSITY = 8.0
+# Share of the texel density that roofs and party walls keep.
+UNFACTORED_SHARE = 0.25
+# Maximum density of roofs and party walls, texels per metre.
+MAX_UNFACTORED_DENSITY = 4.0
+# Minimum density, texels per metre.
+MIN_DENSITY = 2.0
 
 
 def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:

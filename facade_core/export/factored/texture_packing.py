@@ -16,13 +16,13 @@ from facade_core.export.factored.wall_geometry import TextureKey, WallPiece, Wal
 from facade_core.export.models.encoders import MIPMAP_FACTOR
 from facade_core.export.models.page_packing import CELL_TEXELS, pack_pages
 
-# No element is shown with more texels a metre, where it is largest.
+# Maximum density of an element type where it is largest, texels per metre.
 MAX_TYPE_DENSITY = 64.0
-# A picture is made so light that this share of what multiplies it is no more than one; the rest is as light as it gets.
+# Quantile of vertex light that must fit into 0 to 1; brighter vertices are clipped.
 LIGHT_QUANTILE = 0.995
-# And no lighter than that this share of its own light is kept.
+# Quantile of a picture's own light that must not be clipped.
 BRIGHTNESS_QUANTILE = 0.995
-# Of a wall of which no grain is known.
+# Grain of a wall without a known grain.
 PLAIN_GRAIN = WallGrain(np.ones((CELL_TEXELS, CELL_TEXELS, 3), np.float32), 1.0)
 
 

@@ -20,7 +20,7 @@ from facade_core.export.models.textured_mesh import ModelFrame, TexturedMesh
 from facade_core.export.tiles.cells import QuadtreeCell
 from facade_core.export.tiles.tileset import ERROR_PIXELS, DetailLevel, bounding_corners, cell_charts
 
-# Panes are set back once that covers so many pixels.
+# Recesses appear once their depth covers this many pixels.
 MIN_RECESS_PIXELS = 2.0
 
 

@@ -13,13 +13,18 @@ from facade_core.core.types import Element
 
 Rectangle = tuple[float, float, float, float]
 
-# A balcony and what lies behind it are one where that is no wider, metres; things that come this near each other are beside
-# each other.
-MAX_UNIT_WIDTH_M, MAX_GAP_M = 4.5, 0.12
-# How far a surround may reach beyond its element, metres, and how far it is looked for at least.
-MAX_REACH_M, MIN_REACH_M = 0.6, 0.06
-# A line of pixels beside an element is of its surround where so much of it differs from the wall by so many grey levels.
-MIN_DIFFERENT_SHARE, MIN_GREY_DIFFERENCE = 0.3, 14.0
+# Maximum width of a unit of balcony and openings, metres.
+MAX_UNIT_WIDTH_M = 4.5
+# Maximum gap between the elements of a unit, metres.
+MAX_GAP_M = 0.12
+# Maximum reach of a surround beyond its element, metres.
+MAX_REACH_M = 0.6
+# Minimum reach of a surround, metres.
+MIN_REACH_M = 0.06
+# Minimum share of different pixels in a line of a surround.
+MIN_DIFFERENT_SHARE = 0.3
+# Minimum difference of such a pixel from the wall, grey levels.
+MIN_GREY_DIFFERENCE = 14.0
 
 
 @dataclass(frozen=True)

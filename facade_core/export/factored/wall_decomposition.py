@@ -18,7 +18,7 @@ from facade_core.export.factored.library import (
 )
 from facade_core.export.factored.units import group_units
 
-# The light on a wall is meant over so much, metres.
+# Smoothing of the light on a wall, metres.
 SHADE_SMOOTHING_M = 0.4
 
 

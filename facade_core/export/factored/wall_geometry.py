@@ -21,14 +21,16 @@ from facade_core.export.factored.units import FacadeUnit, Rectangle
 from facade_core.export.factored.wall_decomposition import WallDecomposition
 from facade_core.geometry.charts import Charts
 
-# What of the sky the sides of an opening see: they are darker by this.
+# Light on reveals relative to the wall.
 REVEAL_LIGHT = 0.7
-# What multiplies an element's picture lies within these, so that a wrong type is no black window.
-MAX_LIGHT_FACTOR, MIN_LIGHT_FACTOR = 2.0, 0.4
-# A corner of a wall lies no farther off its plane, metres; else it is left as it was.
+# Maximum factor on the picture of an element, so that a wrong type does not glare.
+MAX_LIGHT_FACTOR = 2.0
+# Minimum factor on the picture of an element, so that a wrong type is not a black window.
+MIN_LIGHT_FACTOR = 0.4
+# Maximum distance of a wall's corners from its plane, metres; other walls stay as they are.
 MAX_OFF_WALL_PLANE_M = 0.02
 
-# Which picture triangles show: of a library the grain or the moulding of a band, or a type.
+# Picture of triangles: "grain", "moulding" or "type", the library, and the band or type in it.
 TextureKey = tuple[str, int, int]
 
 
@@ -79,8 +81,10 @@ class WallDetail(NamedTuple):
     has_recesses: bool
 
 
-# As photographed; and from where no pane is decomposition to lie back: with the fewest types.
-NEAR_DETAIL, FAR_DETAIL = WallDetail(0, 1.25, True), WallDetail(sys.maxsize, 2.5, False)
+# Detail as photographed.
+NEAR_DETAIL = WallDetail(0, 1.25, True)
+# Detail from distances where recesses are invisible, with the fewest types.
+FAR_DETAIL = WallDetail(sys.maxsize, 2.5, False)
 
 
 def build_wall(

@@ -6,13 +6,21 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 
-# Cells whose median counts, metres; fewer of them say nothing. How strongly the field is held to be flat.
-CELL_M, MIN_CELLS, REGULARISATION = 0.5, 24, 0.005
-# Rounds in which cells that are far off, in logarithms, count less: other materials, shadows with edges.
-ROBUST_ROUNDS, ROBUST_SCALE = 6, 0.12
-# The field is held between these.
-MIN_SHADING, MAX_SHADING = 0.6, 1.6
-# Of white, what no wall reflects more than.
+# Side of cells whose median brightness is fitted, metres.
+CELL_M = 0.5
+# Minimum number of cells for a fit.
+MIN_CELLS = 24
+# Weight that pulls the field towards a flat one.
+REGULARISATION = 0.005
+# Rounds of reweighting against other materials and hard shadows.
+ROBUST_ROUNDS = 6
+# Residual at which a cell has half its weight, in log brightness.
+ROBUST_SCALE = 0.12
+# Minimum shading factor.
+MIN_SHADING = 0.6
+# Maximum shading factor.
+MAX_SHADING = 1.6
+# Maximum base colour of a wall, of 255.
 MAX_ALBEDO = 242
 
 

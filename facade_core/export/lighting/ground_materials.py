@@ -11,7 +11,7 @@ from facade_core.core.types import SURFACES, Ground
 from facade_core.export.lighting.pbr_materials import GROUND_MATERIALS, PbrMaterial
 from facade_core.geometry.charts import Charts
 
-# Fixed-point bits of outlines.
+# Fixed-point bits of rasterised outlines.
 FIXED_POINT_BITS = 4
 
 

@@ -8,14 +8,20 @@ from facade_core.core.labels import FacadeClass
 from facade_core.export.lighting.pbr_materials import RELIEF
 from facade_core.street.materials.relief import relief_depth
 
-# Bars and frames stand so far out of their panes, metres.
+# Relief of bars and frames over their panes, metres.
 FRAME_RELIEF_M = 0.04
-# Steps fall by at most so many metres a metre: what is steeper would slope_offset its back on every light.
+# Maximum slope of steps, so that normals never face away from every light.
 MAX_SLOPE = 1.6
-# What is so many times its surroundings' brightness darker lies at the ground of a joint, and metres around it that count.
-FULL_RELIEF_CONTRAST, CONTRAST_WINDOW_M = 0.3, 0.35
-# A texel that lies so far below what is around it, metres within so many, sees this share of the sky.
-FULL_CAVITY_DEPTH_M, CAVITY_WINDOW_M, MIN_CAVITY_VISIBILITY = 0.2, 0.25, 0.55
+# Relative darkness at which a texel is at the ground of a joint.
+FULL_RELIEF_CONTRAST = 0.3
+# Window of the mean brightness, metres.
+CONTRAST_WINDOW_M = 0.35
+# Depth below the surroundings at which visibility is least, metres.
+FULL_CAVITY_DEPTH_M = 0.2
+# Half window of the surroundings, metres.
+CAVITY_WINDOW_M = 0.25
+# Least share of the sky that a texel sees.
+MIN_CAVITY_VISIBILITY = 0.55
 
 
 def estimate_heights(

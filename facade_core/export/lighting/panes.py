@@ -11,36 +11,64 @@ from facade_core.core.labels import CLASSES, ELEMENT_CLASSES, FacadeClass
 from facade_core.export.lighting.shop_interiors import shop_interior_light
 from facade_core.parsing.elements import elements
 
-# A frame's width around panes, metres; bars are narrower than this, and so much brighter or darker than the glass beside them,
-# of 255. Where more than this share of a window would be bars, its picture does not tell them.
-PANE_FRAME_M, MAX_BAR_M, MIN_BRIGHTER, MIN_DARKER, MAX_BAR_SHARE = 0.06, 0.16, 26, 22, 0.6
-# The ground floor's upper part of a shop is its sign, and so much at its foot the wall under its panes.
-SHOP_SIGN_SHARE, SHOP_PLINTH_SHARE = 0.2, 0.1
-# A pane leans by at most this slope; panes of one leaf alike.
+# Width of frames around panes, metres.
+PANE_FRAME_M = 0.06
+# Maximum width of bars, metres.
+MAX_BAR_M = 0.16
+# Minimum contrast of bars brighter than the glass, of 255.
+MIN_BRIGHTER = 26
+# Minimum contrast of bars darker than the glass, of 255.
+MIN_DARKER = 22
+# Pictures with a higher share of bars are ignored.
+MAX_BAR_SHARE = 0.6
+# Share of a shop's height that is its sign.
+SHOP_SIGN_SHARE = 0.2
+# Share of a shop's height that is the wall under its panes.
+SHOP_PLINTH_SHARE = 0.1
+# Maximum slope of a pane.
 MAX_PANE_SLOPE = 0.012
-# A flat is so wide and high, metres. Places of windows count by steps of this, so that finer textures have the same ones lit.
-FLAT_WIDTH_M, FLOOR_HEIGHT_M, PLACE_STEP_M = 6.5, 3.2, 0.5
-# The share of flats that are lit in a house, least and most; of windows in these; of storeys where few are, and how few there.
-LIT_FLAT_SHARE_RANGE, LIT_WINDOW_SHARE, DIM_FLOOR_SHARE, DIM_FLOOR_FACTOR, LIT_SHOP_SHARE = (
-    (0.3, 0.65),
-    0.8,
-    0.2,
-    0.3,
-    0.85,
-)
-# Light of lamps, linear red, green and blue, and their shares: warm, warmer, neutral, cool, a screen.
+# Width of a flat, metres.
+FLAT_WIDTH_M = 6.5
+# Height of a floor, metres.
+FLOOR_HEIGHT_M = 3.2
+# Steps in which positions of windows are counted, metres, so that the same ones are lit at any density.
+PLACE_STEP_M = 0.5
+# Range of the share of lit flats in a building.
+LIT_FLAT_SHARE_RANGE = (0.3, 0.65)
+# Share of lit windows in a lit flat.
+LIT_WINDOW_SHARE = 0.8
+# Share of floors with fewer lit flats.
+DIM_FLOOR_SHARE = 0.2
+# Factor on the share of lit flats on such a floor.
+DIM_FLOOR_FACTOR = 0.3
+# Share of lit shops.
+LIT_SHOP_SHARE = 0.85
+# Linear RGB of lamps: warm, warmer, neutral, cool, a screen.
 LAMP_COLOURS = np.array(
     [[1.0, 0.62, 0.3], [1.0, 0.52, 0.2], [1.0, 0.76, 0.5], [0.86, 0.92, 1.0], [0.35, 0.5, 0.9]], np.float32
 )
+# Cumulative shares of the lamps.
 LAMP_CUMULATIVE_SHARES = np.cumsum([0.42, 0.24, 0.18, 0.1, 0.06])
-# Of a window's brightness, of 1: least, most; of the lamps of shops, and of a shop that is shut.
-WINDOW_LIGHT_RANGE, SHOP_LIGHT_RANGE, CLOSED_SHOP_LIGHT = (0.2, 0.7), (0.5, 0.8), 0.1
-# Shops have the lamps of these numbers, up to these shares.
-SHOP_LAMPS, SHOP_LAMP_CUMULATIVE_SHARES = (0, 2, 3), (0.5, 0.88, 1.0)
-# How much of a window's and of a shop's light is as bright as what its picture shows there.
-WINDOW_PICTURE_SHARE, SHOP_PICTURE_SHARE = 0.3, 0.35
-# Shares of lit windows with curtains at their sides, drawn, and with a blind half down.
-SIDE_CURTAIN_SHARE, DRAWN_CURTAIN_SHARE, BLIND_SHARE = 0.28, 0.17, 0.15
+# Range of a window's brightness.
+WINDOW_LIGHT_RANGE = (0.2, 0.7)
+# Range of a lit shop's brightness.
+SHOP_LIGHT_RANGE = (0.5, 0.8)
+# Brightness of a closed shop.
+CLOSED_SHOP_LIGHT = 0.1
+# Lamps of shops, as indices into LAMP_COLOURS.
+SHOP_LAMPS = (0, 2, 3)
+# Cumulative shares of the lamps of shops.
+SHOP_LAMP_CUMULATIVE_SHARES = (0.5, 0.88, 1.0)
+# Share of a window's light that follows the brightness of its picture.
+WINDOW_PICTURE_SHARE = 0.3
+# Share of a shop's light that follows the brightness of its picture.
+SHOP_PICTURE_SHARE = 0.35
+# Share of lit windows with curtains at their sides.
+SIDE_CURTAIN_SHARE = 0.28
+# Share of lit windows with drawn curtains.
+DRAWN_CURTAIN_SHARE = 0.17
+# Share of lit windows with a blind half down.
+BLIND_SHARE = 0.15
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from facade_core.street.materials.field import MIN_OPEN_SKY
 from facade_core.street.materials.field_kernels import OCCLUSION_LOSS, SurfaceMaterial
 from facade_core.street.propagation.render import daylight_grey
 
-# Charts whose colours and maps are held: those of a building, of which a shell asks for each again and again.
+# Charts with cached maps: those of one building, which a shell reads repeatedly.
 MAX_CACHED_CHARTS = 64
 
 

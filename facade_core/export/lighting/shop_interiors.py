@@ -7,23 +7,53 @@ from collections.abc import Callable
 
 import numpy as np
 
-# The wall behind: light below the lamps and at the floor, and over which share of the height it falls off.
-WALL_LIGHT_TOP, WALL_LIGHT_FLOOR, WALL_FALLOFF = 0.75, 0.28, 0.4
-# Lamps: metres from one to the next, where they hang and how large they are, shares of the height, metres wide; what each
-# adds, and what its cone adds to the wall.
-LAMP_SPACING_M, LAMP_TOP, LAMP_HEIGHT, LAMP_WIDTH_M, LAMP_LIGHT, CONE_LIGHT = 1.3, 0.07, 0.035, 0.1, 0.5, 0.16
-# Shelves: the share of shops with some; their boards, shares of the height, and how thick and how bright these are.
-SHELVED_SHARE, BOARD_HEIGHTS, BOARD_THICKNESS, BOARD_LIGHT = 0.6, (0.34, 0.56, 0.78), 0.018, 0.35
-# Goods: metres that one takes, shares of them that are there, their height in their shelf, brightness, and tints, linear.
-GOODS_WIDTH_M, GOODS_SHARE, GOODS_HEIGHT_RANGE, GOODS_LIGHT_RANGE = 0.22, 0.8, (0.4, 0.9), (0.2, 1.1)
+# Light of the back wall below the lamps.
+WALL_LIGHT_TOP = 0.75
+# Light of the back wall at the floor.
+WALL_LIGHT_FLOOR = 0.28
+# Share of the height over which it falls off.
+WALL_FALLOFF = 0.4
+# Distance between lamps, metres.
+LAMP_SPACING_M = 1.3
+# Vertical position of lamps, share of the height from the top.
+LAMP_TOP = 0.07
+# Height of a lamp, share of the height.
+LAMP_HEIGHT = 0.035
+# Width of a lamp, metres.
+LAMP_WIDTH_M = 0.1
+# Light that a lamp adds.
+LAMP_LIGHT = 0.5
+# Light that its cone adds to the wall.
+CONE_LIGHT = 0.16
+# Share of shops with shelves; the others have a table.
+SHELVED_SHARE = 0.6
+# Shelf boards, shares of the height from the top.
+BOARD_HEIGHTS = (0.34, 0.56, 0.78)
+# Thickness of a board, share of the height.
+BOARD_THICKNESS = 0.018
+# Factor on the light of a board.
+BOARD_LIGHT = 0.35
+# Width of an article on a shelf, metres.
+GOODS_WIDTH_M = 0.22
+# Share of places with an article.
+GOODS_SHARE = 0.8
+# Range of an article's height, shares of the shelf.
+GOODS_HEIGHT_RANGE = (0.4, 0.9)
+# Range of an article's brightness.
+GOODS_LIGHT_RANGE = (0.2, 1.1)
+# Linear RGB tints of articles.
 GOODS_TINTS = np.array(
     [[1.0, 1.0, 1.0], [1.1, 0.62, 0.45], [0.7, 0.85, 0.6], [0.6, 0.75, 1.05], [1.05, 0.9, 0.6], [0.75, 0.6, 0.55]],
     np.float32,
 )
-# Else a table: where its top is, how bright what is below it; one lamp hangs lower above it.
-TABLE_TOP, UNDER_TABLE_LIGHT = 0.68, 0.4
-# From here down is the floor, so bright.
-FLOOR_TOP, FLOOR_LIGHT = 0.93, 0.6
+# Top of a table, share of the height from the top; one lamp hangs lower above it.
+TABLE_TOP = 0.68
+# Factor on the light below the table.
+UNDER_TABLE_LIGHT = 0.4
+# Start of the floor, share of the height from the top.
+FLOOR_TOP = 0.93
+# Factor on the light of the floor.
+FLOOR_LIGHT = 0.6
 
 
 def shop_interior_light(

@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 
-# glTF's numbers for component types.
-BYTE, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5123, 5125, 5126
-# For the targets of views.
-ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
+# glTF component types.
+BYTE = 5120
+UNSIGNED_SHORT = 5123
+UNSIGNED_INT = 5125
+FLOAT = 5126
+# glTF targets of buffer views.
+ARRAY_BUFFER = 34962
+ELEMENT_ARRAY_BUFFER = 34963
 
 
 @dataclass

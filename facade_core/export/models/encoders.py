@@ -11,14 +11,20 @@ import numpy as np
 from facade_core.core.errors import InputError
 from facade_core.export.models.pages import JPEG_QUALITY, encode_jpeg
 
-# Of WebP and of ETC1S, 0 to 100, by the eye: what they lose beside JPEG at QUALITY is not measured.
-WEBP_QUALITY, ETC1S_QUALITY, ETC1S_EFFORT = 85, 90, 1
-# Of JPEG's data.
+# Quality of WebP, 0 to 100, chosen by eye.
+WEBP_QUALITY = 85
+# Quality of ETC1S, 0 to 100, chosen by eye.
+ETC1S_QUALITY = 90
+# Effort of the ETC1S encoder.
+ETC1S_EFFORT = 1
+# Quality of JPEG for data such as normals.
 JPEG_DATA_QUALITY = 80
-# CesiumJS keeps 512 MiB of tiles with all that they hold, 3d-tiles-renderer .4 GiB: a view that takes more is thrown out and
-# loaded again without end, and there is to be room for tiles that were in view before. KTX2 is asked for small cards.
-MAX_VIEW_MB, MAX_KTX2_VIEW_MB = 300.0, 120.0
-# A texture and its mipmaps: a third more.
+# CesiumJS caches 512 MiB of tiles with their contents, 3d-tiles-renderer 0.4 GiB. A view above that is evicted and
+# loaded again endlessly, and the tiles of the previous view need room too, MB.
+MAX_VIEW_MB = 300.0
+# Limit for KTX2, which is chosen for small graphics cards, MB.
+MAX_KTX2_VIEW_MB = 120.0
+# Memory of a texture with its mipmaps relative to the texture.
 MIPMAP_FACTOR = 4 / 3
 
 
@@ -83,7 +89,7 @@ def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
     )
 
 
-# ETC1S becomes BC7, ETC2 or ASTC on the card: a byte a texel or half of that. The others are held as red, green, blue, alpha.
+# Graphics cards hold ETC1S as BC7, ETC2 or ASTC with at most a byte per texel, and the other formats as RGBA.
 ENCODERS = {
     "jpeg": TextureEncoder(
         "image/jpeg", None, 4.0, MAX_VIEW_MB, lambda image: encode_jpeg(image, JPEG_QUALITY), _jpeg_data

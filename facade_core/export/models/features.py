@@ -10,12 +10,16 @@ import numpy as np
 
 from facade_core.export.models.buffers import FLOAT, UNSIGNED_SHORT, GlbBuffer
 
-# What stands for an unknown value, by type: none of them is one that a column has.
-NO_TEXT, NO_INTEGER, NO_NUMBER = "", -(2**31), -9999.0
+# noData value of strings; no column contains it.
+NO_TEXT = ""
+# noData value of integers; no column contains it.
+NO_INTEGER = -(2**31)
+# noData value of floating-point numbers; no column contains it.
+NO_NUMBER = -9999.0
 METADATA_CLASS = "part"
-# The sets of ids of a vertex: its part's row and its building's.
+# Labels of the id sets of a vertex: the row of its part and of its building.
 FEATURE_ID_LABELS = ("part", "building")
-# Appends data to a model's buffer; returns the index of the view on them.
+# Appends data to the buffer of a model and returns the index of its view.
 AddView = Callable[[bytes], int]
 
 

@@ -22,17 +22,23 @@ from facade_core.export.models.buffers import (
 )
 from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
 
-# Component types as numpy has them.
+# NumPy dtypes of component types.
 COMPONENT_DTYPES = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
-# glTF's numbers for filters and wrapping.
-LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
-# Of models of pictures alone.
+# glTF filters.
+LINEAR = 9729
+LINEAR_MIPMAP_LINEAR = 9987
+# glTF wrapping mode CLAMP_TO_EDGE.
+CLAMP_TO_EDGE = 33071
+# Extensions of models with unlit materials only.
 UNLIT_EXTENSIONS = {"extensionsUsed": ["KHR_materials_unlit"]}
-# Types of accessors.
+# Accessor types by attribute.
 ACCESSOR_TYPES = {"position": "VEC3", "normal": "VEC3", "uv": "VEC2", "tangent": "VEC4", "triangles": "SCALAR"}
-# GLB's: the names of its chunks, and the length of its header in bytes.
-JSON_CHUNK, BINARY_CHUNK, HEADER_BYTES = 0x4E4F534A, 0x004E4942, 12
-# Of every model: how its pictures are looked up.
+# GLB chunk types.
+JSON_CHUNK = 0x4E4F534A
+BINARY_CHUNK = 0x004E4942
+# Length of a GLB header, bytes.
+HEADER_BYTES = 12
+# Samplers of every model.
 SAMPLERS = [
     {
         "magFilter": LINEAR,

@@ -21,7 +21,7 @@ from facade_core.export.models.glb import (
     read_glb_header,
 )
 
-# What of a model is counted by index, and where others say which they mean is moved on by how many there are before.
+# Lists of a document whose entries are referenced by index; references shift by the entries before.
 INDEXED_LISTS = ("accessors", "bufferViews", "images", "materials", "meshes", "textures")
 
 

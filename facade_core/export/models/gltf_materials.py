@@ -9,10 +9,12 @@ from typing import Any, Literal
 from facade_core.export.models.encoders import ENCODERS, TextureEncoder
 from facade_core.export.models.pages import PageImages
 
-# How lit windows are over what a picture's white is: they are to shine, and colours beside them stay.
+# Brightness of lit windows relative to white, so that they shine without changing their hue.
 EMISSIVE_STRENGTH = 3.0
-DAY, NIGHT = "day", "night"
-# Whether windows are lit: by day never, by night always, or as a viewer chooses, who sees the first of these before that.
+# Names of the variants.
+DAY = "day"
+NIGHT = "night"
+# Emission by day never, by night always, or as the viewer chooses, with the first as the default.
 TimeOfDay = Literal["day", "night", "day or night", "night or day"]
 
 

@@ -11,18 +11,21 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.export.models.pages import PageLayout
 
-# Texels to a side of a cell, and of the border that a piece has around it: a block of ETC1S, and no mip level down to a quarter
-# mixes two pieces. Nothing of a tile is seen at less before a coarser tile takes its place.
+# Side of a cell and width of a piece's border, texels: a block of ETC1S, and no mip level down to a quarter mixes two
+# pieces. Below that, a coarser tile replaces this one.
 CELL_TEXELS = 4
-# Sides of pages in texels.
-MIN_PAGE_TEXELS, MAX_PAGE_TEXELS = 64, 4096
-# A page's pieces with their borders fill so much of it at best; pages with less room are not tried.
+# Minimum side of a page, texels.
+MIN_PAGE_TEXELS = 64
+# Maximum side of a page, texels.
+MAX_PAGE_TEXELS = 4096
+# Expected share of a page that pieces with borders can fill; pages with less room are not tried.
 MAX_FILL = 0.97
-# At most so many pages are tried together; each is half the one before or less.
+# Maximum number of pages of different sizes; each has at most half the area of the one before.
 MAX_PAGES_TRIED = 4
 
-# Width and height of pages in cells; what pieces are ordered by, from their masks.
+# Width and height of pages in cells.
 PageCells = tuple[tuple[int, int], ...]
+# Sort key of a piece from its mask.
 SortKey = Callable[[np.ndarray], tuple[int, ...]]
 
 

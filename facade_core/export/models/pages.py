@@ -12,12 +12,14 @@ import numpy as np
 from facade_core.core.levelling import fill_unknown_colours
 from facade_core.geometry.scene import Scene
 
-# Around every piece its border is repeated for this many texels, and pieces start on multiples of it: down to the mip
-# level of an eighth no texel, interpolated or not, shows two pieces; nor does a block of a JPEG's brightness.
+# Width of the repeated border of a piece, texels; pieces start on multiples of it. Down to the mip level of an eighth,
+# no interpolated texel and no block of a JPEG's luma mixes two pieces.
 GUTTER_TEXELS = 8
+# Maximum side of a page, texels.
 MAX_SHELF_PAGE_TEXELS = 4096
+# Quality of JPEG, 0 to 100.
 JPEG_QUALITY = 90
-# Fraction of a page that shelves are expected to fill.
+# Share of a page that shelves are expected to fill.
 EXPECTED_FILL = 0.85
 
 

@@ -27,9 +27,9 @@ from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.scene import Scene
 
 GROUND_NODE = "ground"
-# Triangles smaller than this show nothing, m2.
+# Smaller triangles are invisible, m2.
 MIN_TRIANGLE_M2 = 1e-8
-# Atlas pages that are held decoded; charts of a building lie on few that follow one another.
+# Decoded atlas pages in the cache; the charts of a building are on few consecutive pages.
 MAX_CACHED_PAGES = 12
 
 

@@ -14,11 +14,15 @@ from facade_core.core.errors import InputError
 from facade_core.export.models.glb import GltfNode
 from facade_core.export.models.gltf_materials import DAY, EMISSIVE_STRENGTH, NIGHT
 
-# A building's and the block's prims, and the names that customData has of ours.
-ROOT_PRIM, NAMESPACE = "Block", "streetloom"
-# Plaster, stone and brick scatter light: of what has no map.
-DEFAULT_ROUGHNESS, INDEX_OF_REFRACTION = 0.9, 1.5
-# What chooses between the looks of DAY and NIGHT.
+# Name of the block's prim.
+ROOT_PRIM = "Block"
+# Prefix of our keys in customData.
+NAMESPACE = "streetloom"
+# Roughness of charts without maps: plaster, stone and brick scatter light.
+DEFAULT_ROUGHNESS = 0.9
+# Index of refraction of every material.
+INDEX_OF_REFRACTION = 1.5
+# Variant set that selects DAY or NIGHT.
 TIME_VARIANT_SET = "time"
 
 

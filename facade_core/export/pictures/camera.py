@@ -11,18 +11,27 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.geometry.streets import Viewpoint
 
-# Free space around the block in the aerial picture.
+# Free space around the block in the aerial picture, as a factor.
 AERIAL_MARGIN = 1.04
-# Width of the panoramas by which a street's viewpoint is chosen.
+# Width of the panoramas that rank viewpoints of a street, pixels.
 SEARCH_WIDTH_PX = 64
-# What is nearer counts less, in proportion, and so does a street that ends nearer: a wall at its end fills the picture and
-# shows little.
-FULL_WORTH_DISTANCE_M, OPEN_STREET_M = 30.0, 60.0
-# Height of the eyes of who walks; how far aside of the street a picture of it looks, degrees, and how far up.
-EYE_HEIGHT_M, STREET_YAW_DEG, STREET_PITCH_DEG = 1.7, 40.0, 7.0
-# From where a close-up looks at a facade's foot: metres before it and aside, and the height that it looks at.
-CLOSE_UP_DISTANCE_M, CLOSE_UP_OFFSET_M, CLOSE_UP_TARGET_M = 8.0, 6.0, 3.4
-# Facades that are tried for the close-up: something may stand before one.
+# Nearer surfaces count less in proportion, metres.
+FULL_WORTH_DISTANCE_M = 30.0
+# A street that ends nearer counts less: a wall at its end fills the picture and shows little, metres.
+OPEN_STREET_M = 60.0
+# Height of a pedestrian's eyes, metres.
+EYE_HEIGHT_M = 1.7
+# Angle between the street and the camera, degrees.
+STREET_YAW_DEG = 40.0
+# Pitch of the street camera, degrees.
+STREET_PITCH_DEG = 7.0
+# Distance of the close-up camera from its facade, metres.
+CLOSE_UP_DISTANCE_M = 8.0
+# Sideways offset of the close-up camera, metres.
+CLOSE_UP_OFFSET_M = 6.0
+# Height that the close-up camera looks at, metres.
+CLOSE_UP_TARGET_M = 3.4
+# Facades that are tried for the close-up, because occluders may hide one.
 MAX_CLOSE_UPS_TRIED = 12
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-# A pixel that is so many times longer on a surface than it is wide takes as many places along it, at most.
+# Maximum number of samples along the longer axis of a pixel's footprint.
 MAX_ANISOTROPY = 12
-# A surface seen more aslant than this (sine) counts as if it were seen so.
+# Minimum sine of the grazing angle; more oblique surfaces are treated as if at this angle.
 MIN_GRAZING_SINE = 0.01
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from facade_core.core.types import Box
 
-# Pixels to a side of the squares in which what hides a wall is shown.
+# Side of the mosaic squares that show occluders, pixels.
 MOSAIC_PX = 12
-# Side in pixels of what is shown of a picture as given.
+# Maximum side of a preview, pixels.
 MAX_PREVIEW_PX = 640
 
 

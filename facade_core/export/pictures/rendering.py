@@ -19,12 +19,12 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.scene import Scene
 from facade_core.street.lighting.sky import HAZE_M, HORIZON_COLOUR, backdrop_colour
 
-# An element of which more than this share was hidden is one that the completion made.
+# Elements hidden by more than this share come from the completion.
 MIN_COMPLETED_SHARE = 0.3
-# Layouts are drawn at least so many pixels high: lines over small facades stay thin.
+# Minimum height of drawn layouts, pixels, so that lines over small facades stay thin.
 MIN_LAYOUT_HEIGHT_PX = 480
-# Pixels that are cast, or hazed, together: few enough that what is made of them on the way stays below what malloc gives back
-# to the system (`flows.memory`). Pages that are mapped anew for every intermediate array took half of a picture's time.
+# Pixels per batch: few enough that temporary arrays stay below the size that malloc returns to the system
+# (`flows.memory`). Mapping new pages for every temporary array took half of the time.
 MAX_BATCH_PIXELS = 1 << 15
 
 

@@ -23,12 +23,14 @@ from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.level_drawing import draw_level
 from facade_core.geometry.chart_packing import Placement
 
-# The name of the one stage that the report has of every facade.
+# Name of the one stage that the report has of every facade.
 TEXTURE_STAGE = "result"
 # Levels of the hierarchy that the report draws.
 MAX_REPORT_LEVELS = 3
-# Sampled variations: the seeds of those that the report draws, as their files sort, and of the one that the viewer does.
-REPORT_SAMPLE_SEEDS, VIEWER_SAMPLE_SEED = (1, 2, 0), 1
+# Seeds of the sampled variations in the report, in the order of their files.
+REPORT_SAMPLE_SEEDS = (1, 2, 0)
+# Seed of the sampled variation in the viewer.
+VIEWER_SAMPLE_SEED = 1
 
 
 class StageTitle(NamedTuple):

@@ -14,17 +14,26 @@ from facade_core.geometry.walls import WallRole
 from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import Sun, sun_direction
 
+# Height and width of a view, pixels.
 VIEW_SIZE = (900, 1440)
 # Rays along each side of a pixel.
 SAMPLES_PER_PIXEL_SIDE = 2
-# A facade from a photo is so much more worth showing than one from an exemplar.
+# Extra worth of a facade from a photo over one from an exemplar.
 PHOTO_WORTH = 4
-# What lies in its own shade is so much less worth showing than what the sun is on.
+# Worth of a surface in its own shade relative to a sunlit one.
 SHADED_WORTH = 0.4
-# Streets that have a view, and viewpoints of a street that are tried for it.
-MAX_STREET_VIEWS, MAX_VIEWPOINTS_TRIED = 3, 24
+# Streets with a view.
+MAX_STREET_VIEWS = 3
+# Viewpoints of a street that are tried for its view.
+MAX_VIEWPOINTS_TRIED = 24
 
 T = TypeVar("T")
+
+
+class TexelSources(Record, total=False):
+    """Part of a facade's record: the share of its texels of each provenance."""
+
+    provenance: list[float]
 
 
 def view_names(plan: Plan) -> list[str]:
@@ -38,7 +47,9 @@ def select_pictured_facades(plan: Plan) -> np.ndarray:
     return np.flatnonzero(plan.facades.role == WallRole.STREET)
 
 
-def choose_cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None) -> list[PerspectiveCamera]:
+def choose_cameras(
+    plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None = None
+) -> list[PerspectiveCamera]:
     """The cameras of `view_names`, from where most of the facades is seen, photos before others, and those that the sun is on.
 
     records: those of facades.
@@ -53,7 +64,7 @@ def choose_cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None
     return found
 
 
-def _chart_worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) -> np.ndarray:
+def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None) -> np.ndarray:
     """How much each chart (n,) is worth showing; what is no facade on a street, nothing."""
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
@@ -63,7 +74,7 @@ def _chart_worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) 
     return worth
 
 
-def photo_share(record: Record | None) -> float:
+def photo_share(record: TexelSources | None) -> float:
     """How much of a facade is from pictures of it, by its record."""
     return record.get("provenance", [0.0])[-1] if record else 0.0
 

@@ -10,9 +10,11 @@ from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.geometry.charts import ChartKind, Charts, Mesh
 from facade_core.geometry.raycast import MISS, RayCaster
 
-# Walls are looked at from this far before the shell, and as far behind it.
-RAY_START_M, MAX_RAY_BEHIND_M = 2.0, 12.0
-# No ray is nearer to the edge of a shell's wall or roof.
+# Start of rays before a wall of the shell, metres.
+RAY_START_M = 2.0
+# Maximum distance of a hit behind the wall, metres.
+MAX_RAY_BEHIND_M = 12.0
+# Minimum distance of rays from the edge of a wall or roof, metres.
 MIN_EDGE_DISTANCE_M = 0.03
 # Rays per texel and axis.
 SAMPLES_PER_TEXEL = 3

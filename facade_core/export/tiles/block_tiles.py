@@ -10,9 +10,9 @@ from facade_core.export.models.textured_mesh import MIN_TRIANGLE_M2, triangle_ar
 from facade_core.export.tiles.quadtree import MAX_CELL_M, collect_members, divide_grid
 from facade_core.plan.plan import Plan
 
-# Encoded bytes of a texel, gutters and what lies between charts included: 0.12 in the demo; photographed walls take twice that.
+# Encoded bytes per texel, with gutters and unused space: 0.12 in the demo, twice that on photographed walls.
 BYTES_PER_TEXEL = 0.25
-# What a tile is to take at most.
+# Maximum size of a tile, bytes.
 MAX_TILE_BYTES = 32_000_000
 MAX_TILE_TEXELS = int(MAX_TILE_BYTES / BYTES_PER_TEXEL)
 

@@ -10,13 +10,15 @@ import numpy as np
 from facade_core.export.models.textured_mesh import TexturedMesh
 from facade_core.export.tiles.quadtree import collect_members, quadrant_corner, split_quadrants
 
-# Texels of a coarse tile at most, a page of 2048 square. A finer one is divided at FULL of these, and quadrants that stay whole
-# are one tile as long as they are LARGEST_LEAF of these together.
+# Maximum texels of a coarse tile: a page of 2048 square.
 MAX_COARSE_TILE_TEXELS = 2048**2
-DIVISION_FACTOR, MAX_LEAF_FACTOR = 2.0, 2.5
-# Coarse tiles have this share of the texels per metre at most.
+# A cell is divided above this multiple of MAX_COARSE_TILE_TEXELS.
+DIVISION_FACTOR = 2.0
+# Undivided quadrants share a tile up to this multiple of MAX_COARSE_TILE_TEXELS.
+MAX_LEAF_FACTOR = 2.5
+# Maximum scale of the texels per metre in coarse tiles.
 COARSE_SCALE = 0.25
-# No cell is divided more often.
+# Maximum depth of the quadtree.
 MAX_DEPTH = 12
 
 

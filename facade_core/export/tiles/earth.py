@@ -10,7 +10,7 @@ import numpy as np
 
 from facade_core.export.models.textured_mesh import to_y_up
 
-# Metres over which the turn between grid north and true north is measured.
+# Distance over which the angle between grid north and true north is measured, metres.
 NORTH_STEP_M = 100.0
 
 

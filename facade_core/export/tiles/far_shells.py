@@ -17,19 +17,23 @@ from facade_core.export.tiles.baking import bake_rasters
 from facade_core.geometry.charts import ChartBuilder, ChartKind, Charts, Mesh
 from facade_core.geometry.ground.ground_charts import add_level_surface, add_planar_chart
 
-# Corners nearer than this to their neighbours' line are left out of an outline.
+# Tolerance of simplified outlines, metres.
 TOLERANCE_M = 1.0
-# Gaps of twice this between a building's parts are closed, and courtyards smaller than this.
-GAP_CLOSING_M, MIN_COURTYARD_M2 = 0.01, 16.0
-# The shell's roof is above this share of the roofs' area.
+# Gaps up to twice this between parts of a building are closed, metres.
+GAP_CLOSING_M = 0.01
+# Smaller courtyards are closed, m2.
+MIN_COURTYARD_M2 = 16.0
+# Share of the roof area below the top of the shell.
 ROOF_SHARE = 0.7
-# A building of which roofs leave the shell by more than this keeps its own surfaces.
+# Maximum distance between roofs and shell, metres; other buildings keep their own surfaces.
 MAX_DEVIATION_M = 4.0
-# Smaller triangles are chimneys' and the like: a shell leaves them out.
+# Smaller roof triangles, such as those of chimneys, are ignored, m2.
 MIN_ROOF_TRIANGLE_M2 = 0.5
 
-# A normal straight out, and of occlusion, roughness and metal what a wall has seen from afar.
-FLAT_NORMAL, DEFAULT_ORM = (128, 128, 255), (255, 217, 0)
+# Encoded normal that points outward.
+FLAT_NORMAL = (128, 128, 255)
+# Encoded occlusion, roughness and metalness of a distant wall.
+DEFAULT_ORM = (255, 217, 0)
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 

@@ -12,10 +12,16 @@ from facade_core.export.models.glb import encode_glb
 from facade_core.export.models.pages import GUTTER_TEXELS
 from facade_core.export.models.textured_mesh import LocalFrame, TexturedMesh, build_nodes, encode_pages, pack_charts
 
-# What it takes at most, and the share of that which geometry may have.
-MAX_OVERVIEW_BYTES, MAX_GEOMETRY_SHARE = 8_000_000, 0.5
-# A vertex with its normal and place on a picture, and a triangle, as bytes; an encoded pixel of coarse pictures.
-VERTEX_BYTES, TRIANGLE_BYTES, PIXEL_BYTES = 32, 12, 0.15
+# Maximum size of an overview, bytes.
+MAX_OVERVIEW_BYTES = 8_000_000
+# Share of the size that geometry may take.
+MAX_GEOMETRY_SHARE = 0.5
+# Size of a vertex with normal and texture coordinates, bytes.
+VERTEX_BYTES = 32
+# Size of a triangle, bytes.
+TRIANGLE_BYTES = 12
+# Size of an encoded pixel of coarse textures, bytes.
+PIXEL_BYTES = 0.15
 OVERVIEW_NODE = "overview"
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from facade_core.core.grouping import group_rows
 from facade_core.geometry.charts import Charts
 
-# Side of the grid's largest cells, metres: what lies further apart shares no tile, however little it is.
+# Side of the largest cells, metres; more distant members never share a tile.
 MAX_CELL_M = 1024.0
-# A cell of the grid is not divided below this, metres.
+# Minimum side of a cell, metres.
 MIN_CELL_M = 1.0
 
 

@@ -14,9 +14,11 @@ from facade_core.export.models.features import FEATURE_ID_LABELS, FeatureTable, 
 from facade_core.export.models.glb import SAMPLERS, pack_glb, tangent_vectors
 from facade_core.export.models.gltf_materials import MaterialTextures, TimeOfDay, build_gltf_materials
 
-# The largest of the component types of quantised data.
-MAX_BYTE, MAX_UNSIGNED_SHORT = 127, 65535
-# Positions lie on a grid of a power of two of this many metres at least, which tiles of one size share: no cracks between them.
+# Largest quantised value of a signed byte.
+MAX_BYTE = 127
+# Largest quantised value of an unsigned short.
+MAX_UNSIGNED_SHORT = 65535
+# Minimum step of quantised positions, metres; steps are powers of two that tiles of a size share, so there are no cracks.
 MIN_STEP_M = 2.0**-10
 
 

@@ -20,11 +20,11 @@ from facade_core.export.tiles.far_shells import BuildingShells
 from facade_core.export.tiles.tile_glb import TileBatch, encode_tile_glb
 from facade_core.export.tiles.tile_pages import TilePages, pack_tile_pages
 
-# A tile is replaced once a texel of its pictures covers a pixel: viewers do that where the error covers this many.
+# Screen-space error of viewers, pixels: a tile is replaced once a texel covers a pixel.
 ERROR_PIXELS = 16
-# A view holds the finest tiles within so many metres of it, and coarse tiles of all else.
+# Radius around a view with the finest tiles, metres; beyond it, tiles are coarse.
 VIEW_RADIUS_M = 300.0
-# Texels are made fewer in steps of this, or longer ones, until a view fits.
+# Largest factor of one reduction of texels until a view fits.
 MAX_SCALE_STEP = 0.97
 
 

@@ -67,7 +67,7 @@ def score_terms(
 ) -> np.ndarray:
     """Return the (10,) values of TERMS, summed or averaged over grids as the model demands."""
     total, count = sum_log_densities(*measure_elements(elements, domain), *model.densities)
-    return total / np.maximum(count, 1) if model.averages_termsages_terms else total
+    return total / np.maximum(count, 1) if model.averages_terms else total
 
 
 def measure_elements(

@@ -1,4 +1,6 @@
-"""An exemplar's style on the walls of a building: storeys meet round its corners, no window is cut, backs are plain."""
+"""Compose an exemplar's style on the walls of a building: floors meet at corners, windows are whole, backs are
+plain.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +26,25 @@ from facade_core.facade.texture.wall_floors import (
     stack_floors,
 )
 
-# Wall on either side of a window, to the wall's edge or to a neighbour.
+# Wall on either side of a window, to the wall's edge or to a neighbour, metres.
 WINDOW_MARGIN_M = 0.25
-# Bays of backs are so many times as wide.
+# Width of bays of backs, relative to those of fronts.
 BACK_BAY_FACTOR = 1.3
-# Bare wall: how wide it may be, as shares of a bay; steps of grey that hardly count as uneven.
-BARE_WIDTH_SHARES, NEGLIGIBLE_UNEVENNESS = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
-# Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
-# metres, and by so many texels, and may be so much narrower for it; where it would be narrower still, there is none.
-MIN_SECTION_BAYS, SEAM_MARGIN_M, SEAM_MARGIN_TEXELS, MIN_WIDTH_SHARE = 0.75, 0.08, 3.0, 0.5
-# A ground floor goes on over a narrow wall where at least so much of it is wall.
+# Candidate widths of bare wall, as shares of a bay.
+BARE_WIDTH_SHARES = (0.08, 0.12, 0.18, 0.27, 0.4)
+# Variation of bare wall, in grey levels, that hardly counts as uneven.
+NEGLIGIBLE_UNEVENNESS = 3.0
+# Smallest width between seams, in bays, of a section with whole bays.
+MIN_SECTION_BAYS = 0.75
+# Distance of a window from a seam within its bay, metres.
+SEAM_MARGIN_M = 0.08
+# The same in texels.
+SEAM_MARGIN_TEXELS = 3.0
+# Smallest width of a window next to a seam, as a share of its width; a narrower one is omitted.
+MIN_WIDTH_SHARE = 0.5
+# Smallest share of wall of a ground floor that continues over a narrow wall.
 MIN_WALL_SHARE = 0.6
-# And over a corner that shows no shop.
+# The same for a corner without a shop.
 MIN_CORNER_WALL_SHARE = 0.97
 
 
@@ -49,14 +58,29 @@ def compose_wall(
     texel_m: float | None = None,
     seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / drawn_at) pixels, which are
-    those of the exemplar, of metres_per_pixel, if nothing else is given; shown_at, metres, is what a texel of the walls will
-    show of it, as much if not given.
+    """Compose a wall in an exemplar's style.
 
-    Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners; they
-    are those of the style `like`, if given: a wall without shops has those of one with. A
-    storey shows windows where they fit into what is free of the wall, and wall elsewhere. Raises ImageError for a wall of less
-    than 2 pixels a side, or without storeys.
+    Floor borders depend on the exemplar, the building's height and its floors only, so that they meet at corners. A
+    floor shows windows where they fit into the free part of the wall, and wall elsewhere.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    wall : metric wall.
+    floor_style : exemplar whose floor heights apply; a wall without shops follows the style with shops.
+    metres_per_pixel : scale of the exemplar.
+    output_metres_per_pixel : scale of the result; that of the exemplar by default.
+    texel_m : metres of a texel of the final raster; a pixel of the result by default.
+    seed : seed of the composition.
+
+    Returns
+    -------
+    Image (h, w, 3) uint8 and labels (h, w) uint8.
+
+    Raises
+    ------
+    ImageError
+        For a wall of less than 2 pixels a side, or without floors.
     """
     pixel = output_metres_per_pixel or metres_per_pixel
     size = round(wall.height / pixel), round(wall.width / pixel)
@@ -80,12 +104,12 @@ def compose_wall(
     else:
         tiles = initial_tiling(style, floors, count, blank, rng, 0.0)
     wide = len(style.grid.columns) - 1
-    source = np.stack(np.divmod(tiles, wide))  # the rows and columns of the exemplar's lattice that are shown
+    source = np.stack(np.divmod(tiles, wide))  # rows and columns of the exemplar's lattice
     if blank:
         source[1] = wide + 1
     elif not wall.on_street:
         row = 0
-        for wall_floor in stack:  # what is behind the windows differs from storey to storey
+        for wall_floor in stack:  # interiors differ from floor to floor
             bays = rng.choice(_plain_bays(style, plain), count)
             source[1, row : row + len(wall_floor.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
             row += len(wall_floor.heights)
@@ -122,7 +146,7 @@ def compose_wall(
         source, down = np.concatenate([bare, source], axis=1), np.append(0.0, down)
     rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
     rows[-1], columns[-1] = size
-    # behind the last column of the lattice one more that shows bare wall
+    # An extra column behind the lattice shows bare wall.
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare_columns(style, plain))
     tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
     image, labels = compose_tiles(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
@@ -134,24 +158,28 @@ def compose_wall(
 
 
 def _place_doors(style: ExemplarStyle, wall: FacadeWall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
-    """Show, in `source` as of `_blank_cells`, a bay of the exemplar that has a door where the map has one and no bay beside shows
-    a door or a shop; ground: the rows of the ground floor."""
+    """Replace bays by a bay with a door at mapped entrances, unless a neighbouring bay shows a door or a shop.
+
+    `source` is as in `_blank_cells`; `ground` is the number of lattice rows of the ground floor.
+    """
     doors = np.flatnonzero(style.doors)
     if not len(doors):
         return
     cuts, band = style.structure.bay_cuts, slice(style.structure.ground_top, style.structure.bottom)
     shop = [(style.labels[band, a:b] == FacadeClass.SHOP).any() for a, b in pairwise(cuts)]
-    entered = np.array([*(style.doors | np.array(shop)), False])  # the last: bare wall
+    has_entrance = np.array([*(style.doors | np.array(shop)), False])  # the last entry is bare wall
     for place in wall.entrances:
         own = int(np.clip(np.searchsorted(across[3::3], place), 0, source.shape[2] // 3 - 1))
-        shown = np.minimum(source[1, -1, ::3] // 3, len(entered) - 1)
-        walled = shown[own] == len(entered) - 1
-        if not walled and not entered[shown[max(0, own - 1) : own + 2]].any():
+        bay_shown = np.minimum(source[1, -1, ::3] // 3, len(has_entrance) - 1)
+        walled = bay_shown[own] == len(has_entrance) - 1
+        if not walled and not has_entrance[bay_shown[max(0, own - 1) : own + 2]].any():
             source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
 def _blank_ground(style: ExemplarStyle, wall_floor: WallFloor, source: np.ndarray, plain: int) -> None:
-    """Show bare wall all over the lowest wall_floor, in `source` as of `_blank_cells`: that of the ground floor where it has any."""
+    """Replace the lowest floor by bare wall, from the exemplar's ground floor if that has any; `source` as in
+    `_blank_cells`.
+    """
     count, bare = len(wall_floor.heights), len(style.grid.columns)
     if not (
         shows_ground_floor(style, wall_floor)
@@ -163,7 +191,7 @@ def _blank_ground(style: ExemplarStyle, wall_floor: WallFloor, source: np.ndarra
 
 
 def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
-    """The ends of a wall, and the seams between which there is room for whole bays, metres."""
+    """Return the ends of a wall, and the seams with room for whole bays between them, metres."""
     ends = [0.0]
     for seam in wall.seams:
         if min(seam - ends[-1], wall.width - seam) >= MIN_SECTION_BAYS * bay:
@@ -172,8 +200,12 @@ def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
 
 
 def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
-    """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them, so
-    many metres beside it and the wall's ends. One that has no such place stays."""
+    """Move windows within their bays off seams and wall ends, by a margin in metres; they stay if there is no room.
+
+    Parameters
+    ----------
+    across : (3 n + 1,) borders of bays and of the windows in them, metres.
+    """
     across = across.copy()
     for left in range(0, len(across) - 1, 3):
         start, first, last, end = across[left : left + 4]
@@ -195,8 +227,7 @@ def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float)
 
 
 def _plain_bays(style: ExemplarStyle, plain: int) -> np.ndarray:
-    """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
-    others."""
+    """Return the bays (k,) with the fewest balconies on the plainest floor, if possible not at the edges."""
     rows, cuts = style.grid.rows, style.structure.bay_cuts
     band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == FacadeClass.BALCONY
     adorned = np.add.reduceat(band.mean(axis=0), cuts[:-1]) / np.diff(cuts)
@@ -215,9 +246,15 @@ def _blank_cells(
     plain: int,
     blank: bool,
 ) -> None:
-    """Show, in `source` (2, M, N) rows and columns of the exemplar's lattice, wall in place of bays whose windows, doors or
-    shops reach beyond what is free, and of what crowns an exemplar where the wall is not crowned; cells have the borders
-    down (M + 1,), across (N + 1,), metres."""
+    """Replace bays that do not fit into the free part by wall, and the exemplar's crown where the wall has none, in
+    place.
+
+    Parameters
+    ----------
+    source : (2, M, N) rows and columns of the exemplar's lattice.
+    down : (M + 1,) borders of rows, metres.
+    across : (N + 1,) borders of columns, metres.
+    """
     exemplar, bare = style.structure, len(style.grid.columns)
     free = wall.free.buffer(0.02)
     shapely.prepare(free)
@@ -229,9 +266,9 @@ def _blank_cells(
         if wall_floor.exemplar_floor == 0 and not wall_floor.is_crowned and exemplar.kinds[0] == "middle":
             source[0, row] = 3 * plain
         if blank:
-            if (wall_floor.exemplar_floor < 0 or exemplar.kinds[wall_floor.exemplar_floor] == "ground") and not _is_mostly_wall(
-                style, source[0, rows, 0], plain
-            ):
+            if (
+                wall_floor.exemplar_floor < 0 or exemplar.kinds[wall_floor.exemplar_floor] == "ground"
+            ) and not _is_mostly_wall(style, source[0, rows, 0], plain):
                 source[0, rows, 0] = own
         else:
             low, high = (down[row + 1], down[row + 2]) if count == 3 else (down[row] + 0.1, down[row + 1] - 0.1)
@@ -247,8 +284,7 @@ def _blank_cells(
 
 @lru_cache(maxsize=4)
 def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
-    """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
-    which, pixels."""
+    """Return the pixel columns (start, stop) of uniform bare wall on the plainest floor."""
     rows = style.grid.rows[3 * plain : 3 * plain + 4]
     wall = (style.labels[rows[0] : rows[-1]] == FacadeClass.WALL).mean(axis=0)
     colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
@@ -265,7 +301,7 @@ def _bare_columns(style: ExemplarStyle, plain: int) -> tuple[int, int]:
 
 
 def _is_mostly_wall(style: ExemplarStyle, rows: np.ndarray, plain: int, least: float = MIN_WALL_SHARE) -> bool:
-    """Whether more than a share of some rows (k,) of the exemplar's lattice is wall where its plainest floor is bare."""
+    """Return whether lattice rows (k,) show mostly wall in the bare columns."""
     left, right = _bare_columns(style, plain)
     shown = [
         style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == FacadeClass.WALL

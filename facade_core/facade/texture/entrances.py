@@ -1,4 +1,4 @@
-"""What walls that are no fronts show at the ground: the shop that turns a corner, a back's door."""
+"""Ground floors of walls that are no fronts: the shop of a narrow corner, and back doors."""
 
 from __future__ import annotations
 
@@ -13,30 +13,50 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarStyle
 from facade_core.parsing.floor_structure import Span, spans_above
 
-# A corner narrower than this shows no shop. Beside it lies this much of the exemplar's ground floor, and a shop is made at most
-# so many times as wide or as narrow; one with a door counts as so much better.
-MIN_CORNER_M, JAMB_M, MAX_SHOP_STRETCH, DOOR_BONUS = 1.1, 0.2, 1.9, 0.5
-# A back's door with its frame, and the width of that, metres.
-DOOR_SIZE_M, FRAME_M = (1.02, 2.12), 0.07
-# Wall on either side of it.
+# Smallest width of a corner with a shop, metres.
+MIN_CORNER_M = 1.1
+# Exemplar's ground floor on either side of the shop, metres.
+JAMB_M = 0.2
+# Largest factor by which a shop is stretched or squeezed.
+MAX_SHOP_STRETCH = 1.9
+# Preference of a shop with a door, in log stretch.
+DOOR_BONUS = 0.5
+# Width and height of a back door with its frame, metres.
+DOOR_SIZE_M = (1.02, 2.12)
+# Width of its frame, metres.
+FRAME_M = 0.07
+# Wall on either side of it, metres.
 DOOR_MARGIN_M = 0.2
-# Leaves of back doors, and their frames; how light a pane in one is.
+# Colours of door leaves.
 LEAF_COLOURS = np.array(
     [[78, 70, 62], [92, 90, 86], [62, 74, 68], [98, 74, 58], [74, 80, 90], [112, 106, 96], [70, 56, 48]], np.float64
 )
-FRAME_GAINS, PANE_LIGHT = (0.72, 1.45), 46.0
-# How often a door has a pane, and planks instead of panels.
-GLAZED_PROBABILITY, PLANKED_PROBABILITY = 0.35, 0.4
-# The width of a plank, the rail around a panel, and a groove, metres.
-PLANK_M, RAIL_M, GROOVE_M = 0.115, 0.13, 0.014
+# Brightness of frames relative to the leaf, and of panes in grey levels.
+FRAME_GAINS = (0.72, 1.45)
+PANE_LIGHT = 46.0
+# Probabilities of a pane, and of planks instead of panels.
+GLAZED_PROBABILITY = 0.35
+PLANKED_PROBABILITY = 0.4
+# Widths of a plank, of the rail around a panel, and of a groove, metres.
+PLANK_M = 0.115
+RAIL_M = 0.13
+GROOVE_M = 0.014
 
 
 def paint_corner_shop(
     style: ExemplarStyle, image: np.ndarray, labels: np.ndarray, top: int, scale: float, metres_per_pixel: float
 ) -> None:
-    """Show the shop of an exemplar, its door first, on the ground floor of a narrow corner, in place: image (h, w, 3) uint8 and
-    labels (h, w) uint8, from row `top` on; scale: the metres that a pixel of the exemplar takes. Where it has no shop that
-    fits, the ground floor stays as it is."""
+    """Paint the exemplar's shop on the ground floor of a narrow corner, in place; nothing if none fits.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    image : (h, w, 3) uint8; changed in place.
+    labels : (h, w) uint8; changed in place.
+    top : first row of the ground floor.
+    scale : metres of a pixel of the exemplar.
+    metres_per_pixel : scale of `image`.
+    """
     width = labels.shape[1] * metres_per_pixel
     band = slice(style.structure.ground_top, style.structure.bottom)
     shop = _find_corner_shop(style.labels[band], scale, width)
@@ -48,7 +68,7 @@ def paint_corner_shop(
 
 
 def _find_corner_shop(labels: np.ndarray, scale: float, width: float) -> Span | None:
-    """From which column to which a ground floor's labels (h, w) show the shop for a corner so wide, metres; None where none."""
+    """Return the columns of the shop for a corner of a width in metres, from a ground floor's labels; None if none fits."""
     if width < MIN_CORNER_M or not (labels == FacadeClass.SHOP).any():
         return None
     jamb = round(JAMB_M / scale)
@@ -76,9 +96,24 @@ def choose_door_position(
     entrances: Sequence[float],
     rng: np.random.Generator,
 ) -> float | None:
-    """Where the middle of a back's door is, metres from the left: in the bay nearest to where a map has it, else in one by
-    chance, not in the outer fifths of the wall if it can be; None where there is no room. free: of a wall of size (width,
-    height); across: the borders of bays and of windows, as `on_wall` has them; seams: where the wall bends."""
+    """Choose the centre of a back's door, metres from the left.
+
+    It is in the bay nearest to a mapped entrance, else in a random one, if possible not in the outer fifths of the
+    wall.
+
+    Parameters
+    ----------
+    free : free part of the wall.
+    size : (width, height) of the wall, metres.
+    across : borders of bays and windows as in `compose_wall`, metres.
+    seams : positions of bends, metres.
+    entrances : mapped entrances, metres.
+    rng : draws the bay.
+
+    Returns
+    -------
+    None without room for a door.
+    """
     width, height = size
     middles = (across[1:-1:3] + across[2::3]) / 2 if len(across) > 2 else np.array([width / 2])
     reach = DOOR_SIZE_M[0] / 2 + DOOR_MARGIN_M
@@ -99,8 +134,16 @@ def choose_door_position(
 def paint_door(
     image: np.ndarray, labels: np.ndarray, middle: float, metres_per_pixel: float, rng: np.random.Generator
 ) -> None:
-    """Put a plain door at the foot of a wall, in place: image (h, w, 3) uint8, labels (h, w) uint8; its middle so many metres
-    from the left."""
+    """Paint a plain door at the foot of a wall, in place.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8; changed in place.
+    labels : (h, w) uint8; changed in place.
+    middle : centre of the door, metres from the left.
+    metres_per_pixel : scale of `image`.
+    rng : draws the door.
+    """
     wide, high = (max(2, round(side / metres_per_pixel)) for side in DOOR_SIZE_M)
     left = round(middle / metres_per_pixel - wide / 2)
     left, wide = max(0, left), min(wide, labels.shape[1])
@@ -113,7 +156,18 @@ def paint_door(
 
 
 def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.random.Generator) -> np.ndarray:
-    """A door as backs have them, (h, w, 3) float: a leaf of planks or panels, some with a pane, in a frame."""
+    """Draw a back door: a leaf of planks or panels, some with a pane, in a frame.
+
+    Parameters
+    ----------
+    shape : (h, w) pixels.
+    metres_per_pixel : scale.
+    rng : draws colours and kind.
+
+    Returns
+    -------
+    (h, w, 3) float.
+    """
     height, width = shape
     y, x = ((np.arange(n) + 0.5) * metres_per_pixel for n in (height, width))
     across, down = x[None, :], y[:, None]
@@ -151,7 +205,7 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
         )
     around = (across < FRAME_M) | (across > wide - FRAME_M) | (down < FRAME_M)
     door[around] = np.minimum(colour * frame, 210) * (0.9 + 0.2 * tone[around][:, None] / 2)
-    # the frame's shadow on the leaf, the handle
+    # shadow of the frame on the leaf, and the handle
     leaf = ~around & (down < FRAME_M + 0.05)
     door[leaf] *= 0.7
     knob = (np.abs(across - (wide - FRAME_M - 0.07)) < 0.025) & (np.abs(down - 0.52 * high) < 0.05)

@@ -1,7 +1,7 @@
-"""Filling a hole with what lies whole floors and bays away (floors paper), all of it chosen at once by graph cuts.
+"""Inpainting with sources whole floors and bays away (floors paper), chosen jointly by graph cuts.
 
-The paper clones one patch after the other and splits those without a source; here every pixel chooses its
-translation, priced by how well rows, columns and surroundings agree under it, so that parts are as large as they can be.
+The paper clones one patch after another and splits patches without a source. Here every pixel chooses its
+translation by the agreement of rows, columns and surroundings under it, so that parts are as large as possible.
 """
 
 from __future__ import annotations
@@ -16,23 +16,35 @@ from facade_core.facade.texture.mosaic import paint_sources
 from facade_core.facade.texture.source_costs import UNUSABLE_PRICE, SourceCosts, compute_source_costs
 from facade_core.facade.texture.translations import find_translations
 
-_MAX_WORKING_PX = 110_000  # px at which translations are chosen
-_SEAM_PRICE = 0.02  # price of a seam, per colour difference (0-1, three channels)
-# How much the classes stand out from the wall where repeats of a planned layout are looked for.
+_MAX_WORKING_PX = 110_000  # most pixels of the working image
+_SEAM_PRICE = 0.02  # for each unit of colour difference (0-1, three channels)
+# Contrast of the classes against wall in the search for repetitions of a planned layout.
 _CLASS_WEIGHTS = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
-_MAX_REDUCTION = 8  # px of the image at most in one of those
-_CONTEXT_DIVISOR = 24  # parts of the longer side: how far surroundings count
-_TRUST_SCALE = 0.1  # of the usual best price: how much dearer an offer is that counts a third in the mean of all
-_OUTLIER_PRICE = 1.0  # price of a squared difference from that mean
+_MAX_REDUCTION = 8  # most image px in a working px
+_CONTEXT_DIVISOR = 24  # the context reaches this part of the longer side
+_TRUST_SCALE = 0.1  # share of the median best price at which the weight of a source falls to 1/e
+_OUTLIER_PRICE = 1.0  # for each squared difference from the weighted mean
 _MAX_ROUNDS = 4
-_MAX_TRANSLATIONS = 28  # maps that the cuts choose from
-_MIN_GAIN = 1e-5  # in price, for each hidden pixel, that a map must bring to be one of them
+_MAX_TRANSLATIONS = 28  # offered to the graph cuts
+_MIN_GAIN = 1e-5  # smallest price reduction, for each hidden pixel, of an offered translation
 
 
 def fill_by_floors(image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """image (H, W, 3) uint8 with the pixels of mask (H, W) filled; guide (H, W) uint8: class ids, 255 unknown."""
+    """Fill hidden pixels from repetitions of floors and bays.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True where to fill.
+    guide : (H, W) uint8 class ids, 255 unknown.
+    rng : generator of the RANSAC of pitches.
+
+    Returns
+    -------
+    (H, W, 3) uint8.
+    """
     out, missing = image, mask
-    for _ in range(_MAX_ROUNDS):  # what lies beyond the reach of all translations is filled from what was filled
+    for _ in range(_MAX_ROUNDS):  # pixels beyond the reach of all translations are filled from filled ones
         out, done = _copy_repeats(out, missing, guide, rng)
         if done.all() or not (done & missing).any():
             break
@@ -43,10 +55,10 @@ def fill_by_floors(image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: 
 def _copy_repeats(
     image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The image with what could be copied, and what of it is now known (H, W) bool."""
+    """Return the image with copied pixels, and the known pixels (H, W) bool after that."""
     factor = int(np.clip(np.ceil(np.sqrt(mask.size / _MAX_WORKING_PX)), 1, _MAX_REDUCTION))
     small, known, plan = _reduce_to_blocks(image, mask, guide, factor)
-    if not known.any():  # what is visible is finer than the blocks
+    if not known.any():  # the visible parts are smaller than the blocks
         factor, (small, known, plan) = 1, _reduce_to_blocks(image, mask, guide, 1)
     byte = np.rint(small * 255.0).astype(np.uint8)
     pitches = estimate_floor_height(byte, ~known, rng), estimate_bay_width(byte, ~known, rng)
@@ -54,16 +66,16 @@ def _copy_repeats(
     planned = plan != UNKNOWN
     if (planned & ~known).any():
         found.append(find_translations(_local_detail(_CLASS_WEIGHTS[np.where(planned, plan, 0)], planned), planned))
-    maps = np.unique(np.concatenate(found), axis=0)
+    translations = np.unique(np.concatenate(found), axis=0)
     reach = max(known.shape) / _CONTEXT_DIVISOR
-    chosen = _choose_translations(small, known, plan, maps, reach)
-    return paint_sources(image, ~mask, chosen, maps, factor, reach)
+    chosen = _choose_translations(small, known, plan, translations, reach)
+    return paint_sources(image, ~mask, chosen, translations, factor, reach)
 
 
 def _reduce_to_blocks(
     image: np.ndarray, mask: np.ndarray, guide: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Image float32 0-1, known and guide, of blocks of factor px; a block is known if all of it is."""
+    """Reduce image (float32 0-1), known pixels and guide to blocks; a block is known if all of it is."""
     height, width = mask.shape
     pad = (0, -height % factor), (0, -width % factor)
     whole = np.pad(image, (*pad, (0, 0)), mode="edge")
@@ -76,7 +88,7 @@ def _reduce_to_blocks(
 
 
 def _local_detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """A picture (H, W) less its local mean over what is known, float32."""
+    """Return a picture (H, W) less its local mean over known pixels, float32."""
     grey = grey * known
     sigma = max(grey.shape) / 12
     weight = cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma)
@@ -85,7 +97,7 @@ def _local_detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> np.ndarray:
-    """Maps (n, 3), as `repeats` gives them, by multiples of the floor height and of the bay width."""
+    """Return translations (n, 3) by multiples of the floor height and of the bay width."""
     found = [np.zeros((0, 3), int)]
     for axis, pitch in enumerate(pitches):
         if pitch is not None:
@@ -97,16 +109,16 @@ def _pitch_translations(pitches: tuple[int | None, int | None], shape: tuple[int
 
 
 def _choose_translations(
-    image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.ndarray, reach: float
+    image: np.ndarray, known: np.ndarray, plan: np.ndarray, translations: np.ndarray, reach: float
 ) -> np.ndarray:
-    """The number of the map that every hidden pixel is taken from, (h, w) int64; -1 where it is known or has none."""
+    """Return the index of the translation of every hidden pixel, (h, w) int64; -1 if known or without source."""
     hidden = np.argwhere(~known)
-    offer = _penalise_outliers(compute_source_costs(image, known, hidden, plan, maps, reach))
-    kept = _select_translations(offer.price)
-    served = (offer.price[kept] < UNUSABLE_PRICE).any(0)
+    costs = _penalise_outliers(compute_source_costs(image, known, hidden, plan, translations, reach))
+    kept = _select_translations(costs.price)
+    served = (costs.price[kept] < UNUSABLE_PRICE).any(0)
     if not served.any():
         return np.full(known.shape, -1)
-    hidden, offer = hidden[served], SourceCosts(offer.price[kept][:, served], offer.colour[kept][:, served])
+    hidden, costs = hidden[served], SourceCosts(costs.price[kept][:, served], costs.colour[kept][:, served])
     number = np.full(known.shape, -1)
     number[hidden[:, 0], hidden[:, 1]] = np.arange(len(hidden))
     edges = np.concatenate(
@@ -117,28 +129,30 @@ def _choose_translations(
     )
     chosen = np.full(known.shape, -1)
     chosen[hidden[:, 0], hidden[:, 1]] = kept[
-        choose_sources(offer, edges, _rim_prices(image, known, hidden, maps[kept], offer.colour), _SEAM_PRICE)
+        choose_sources(costs, edges, _rim_prices(image, known, hidden, translations[kept], costs.colour), _SEAM_PRICE)
     ]
     return chosen
 
 
-def _penalise_outliers(offer: SourceCosts) -> SourceCosts:
-    """Prices raised by how far an offer is from the mean of all, the cheap ones counting most: what most repeats show is
-    what is likely to be hidden, and what one of them alone shows (an open window, a passer-by) is not. A map without an offer
-    has that mean's colour: a seam to it costs no more than one to what is likely there."""
-    best = offer.price.min(0)
-    usable = offer.price < UNUSABLE_PRICE
+def _penalise_outliers(costs: SourceCosts) -> SourceCosts:
+    """Raise prices by the difference of a source from the mean of all sources, cheap ones weighted most.
+
+    Most repetitions show what is likely to be hidden; an open window or a passer-by appears in one of them only. A
+    missing source gets the mean colour, so that a seam to it costs no more than one to the likely content.
+    """
+    best = costs.price.min(0)
+    usable = costs.price < UNUSABLE_PRICE
     trust = np.where(
-        usable, np.exp((best - offer.price) / (_TRUST_SCALE * max(float(np.median(best)), 1e-9))), 0.0
+        usable, np.exp((best - costs.price) / (_TRUST_SCALE * max(float(np.median(best)), 1e-9))), 0.0
     ).astype(np.float32)
-    mean = np.einsum("kn,knc->nc", trust, offer.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
-    apart = ((offer.colour - mean) ** 2).mean(2)
-    price = np.where(usable, offer.price + _OUTLIER_PRICE * apart, UNUSABLE_PRICE).astype(np.float32)
-    return SourceCosts(price, np.where(usable[..., None], offer.colour, mean))
+    mean = np.einsum("kn,knc->nc", trust, costs.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
+    apart = ((costs.colour - mean) ** 2).mean(2)
+    price = np.where(usable, costs.price + _OUTLIER_PRICE * apart, UNUSABLE_PRICE).astype(np.float32)
+    return SourceCosts(price, np.where(usable[..., None], costs.colour, mean))
 
 
 def _select_translations(price: np.ndarray) -> np.ndarray:
-    """Greedily, the maps that lower the sum of the lowest prices most."""
+    """Select greedily the translations that lower the sum of the lowest prices most."""
     best = np.full(price.shape[1], UNUSABLE_PRICE, np.float32)
     left, kept = list(range(len(price))), list[int]()
     while left and len(kept) < _MAX_TRANSLATIONS:
@@ -152,17 +166,17 @@ def _select_translations(price: np.ndarray) -> np.ndarray:
 
 
 def _rim_prices(
-    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, maps: np.ndarray, colour: np.ndarray
+    image: np.ndarray, known: np.ndarray, hidden: np.ndarray, translations: np.ndarray, colour: np.ndarray
 ) -> np.ndarray:
-    """What the seam to known neighbours costs under every map, (k, n) float32."""
+    """Return the price of the seam to known neighbours under every translation, (k, n) float32."""
     height, width = known.shape
-    cost = np.zeros((len(maps), len(hidden)), np.float32)
+    cost = np.zeros((len(translations), len(hidden)), np.float32)
     y, x = hidden.T
     for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         q, r = y + dy, x + dx
         inside = (q >= 0) & (q < height) & (r >= 0) & (r < width)
         inside[inside] = known[q[inside], r[inside]]
-        for k, (down, step, mirrored) in enumerate(maps):
+        for k, (down, step, mirrored) in enumerate(translations):
             v, u = q[inside] + down, (step - r[inside]) if mirrored else r[inside] + step
             there = (v >= 0) & (v < height) & (u >= 0) & (u < width)
             there[there] = known[v[there], u[there]]

@@ -9,30 +9,52 @@ from facade_core.core.levelling import fill_unknown
 
 RANSAC_ITERATIONS = 400
 _MAX_SLOPE = np.tan(np.deg2rad(4.0))
-_LINE_TOLERANCE_PX = 2.0  # px within which a shifted line meets a line
-_PEAK_RADIUS_PX = 8  # px within which a shift must be the best one
-_MIN_CORRELATION = 0.15  # correlation below which there is no repetition
+_LINE_TOLERANCE_PX = 2.0  # of a shifted line that meets a line
+_PEAK_RADIUS_PX = 8  # in which a shift must be the best one
+_MIN_CORRELATION = 0.15  # of a repetition
 
 
 def estimate_floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
-    """RANSAC floor height in pixels from the near-horizontal lines of the visible part; None without repetition."""
+    """Estimate the floor height by RANSAC over near-horizontal lines of the visible part.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True where hidden.
+    rng : draws pairs of lines.
+
+    Returns
+    -------
+    Pixels, None without repetition.
+    """
     image = _fill_hole(image, mask)
     return _find_pitch(_horizontal_lines(image, mask), image, mask, rng)
 
 
 def estimate_bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
-    """The same, across: the spacing of window columns from near-vertical lines."""
+    """Estimate the spacing of window columns from near-vertical lines.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True where hidden.
+    rng : draws pairs of lines.
+
+    Returns
+    -------
+    Pixels, None without repetition.
+    """
     turned = np.ascontiguousarray(_fill_hole(image, mask).transpose(1, 0, 2))
     return _find_pitch(_horizontal_lines(turned, mask.T), turned, mask.T, rng)
 
 
 def _fill_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content is chance."""
+    """Return the image with hidden pixels diffused, since edges and blurs reach into a hole."""
     return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
 
 
 def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Lines (n, 3): y, x0, x1 of line segments that are near horizontal, long enough, and not the hole's outline."""
+    """Return lines (n, 3), y, x0, x1, that are near horizontal, long enough, and not the hole's outline."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
     edges = cv2.Canny(grey, 50, 120)
     edges[cv2.dilate(mask.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0] = 0
@@ -47,7 +69,9 @@ def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def _find_pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
-    """Code 1: the shift between two random lines under which most lines meet lines; lines that leave do not count."""
+    """Return the shift between two random lines under which most lines meet lines (Code 1); lines that leave do not
+    count.
+    """
     height = image.shape[0]
     if len(lines) < 4:
         return None
@@ -75,7 +99,7 @@ def _find_pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.
 
 
 def _shift_correlations(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    """Correlation of the visible image with itself moved down by every shift: of detail, at a quarter of the width."""
+    """Return the correlation of the visible detail with itself under every vertical shift, at a quarter of the width."""
     small = max(1, image.shape[1] // 4), image.shape[0]
     grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), small, interpolation=cv2.INTER_AREA).astype(np.float32)
     known = cv2.resize(mask.astype(np.float32), small, interpolation=cv2.INTER_AREA) == 0

@@ -1,4 +1,4 @@
-"""The genetic algorithm that assigns exemplar tiles to grid nodes (tiles paper, section 3.3, Algo. 2)."""
+"""Genetic algorithm that assigns exemplar tiles to grid nodes (tiles paper, section 3.3, Algo. 2)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DRAWS_PER_PAIR = 20  # random numbers that one pair of children uses
 
 
 class _NodeConstraints(NamedTuple):
-    """What the nodes of the new grid may take, as `evolve_tilings` says."""
+    """Allowed tiles of the nodes of the new grid, as in `evolve_tilings`."""
 
     rows: np.ndarray
     columns: np.ndarray
@@ -36,14 +36,26 @@ def evolve_tilings(
     generations: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The fittest tiling (M, N) int32 after some generations, and the lowest energy (Eq. 4) before and after each of them,
-    (generations + 1,) float64: the last is the tiling's own.
+    """Evolve tilings and return the fittest one with the history of the lowest energy.
 
-    population (POPULATION, M, N) int32 holds the first generation. A node (y, x) takes tile (i, j) of the exemplar's grid only
-    if rows[y, i], columns[x, j] (bool, (M, rows) and (N, columns)) and usable[i, j]; frozen (M, N) nodes never change.
-    Blocks are up to 5 x 5 (U = 5); 2-tournaments; the 4 best survive (Q = 10, q = 4). Beyond the paper, as many mutations
-    again as there were children are tried on the fittest, and kept where they do no harm: a tenth to a quarter less energy,
-    which the last of the lowest energies is after.
+    Blocks are up to 5 x 5 (U = 5), parents win 2-tournaments, the 4 best survive (Q = 10, q = 4). Beyond the paper,
+    as many mutations as there were children are tried on the fittest tiling and kept if they do no harm, which lowers
+    the energy by a tenth to a quarter. The last of the lowest energies includes them.
+
+    Parameters
+    ----------
+    tables : energy of pairs of tiles.
+    population : (POPULATION_SIZE, M, N) int32 first generation.
+    rows : (M, rows) bool exemplar rows that a grid row may take.
+    columns : (N, columns) bool exemplar columns that a grid column may take.
+    frozen : (M, N) bool nodes that never change.
+    usable : (rows, columns) bool exemplar tiles that any node may take.
+    generations : number of generations.
+    rng : draws crossovers and mutations.
+
+    Returns
+    -------
+    (M, N) int32 tiling, and (generations + 1,) float64 lowest energies (Eq. 4).
     """
     children = POPULATION_SIZE - ELITE_SIZE
     return _evolve(
@@ -70,7 +82,7 @@ def _count_true(flags: np.ndarray) -> int:
 
 @njit(cache=True)
 def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _NodeConstraints) -> tuple[int, int, int, int]:
-    """Copy a block of the exemplar grid over a block of the new one, as far as the nodes may take it."""
+    """Copy a block of the exemplar grid over a block of the new one, as far as the constraints allow."""
     rows, columns, frozen, usable = nodes
     height, width = usable.shape
     h, w = 1 + _draw_index(u[0], MAX_BLOCK), 1 + _draw_index(u[1], MAX_BLOCK)
@@ -93,7 +105,7 @@ def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _NodeConstraints) -> tuple[
 
 @njit(cache=True)
 def _copy_individual(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cost: np.ndarray) -> None:
-    """An individual and what it costs over another; by loops, as slices take numba seconds to compile."""
+    """Copy an individual and its cost over another; by loops, since slices take numba seconds to compile."""
     for y in range(tiles.shape[0]):
         for x in range(tiles.shape[1]):
             to[y, x] = tiles[y, x]

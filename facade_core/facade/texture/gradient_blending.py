@@ -1,4 +1,4 @@
-"""Gradient-domain blending: what must be added to cloned pixels so that seams and the rim of the hole do not show."""
+"""Gradient-domain blending: offsets of cloned pixels that make seams and the rim of a hole invisible."""
 
 from __future__ import annotations
 
@@ -6,19 +6,29 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-_HALF_WEIGHT_STEP = 0.10  # a seam with a colour step of this size (0-1) counts half: a misplaced edge must not bleed
+_HALF_WEIGHT_STEP = 0.10  # colour step (0-1) of a seam that counts half, so that misplaced edges do not bleed
 _SELF_WEIGHT = 2e-4  # pull of every pixel towards its own colour
-_MAX_COARSE_UNKNOWNS = 12_000  # unknowns of the coarse solution
-_SWEEPS, _OVER_RELAXATION = 40, 1.8
+_MAX_COARSE_UNKNOWNS = 12_000
+_SWEEPS = 40
+_OVER_RELAXATION = 1.8
 
 
 def solve_membrane(
     wanted_right: np.ndarray, wanted_below: np.ndarray, hidden: np.ndarray, region: np.ndarray
 ) -> np.ndarray:
-    """Offsets (H, W, 3) float32, 0 outside hidden (H, W): the least squares fit to wanted steps, smooth within regions.
+    """Solve for the offsets of cloned pixels by least squares on the wanted steps, smooth within regions.
 
-    wanted_right (H, W, 3) is the step from a pixel to the one on its right that makes their join invisible (0 inside a
-    region), wanted_below downwards. NaN: no join. region (H, W) int32 numbers the parts cloned as one.
+    Parameters
+    ----------
+    wanted_right : (H, W, 3) step to the right neighbour that makes the join invisible; 0 inside a region, NaN without
+        join.
+    wanted_below : (H, W, 3) the same downwards.
+    hidden : (H, W) bool pixels with an offset.
+    region : (H, W) int32 index of the part that was cloned as one.
+
+    Returns
+    -------
+    (H, W, 3) float32, 0 outside `hidden`.
     """
     weight_right, step_right = _step_weights(wanted_right, hidden, 1)
     weight_below, step_below = _step_weights(wanted_below, hidden, 0)
@@ -55,7 +65,7 @@ def _solve_coarse(
     weight_right: np.ndarray, weight_below: np.ndarray, step_right: np.ndarray, step_below: np.ndarray,
     hidden: np.ndarray, region: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """The fit with one unknown for each block of pixels of one region."""
+    """Solve with one unknown for each block of pixels of one region."""
     from scipy import sparse
     from scipy.sparse.linalg import splu
 
@@ -113,7 +123,7 @@ def _relax_offsets(
     over: np.float32,
     leak: np.float32,
 ) -> None:
-    """Successive over-relaxation, both ways in turn."""
+    """Relax by successive over-relaxation, in alternating directions."""
     height, width = hidden.shape
     for sweep in range(sweeps):
         for i in range(height):

@@ -1,4 +1,4 @@
-"""What was hidden, filled: by floors or by tiles."""
+"""Inpaint hidden parts of a facade by floors or by tiles."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ from facade_core.facade.texture.window_completion import complete_windows
 from facade_core.parsing.floor_structure import find_structure
 
 METHODS = ("floors", "tiles")
-_WALL_MARGIN = 0.3  # of an element's size: how far around it a layout tells that there is wall
-# A door or a shop that a layout holds for less likely is not drawn: the ground floor that is seen tells more than a guess.
-_GROUND_LABELS, _MIN_GROUND_CONFIDENCE = ("door", "shop"), 0.3
-_MIN_AGREEMENT = 0.7  # share of the votes of other bays that a plan for "floors" needs
+_WALL_MARGIN = 0.3  # width of the wall that a layout implies around an element, as a share of its size
+# Labels of the ground floor, and their smallest confidence to be drawn: the visible ground floor is a better guide than a
+# guess.
+_GROUND_LABELS = ("door", "shop")
+_MIN_GROUND_CONFIDENCE = 0.3
+_MIN_AGREEMENT = 0.7  # smallest share of agreeing votes of other bays for method "floors"
 
 
 def inpaint(
@@ -32,17 +34,32 @@ def inpaint(
     method: str = "floors",
     seed: int = 0,
 ) -> np.ndarray:
-    """image (H, W, 3) uint8 with the pixels of mask (H, W) bool filled; all others keep their bits.
+    """Fill the masked pixels of a facade; all other pixels keep their bits.
 
-    method "floors" clones what lies whole floors and bays away (floors paper); "tiles" lays visible tiles (tiles
-    paper; needs labels (H, W) uint8 or elements). Labels count only outside the mask.
+    Method "floors" clones sources whole floors and bays away (floors paper). Without any repetition it copies from
+    where the rim fits best. Method "tiles" composes visible tiles (tiles paper). Pixels without a source are
+    diffused, and so are all where a side has less than MIN_SIDE_PX pixels, on which nothing repeats.
 
-    elements in pixels, from a completed layout, say where windows go, and doors and shops that are likely: sources that put
-    elements on elements are preferred, and by "floors" each window and balcony is of one piece (`whole`). Without any
-    repetition "floors" copies from where the rim fits best; what has no source is diffused, and so is all where a side has
-    less than LEAST_SIDE pixels, on which nothing repeats.
-    Raises ImageError for bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and
-    elements.
+    Elements of a completed layout guide the sources: windows anywhere, doors and shops if likely. Method "floors"
+    then completes each window and balcony from one source (`complete_windows`).
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True where to fill.
+    labels : (H, W) uint8 class ids; they count outside the mask only.
+    elements : elements of a completed layout, in pixels.
+    method : "floors", or "tiles", which needs labels or elements.
+    seed : seed of the fill.
+
+    Returns
+    -------
+    (H, W, 3) uint8.
+
+    Raises
+    ------
+    ImageError
+        For bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and elements.
     """
     check_exemplar_image(image, min_side=1)
     check_mask(image, mask)
@@ -58,17 +75,18 @@ def inpaint(
         return np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
     likely = [e for e in elements or () if e.confidence >= _MIN_GROUND_CONFIDENCE or e.label not in _GROUND_LABELS]
     filled = _fill(method, image, mask, _draw_guide(mask, labels, likely), seed)
-    # Blending can carry a dark pane beyond black: nothing is darker, nor brighter, than what is seen.
+    # Blending can push a dark pane beyond black, so the result stays within the visible range.
     seen = image[~mask]
     result = np.where(mask[..., None], np.clip(filled, seen.min(axis=0), seen.max(axis=0)), image)
     return complete_windows(result, mask, likely) if likely and method == "floors" else result
 
 
 def _draw_guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Element]) -> np.ndarray:
-    """Class ids (H, W): labels where visible; in the hole elements, wall right around windows and balconies, and else UNKNOWN.
+    """Draw class ids (H, W): visible labels, and in the hole elements with wall around windows and balconies, else
+    UNKNOWN.
 
-    A completed layout says where windows go, not that nothing else is there: it often knows of no shop, and beside a shop or a
-    door is often the next shop.
+    A completed layout says where windows are, not that nothing else is there: it often lacks shops, and the neighbour
+    of a shop or a door is often a shop.
     """
     guide = np.full(mask.shape, UNKNOWN, np.uint8) if labels is None else np.where(mask, UNKNOWN, labels)
     free = mask | (labels is None)
@@ -94,9 +112,10 @@ def _fill(method: str, image: np.ndarray, mask: np.ndarray, guide: np.ndarray, s
 
 
 def _vote_across_bays(guide: np.ndarray, *, agreed: float) -> np.ndarray:
-    """Labels with unknown pixels voted for by the same rows of other bays; where none is known, the row's usual one.
+    """Fill unknown labels by votes of the same rows of other bays, else by the most frequent label of the row.
 
-    A pixel on which less than the share `agreed` of the votes agree stays unknown."""
+    A pixel stays unknown if less than the share `min_agreement` of its votes agree.
+    """
     if (guide == UNKNOWN).all():
         return guide
     classes = np.arange(len(CLASSES))

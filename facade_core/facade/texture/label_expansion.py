@@ -1,4 +1,4 @@
-"""Choosing one source for each hidden pixel: a labelling of least price and least visible seams, by graph cuts."""
+"""Choose one source for each hidden pixel: minimise prices and visible seams by graph cuts."""
 
 from __future__ import annotations
 
@@ -11,11 +11,22 @@ EXPANSION_SWEEPS = 2
 
 
 def choose_sources(costs: SourceCosts, edges: np.ndarray, rim_prices: np.ndarray, seam_price: float) -> np.ndarray:
-    """For n pixels, the number of the map that each is taken from: (n,) int64.
+    """Choose the source of every pixel by alpha expansion; non-submodular moves are truncated.
 
-    edges (e, 2) int64: pairs of neighbours among them. A seam between two maps costs `seam` times the colour difference of the
-    two pictures at both pixels (floors paper, section 3.2.2). rim (k, n) float32: the same towards known pixels.
-    Alpha expansion; moves that would break submodularity are truncated.
+    Parameters
+    ----------
+    costs : price and colour of n pixels under k translations.
+    edges : (e, 2) int64 pairs of neighbouring pixels.
+    rim_prices : (k, n) float32 price of seams to known pixels.
+    seam_price : price of a seam for each unit of colour difference of its two pictures at both pixels.
+
+    Returns
+    -------
+    (n,) int64 index of the translation.
+
+    References
+    ----------
+    Konushin & Vezhnevets 2007 (floors paper), section 3.2.2.
     """
     unary = costs.price + rim_prices
     labels = unary.argmin(0)
@@ -31,7 +42,7 @@ def choose_sources(costs: SourceCosts, edges: np.ndarray, rim_prices: np.ndarray
 def _expand_label(
     alpha: int, labels: np.ndarray, unary: np.ndarray, colour: np.ndarray, edges: np.ndarray, seam: float
 ) -> bool:
-    """Let pixels switch to alpha where that lowers the energy; True if any did."""
+    """Let pixels switch to alpha where that lowers the energy; return whether any did."""
     import maxflow
 
     loose = (labels != alpha) & (unary[alpha] < UNUSABLE_PRICE)
@@ -47,7 +58,7 @@ def _expand_label(
         graph.add_edges(first, second, forth, np.zeros_like(forth))
     graph.add_grid_tedges(np.arange(count), own[:, 1], own[:, 0])
     graph.maxflow()
-    # a pixel on the sink's side pays its source capacity, the price of alpha
+    # A pixel on the sink's side pays its source capacity, the price of alpha.
     switched = np.flatnonzero(loose)[graph.get_grid_segments(np.arange(count))]
     labels[switched] = alpha
     return bool(len(switched))
@@ -74,7 +85,7 @@ def _edge_capacities(
     seam: float,
     unary: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges among loose pixels; what edges to fixed ones cost is added to own."""
+    """Return the edges among loose pixels; add the cost of edges to fixed pixels to `unary`."""
     first, second = np.empty(len(edges), np.int64), np.empty(len(edges), np.int64)
     forth = np.empty(len(edges), np.float64)
     count = 0

@@ -1,4 +1,4 @@
-"""From chosen translations to pixels, at the full size: each part is fitted to a pixel, copied and blended."""
+"""Render chosen translations at full size: each part is fitted to a pixel, copied and blended."""
 
 from __future__ import annotations
 
@@ -8,17 +8,29 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.facade.texture.gradient_blending import solve_membrane
 
-_JOIN_RADIUS_PX = 8  # px, holes nearer than twice this are blended together
-_MAX_SAMPLES = 4000  # known pixels that a part's translation is fitted to
+_JOIN_RADIUS_PX = 8  # holes nearer than twice this are blended together
+_MAX_SAMPLES = 4000  # known pixels for the fit of a part's translation
 
 
 def paint_sources(
     image: np.ndarray, known: np.ndarray, chosen: np.ndarray, translations: np.ndarray, factor: int, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """image (H, W, 3) uint8 with hidden pixels copied, and which are known now (H, W) bool.
+    """Copy and blend hidden pixels from their chosen sources.
 
-    chosen (h, w) int64: the number of the map for every pixel of the image reduced by factor, -1 where known; maps (k, 3) are
-    in its pixels. The translation of each connected part is fitted to what is known around it.
+    The translation of each connected part is fitted to the known pixels around it.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    known : (H, W) bool.
+    chosen : (h, w) int64 index of the translation for every pixel of the image reduced by `factor`, -1 where known.
+    translations : (k, 3) dy, step, mirrored in reduced pixels.
+    factor : reduction.
+    reach : distance, in reduced pixels, of known pixels that a part is fitted to.
+
+    Returns
+    -------
+    (H, W, 3) uint8, and (H, W) bool pixels that are known now.
     """
     from skimage.measure import label
 
@@ -53,7 +65,7 @@ def _part_bounds(parts: np.ndarray, count: int) -> list[tuple[int, int, int, int
 def _fit_translation(
     image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, room: int
 ) -> np.ndarray:
-    """The map within room px of one about which leaves the least difference at the places (n, 2); that one without places."""
+    """Return the translation within `room` px of `about` with the least difference at the places (n, 2)."""
     if len(where) < 20:
         return about
     shift = np.arange(-room, room + 1)
@@ -87,7 +99,7 @@ def _mean_differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, m
 def _blend_holes(
     image: np.ndarray, known: np.ndarray, number: np.ndarray, fitted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Copied and blended hole by hole, so that memory is that of the largest."""
+    """Copy and blend hole by hole, so that memory is bounded by the largest hole."""
     from scipy import ndimage
 
     out, done = image.copy(), known.copy()
@@ -111,7 +123,7 @@ def _blend_holes(
 
 @njit(cache=True)
 def _source_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
-    """Row of the source and its column, or -1, -1 where it is not known."""
+    """Return row and column of the source, -1, -1 if it is not known."""
     v = y + fitted[part, 0]
     u = fitted[part, 1] - x if fitted[part, 2] else x + fitted[part, 1]
     if 0 <= v < known.shape[0] and 0 <= u < known.shape[1] and known[v, u]:
@@ -130,7 +142,7 @@ def _copy_box(
     left: int,
     right: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a box: the copied image, 0-1, the steps that make joins invisible (see `membrane`), and what is known or copied."""
+    """Return a box's copied image, 0-1, the steps that make joins invisible (`solve_membrane`), and its filled pixels."""
     unit = np.float32(1.0 / 255.0)
     tall, wide = bottom - top, right - left
     out = np.zeros((tall, wide, 3), np.float32)
@@ -156,7 +168,7 @@ def _copy_box(
                     for c in range(3):
                         steps[side, y - top, x - left, c] = 0.0
                     continue
-                # what a's picture shows less what b's shows, at both pixels: b's offset must exceed a's by it
+                # Mean difference of a's and b's pictures at both pixels: b's offset must exceed a's by it.
                 total, count = np.zeros(3, np.float32), 0
                 for i, j in ((y, x), (q, r)):
                     va, ua = _pictured_pixel(known, fitted, a, i, j)
@@ -173,7 +185,7 @@ def _copy_box(
 
 @njit(cache=True)
 def _pictured_pixel(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
-    """Where a part, 0 what is known itself, has its picture of a pixel; -1, -1 if it has none."""
+    """Return the pixel that a part shows at a position, part 0 being the known image; -1, -1 if none."""
     if part > 0:
         return _source_pixel(known, fitted, part, y, x)
     return (y, x) if known[y, x] else (-1, -1)

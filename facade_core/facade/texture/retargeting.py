@@ -1,4 +1,4 @@
-"""An exemplar's style on a wall of any metric size: floors and bays are repeated or dropped, then tiles refined."""
+"""Retarget an exemplar's style to a wall of any metric size: repeat or drop floors and bays, then refine tiles."""
 
 from __future__ import annotations
 
@@ -19,14 +19,25 @@ from facade_core.facade.texture.validation import check_exemplar_image, check_ex
 from facade_core.parsing.floor_structure import FloorStructure, fill_sky_and_unknown, find_structure, structural_lattice
 
 RETARGETING_GENERATIONS = 400
-PRICE_NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
-_EAVES_PRICE = 2.0  # price of showing the top floor below another: it carries the eaves
-_PIER_STRETCH = (0.45, 1.8)  # how far a pier may shrink or grow before its windows do
+PRICE_NOISE = 0.35  # log-normal deviation of jump prices between results
+_EAVES_PRICE = 2.0  # price of showing the top floor, which has the eaves, below another
+_PIER_STRETCH = (0.45, 1.8)  # range of a pier's stretch before its windows change
 
 
 @dataclass(frozen=True, eq=False)
 class ExemplarStyle:
-    """An exemplar taken apart: its lattice, and the prices of jumps between floors and bays per band."""
+    """Analysed exemplar: its lattice, and the prices of jumps between floors and bays.
+
+    Attributes
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    structure : floors and bays.
+    grid : lattice of three rows per floor and three columns per bay.
+    floor_price : (F, F) price of showing one floor above another.
+    bay_price : per band, (B, B) price of showing one bay left of another.
+    doors : (B,) bool bays with a door.
+    """
 
     image: np.ndarray
     labels: np.ndarray
@@ -38,7 +49,7 @@ class ExemplarStyle:
 
     @cached_property
     def tables(self) -> EnergyTables:
-        """Of the energy of its tilings."""
+        """Return the tabulated energy of its tilings."""
         return tabulate_energy(self.image, self.labels, self.grid)
 
 
@@ -55,18 +66,30 @@ def retarget(
 ) -> list[Synthesis]:
     """Show the exemplar's style on a wall of size_m = (height, width) metres: n different facades.
 
-    image (H, W, 3) uint8 and labels (H, W) uint8 are the exemplar. Results have round(size_m / metres_per_pixel)
-    pixels. `floors` counts storeys: every row of windows that is shown, the roof's included, and the ground floor, with or
-    without windows of its own (`FloorStructure.storeys`); `columns` counts window columns (default: as many as keep the windows'
-    proportions). Doors and shops stay on the ground, the roof on top; the sky is left out. The roof is left out, too, where
-    a low wall would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
+    Doors and shops stay on the ground, the roof on top; the sky is left out, and so is the roof where a low wall
+    would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
 
-    Floors and bays are laid out as the cheapest walk over the exemplar's; the genetic algorithm of the tiles paper
-    then refines the upper floors, a node taking only tiles of its own band and of its own place within a bay. Synthesis
-    numbers tiles in the lattice of three rows per floor and three columns per bay. Raises ImageError for bad arrays,
-    sizes or counts, and for labels without windows.
+    Floors and bays follow the cheapest walk over the exemplar's. The genetic algorithm of the tiles paper then
+    refines the upper floors: a node takes only tiles of its own band and of its own place within a bay. Synthesis
+    numbers tiles in the lattice of three rows per floor and three columns per bay.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 exemplar.
+    labels : (H, W) uint8 class ids of the exemplar.
+    size_m : (height, width) metres; results have round(size_m / metres_per_pixel) pixels.
+    floors : rows of windows, the roof's included, and the ground floor, with or without windows of its own.
+    columns : window columns; by default as many as keep the windows' proportions.
+    metres_per_pixel : scale of the results.
+    n : number of facades.
+    seed : seed of the walks and the refinement.
+
+    Raises
+    ------
+    ImageError
+        For bad arrays, sizes or counts, and for labels without windows.
     """
-    plan = extract_style(image, labels)
+    style = extract_style(image, labels)
     if not metres_per_pixel > 0 or not min(size_m) > 0:
         raise ImageError(f"retarget: size {size_m} m at {metres_per_pixel} m/px; pass positive numbers")
     size = round(size_m[0] / metres_per_pixel), round(size_m[1] / metres_per_pixel)
@@ -79,7 +102,7 @@ def retarget(
         rng = np.random.default_rng([seed, k])
         for attempt in range(4):
             result = _compose_facade(
-                plan, size, floors, columns, rng, noise=PRICE_NOISE * (k + attempt > 0) * (1 + attempt)
+                style, size, floors, columns, rng, noise=PRICE_NOISE * (k + attempt > 0) * (1 + attempt)
             )
             if not any(np.array_equal(result.tiles, other.tiles) for other in results):
                 break
@@ -88,8 +111,18 @@ def retarget(
 
 
 def extract_style(image: np.ndarray, labels: np.ndarray) -> ExemplarStyle:
-    """An exemplar, image (H, W, 3) uint8 and labels (H, W) uint8, taken apart. Raises ImageError for bad arrays, and for labels
-    without windows."""
+    """Analyse an exemplar.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+
+    Raises
+    ------
+    ImageError
+        For bad arrays, and for labels without windows.
+    """
     check_exemplar_image(image)
     check_exemplar_labels(image, labels)
     exemplar = find_structure(labels)
@@ -117,7 +150,7 @@ def _roof_bottom(exemplar: FloorStructure) -> int:
 
 
 def _compose_facade(
-    plan: ExemplarStyle,
+    style: ExemplarStyle,
     size: tuple[int, int],
     floors: int,
     columns: int | None,
@@ -125,27 +158,42 @@ def _compose_facade(
     *,
     noise: float,
 ) -> Synthesis:
-    storeys, scale = choose_floors(plan, size[0], floors, rng, noise)
-    exemplar = plan.structure
+    floor_indices, scale = choose_floors(style, size[0], floors, rng, noise)
+    exemplar = style.structure
     bay_sizes = np.diff(exemplar.bay_cuts)
     fitting = size[1] / (scale * float(bay_sizes.mean()))
     blank = columns is None and fitting < 0.5
     count = 1 if blank else columns or max(1, round(fitting))
-    variants = [initial_tiling(plan, storeys, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
+    variants = [initial_tiling(style, floor_indices, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
     tiles = variants[0]
     population = np.stack([variants[k % len(variants)] for k in range(POPULATION_SIZE)])
-    tiles, value = refine_tiling(plan, storeys, population, blank, rng)
-    heights, widths = mean_tile_sizes(plan.grid, tiles)
+    tiles, value = refine_tiling(style, floor_indices, population, blank, rng)
+    heights, widths = mean_tile_sizes(style.grid, tiles)
     soft = np.array([True]) if blank else np.tile([True, False, True], count)
     across = cell_borders(fit_sizes(widths * scale, soft, size[1]), size[1])
-    picture, carried = compose_tiles(plan.image, plan.labels, plan.grid, tiles, cell_borders(heights, size[0]), across)
+    picture, carried = compose_tiles(
+        style.image, style.labels, style.grid, tiles, cell_borders(heights, size[0]), across
+    )
     return Synthesis(picture, carried, tiles, value)
 
 
 def choose_floors(
     style: ExemplarStyle, height: int, floors: int, rng: np.random.Generator, noise: float
 ) -> tuple[list[int], float]:
-    """Exemplar floors to show from top to bottom (-1: a ground band without windows), and the scale that fits."""
+    """Choose the exemplar floors to show from top to bottom, and the scale that fits them.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    height : height of the wall in exemplar pixels.
+    floors : wanted number of floors.
+    rng : draws the noise.
+    noise : log-normal deviation of prices.
+
+    Returns
+    -------
+    Floor indices, -1 for a ground band without windows, and the scale.
+    """
     exemplar = style.structure
     kinds = np.array(exemplar.kinds)
     middle = np.flatnonzero(kinds == "middle")
@@ -157,26 +205,26 @@ def choose_floors(
     best: tuple[float, list[int], float] | None = None
     for kept in (roofs, roofs[-1:], []):
         wanted = floors - len(kept) - standing
-        if wanted < 0 or (wanted == 0 and not kept and max(ground, default=-1) < 0):  # of no row of windows
+        if wanted < 0 or (wanted == 0 and not kept and max(ground, default=-1) < 0):  # no row of windows would remain
             continue
         start = price[kept[-1], middle] if kept else 0.3 * np.arange(len(middle))
         end = price[middle, ground[0]] if ground and ground[0] >= 0 else 0.05 * np.arange(len(middle))[::-1]
         walk = middle[cheapest_walk(price[np.ix_(middle, middle)], start, end, wanted)] if wanted else []
-        storeys = [int(f) for f in [*kept, *walk, *ground]]
-        scale = height / float(sizes[storeys].sum())
+        floor_indices = [int(f) for f in [*kept, *walk, *ground]]
+        scale = height / float(sizes[floor_indices].sum())
         strain = abs(np.log(scale)) + 0.15 * (len(roofs) - len(kept))
         if best is None or strain < best[0] - 1e-9:
-            best = strain, storeys, scale
-    if best is None:  # fewer floors than the ground band has itself
-        storeys = [g for g in ground if g >= 0] or [int(middle[-1])]
-        best = 0.0, storeys, height / float(sizes[storeys].sum())
+            best = strain, floor_indices, scale
+    if best is None:  # fewer floors than the ground band has
+        floor_indices = [g for g in ground if g >= 0] or [int(middle[-1])]
+        best = 0.0, floor_indices, height / float(sizes[floor_indices].sum())
     return best[1], float(np.clip(best[2], 0.4, 2.5))
 
 
 def initial_tiling(
     style: ExemplarStyle, floors: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> np.ndarray:
-    """A first tiling: the storeys' rows times, for every band, its own cheapest walk over the bays."""
+    """Return a first tiling: the rows of the floors times, for every band, its own cheapest walk over the bays."""
     exemplar, wide = style.structure, len(style.grid.columns) - 1
     bays = len(exemplar.bays)
     ends = np.zeros(bays), np.zeros(bays)
@@ -192,15 +240,16 @@ def initial_tiling(
     if blank:
         pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(style.grid.columns)[::3]))
     lines = []
-    for storey in floors:
-        kind = "ground" if storey < 0 else exemplar.kinds[storey]
+    for floor in floors:
+        kind = "ground" if floor < 0 else exemplar.kinds[floor]
         walk = walks.get(kind, walks["middle"])
         across = pier if blank else (3 * walk[:, None] + np.arange(3)).ravel()
-        lines += [row * wide + across for row in lattice_rows(style, storey)]
+        lines += [row * wide + across for row in lattice_rows(style, floor)]
     return np.array(lines, np.int32)
 
 
 def lattice_rows(style: ExemplarStyle, floor: int) -> range:
+    """Return the lattice rows of a floor, -1 for the ground band."""
     return (
         range(3 * len(style.structure.floors), len(style.grid.rows) - 1)
         if floor < 0
@@ -211,7 +260,22 @@ def lattice_rows(style: ExemplarStyle, floor: int) -> range:
 def refine_tiling(
     style: ExemplarStyle, floors: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
-    """The genetic algorithm within bands: roof and ground stay, borders stay, floors swap tiles of like height."""
+    """Refine tilings by the genetic algorithm within bands.
+
+    Roof, ground and borders stay; floors exchange tiles of similar height.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    floors : exemplar floors from top to bottom.
+    population : (POPULATION_SIZE, M, N) first tilings.
+    blank : True for a wall without bays; nothing changes.
+    rng : generator of the algorithm.
+
+    Returns
+    -------
+    (M, N) int32 tiling and its energy.
+    """
     exemplar, grid = style.structure, style.grid
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
@@ -245,7 +309,14 @@ def refine_tiling(
 
 
 def fit_sizes(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
-    """Sizes that sum to total: soft ones (piers) give way first, within _SOFT, then all."""
+    """Fit sizes to a total: soft ones (piers) change first, within limits, then all.
+
+    Parameters
+    ----------
+    sizes : (n,) sizes.
+    soft : (n,) bool.
+    total : wanted sum.
+    """
     room = total - sizes[~soft].sum()
     stretch = float(np.clip(room / sizes[soft].sum(), *_PIER_STRETCH))
     fitted = np.where(soft, sizes * stretch, sizes)

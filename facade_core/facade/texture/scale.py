@@ -1,4 +1,4 @@
-"""The metric scale of an exemplar, from its storeys."""
+"""Metric scale of an exemplar from the height of its floors."""
 
 from __future__ import annotations
 
@@ -9,15 +9,26 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.validation import check_exemplar_image, check_exemplar_labels
 from facade_core.parsing.floor_structure import window_spans
 
-DOOR_HEIGHT_M = 2.4  # metres, frame included
-WINDOW_SHARE = 0.55  # of a storey that its windows take up
+DOOR_HEIGHT_M = 2.4  # frame included
+WINDOW_SHARE = 0.55  # of a floor's height that its windows take
 
 
 def exemplar_scale(image: np.ndarray, labels: np.ndarray, *, storey: float = 3.2) -> float:
-    """Metres per pixel of an exemplar image (H, W, 3) uint8 with labels (H, W) uint8; storey in metres.
+    """Estimate the metres per pixel of an exemplar.
 
-    With two or more rows of windows: storey over the median spacing of their middles. With one row: a door counts
-    as DOOR_HEIGHT metres, else the windows as WINDOW_SHARE of a storey. Raises ImageError where there is neither.
+    Two or more rows of windows: floor height over the median spacing of their middles. One row: a door has
+    DOOR_HEIGHT_M metres, else the windows have WINDOW_SHARE of a floor.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    storey : floor height, metres.
+
+    Raises
+    ------
+    ImageError
+        If there is neither a window nor a door.
     """
     check_exemplar_image(image)
     check_exemplar_labels(image, labels)
@@ -36,6 +47,6 @@ def exemplar_scale(image: np.ndarray, labels: np.ndarray, *, storey: float = 3.2
 
 
 def _typical_spacing(spacings: np.ndarray) -> float:
-    """Median spacing, where spacings near a multiple of the median (a row that was missed) count as several."""
+    """Return the median spacing; spacings near a multiple of it (a missed row) count as several."""
     median = np.median(spacings)
     return float(np.median(spacings / np.maximum(1, np.rint(spacings / median))))

@@ -1,4 +1,4 @@
-"""Joining a cloned patch to what is there: where the seam runs, and how colours meet."""
+"""Join a cloned patch to its surroundings: path of the seam and diffusion of colour differences."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from facade_core.core.numba_cache import njit
 
 @njit(cache=True)
 def find_min_error_path(error: np.ndarray) -> np.ndarray:
-    """The path of least error along the first axis: (n, k) float64 -> (n,) int64, steps of at most 1 (minimum-error cut)."""
+    """Find the path of least error along the first axis, with steps of at most 1 (minimum-error cut).
+
+    Parameters
+    ----------
+    error : (n, k) float64.
+
+    Returns
+    -------
+    (n,) int64 index along the second axis.
+    """
     length, wide = error.shape
     total = error.copy()
     for a in range(1, length):
@@ -35,11 +44,19 @@ def find_min_error_path(error: np.ndarray) -> np.ndarray:
 
 
 def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Colour differences known on a rim, spread smoothly over everything: (h, w, 3) float32.
+    """Diffuse colour differences known on a rim over the whole area.
 
-    difference (h, w, 3) counts where weight (h, w) is above 0. A membrane by normalised convolution: near the rim its
-    local mean, far from it the mean over an ever wider part of it. Differences are clipped, so that one misplaced edge
-    does not bleed into the patch.
+    A membrane by normalised convolution: near the rim its local mean, farther off the mean over an ever wider part of
+    it. Differences are clipped, so that one misplaced edge does not bleed into the patch.
+
+    Parameters
+    ----------
+    difference : (h, w, 3), valid where weight is positive.
+    weight : (h, w).
+
+    Returns
+    -------
+    (h, w, 3) float32.
     """
     weight = weight.astype(np.float32)
     clipped = np.clip(difference, -48.0, 48.0) * weight[..., None]
@@ -52,7 +69,7 @@ def diffuse_difference(difference: np.ndarray, weight: np.ndarray) -> np.ndarray
 
 
 def _blur(array: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian blur that shrinks the array first where sigma is large; zero outside."""
+    """Blur by a Gaussian; large sigmas shrink the array first; zero outside."""
     factor = max(1, int(sigma // 4))
     height, width = array.shape[:2]
     small = cv2.resize(array, (-(-width // factor), -(-height // factor)), interpolation=cv2.INTER_AREA)

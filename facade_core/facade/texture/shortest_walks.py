@@ -6,17 +6,23 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 
-_CUT_REACH_PX = 4  # px on either side of a cut that are compared
-_JUMP_PRICE = 0.03  # price of any jump, in mean absolute colour difference (0-1)
-_REPEAT_PRICE = 0.02  # price of showing the same part twice in a row
-_CUT_PRICE = 4.0  # price of a jump through windows or doors over the whole length of the cut
-_MISMATCH_PRICE = 0.6  # price of a jump between different labels, e.g. from a balcony to plain wall
+_CUT_REACH_PX = 4  # compared on either side of a cut
+_JUMP_PRICE = 0.03  # of any jump, in mean absolute colour difference (0-1)
+_REPEAT_PRICE = 0.02  # of showing a part twice in a row
+_CUT_PRICE = 4.0  # of a jump through windows or doors along the whole cut
+_MISMATCH_PRICE = 0.6  # of a jump between different labels, such as from a balcony to plain wall
 
 
 def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.ndarray:
-    """Price (B, B) of showing part b after part a, where parts lie between successive cuts along axis 1.
+    """Return the price (B, B) of showing part b after part a.
 
-    What naturally follows a is compared with b on both sides of the cut; [a, a + 1] is 0.
+    The natural successor of a is compared with b on both sides of the cut; [a, a + 1] is 0.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    cuts : (B + 1,) borders of the parts along axis 1.
     """
     last = image.shape[1] - 1
     count = len(cuts) - 1
@@ -29,7 +35,7 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
         for b in range(count):
             end, start = a + 1, b
             colour = np.abs(seen[end] - seen[start])
-            # Beyond a border of the facade there is nothing to compare with.
+            # Beyond a border of the facade there is nothing to compare.
             kept = [colour[:, :_CUT_REACH_PX]] * (start > 0) + [colour[:, _CUT_REACH_PX:]] * (end < count)
             differ = float(np.mean([part.mean() for part in kept])) if kept else 0.5
             joint = (before[end] != label[start]) & (
@@ -45,7 +51,7 @@ def jump_costs(image: np.ndarray, labels: np.ndarray, cuts: np.ndarray) -> np.nd
 
 
 def _cut_share(before: np.ndarray, after: np.ndarray) -> float:
-    """Share of a cut that runs through one window, door or shop."""
+    """Return the share of a cut that runs through one window, door or shop."""
     same = before == after
     return float(
         (same & np.isin(before, (FacadeClass.WINDOW, FacadeClass.DOOR))).mean()
@@ -62,9 +68,19 @@ def cheapest_walk(
     marked: np.ndarray | None = None,
     max_marked: int = 0,
 ) -> np.ndarray:
-    """The cheapest sequence of `length` parts: price (B, B) of every step, start (B,) and end (B,) of its ends.
+    """Return the cheapest sequence of `length` parts.
 
-    marked (B,) bool parts (those with a door) are shown at least once and at most `most` times where that is possible.
+    Parameters
+    ----------
+    price : (B, B) price of every step.
+    start, end : (B,) price of the first and the last part.
+    length : number of parts.
+    marked : (B,) bool parts (those with a door) to show at least once and at most `max_marked` times, where possible.
+    max_marked : see `marked`.
+
+    Returns
+    -------
+    (length,) part indices.
     """
     count = len(price)
     flags = np.zeros(count, int) if marked is None else marked.astype(int)

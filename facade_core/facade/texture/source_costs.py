@@ -1,4 +1,4 @@
-"""What it should cost to take a hidden pixel from elsewhere, from how well rows, columns and surroundings agree."""
+"""Price of copying a hidden pixel from elsewhere, by the agreement of rows, columns and surroundings."""
 
 from __future__ import annotations
 
@@ -12,28 +12,40 @@ from scipy.ndimage import gaussian_filter1d
 from facade_core.core.numba_cache import njit
 
 UNUSABLE_PRICE = np.float32(1e4)
-# Shares of the three witnesses in a price (near those that fit 150,000 copies on facades with known truth best), and how
-# many pixels, or which share of a window, the prior is worth.
-_ROW_WEIGHT, _COLUMN_WEIGHT, _WINDOW_WEIGHT = 0.4, 0.1, 0.45
-_LINE_PRIOR_PX, _WINDOW_PRIOR = 40.0, 0.05
-_LINE_BLUR_SIGMA, _IMAGE_PRIOR_PX = (
-    2.0,
-    4.0,
-)  # rows over which their colours are mixed, and pixels of the whole image that each is worth
-# Price, in the image's spread, of a pixel of another class than planned, and of surroundings of other classes.
-_CLASS_PRICE, _WINDOW_CLASS_PRICE = 0.25, 0.25
+# Weights of row, column and window errors in a price, near the best fit to 150,000 copies on facades with known truth.
+_ROW_WEIGHT = 0.4
+_COLUMN_WEIGHT = 0.1
+_WINDOW_WEIGHT = 0.45
+# Weight of the prior in pixels of a line.
+_LINE_PRIOR_PX = 40.0
+# Weight of the prior as a share of a window.
+_WINDOW_PRIOR = 0.05
+# Rows over which line colours are mixed.
+_LINE_BLUR_SIGMA = 2.0
+# Pixels of the whole image that each line adds.
+_IMAGE_PRIOR_PX = 4.0
+# Price, in the image's variance, of a pixel of another class than planned.
+_CLASS_PRICE = 0.25
+# Price, in the image's variance, of surroundings of other classes.
+_WINDOW_CLASS_PRICE = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class SourceCosts:
-    """What n hidden pixels could show under k maps: price (k, n) float32, colour (k, n, 3) float32, from UNUSABLE on none."""
+    """Price and colour of n hidden pixels under k translations.
+
+    Attributes
+    ----------
+    price : (k, n) float32, UNUSABLE_PRICE without a source.
+    colour : (k, n, 3) float32.
+    """
 
     price: np.ndarray
     colour: np.ndarray
 
 
 class _GuidedImage(NamedTuple):
-    """image (H, W, 3) float32, known (H, W) bool, guide (H, W) uint8 as `compute_source_costs` takes them."""
+    """Image (H, W, 3) float32, known (H, W) bool and guide (H, W) uint8 as in `compute_source_costs`."""
 
     image: np.ndarray
     known: np.ndarray
@@ -41,7 +53,7 @@ class _GuidedImage(NamedTuple):
 
 
 class _Translation(NamedTuple):
-    """Where a pixel (y, x) is taken from: row y + dy, and column x + step, or step - x where it mirrors."""
+    """Source of a pixel (y, x): row y + dy and column x + step, or step - x if mirrored."""
 
     dy: int
     step: int
@@ -49,8 +61,7 @@ class _Translation(NamedTuple):
 
 
 class _PriceTerms(NamedTuple):
-    """What speaks for a map: errors of rows (H,) and columns (W,), what is near, weighed already, (H, W), and the price of a
-    wrong class."""
+    """Errors of rows (H,) and columns (W,), weighted errors of surroundings (H, W), and the price of a wrong class."""
 
     rows: np.ndarray
     columns: np.ndarray
@@ -61,12 +72,20 @@ class _PriceTerms(NamedTuple):
 def compute_source_costs(
     image: np.ndarray, known: np.ndarray, hidden: np.ndarray, guide: np.ndarray, translations: np.ndarray, reach: float
 ) -> SourceCosts:
-    """Offers for the pixels hidden (n, 2) of image (H, W, 3) float32, 0-1, under maps (k, 3) as `repeats` gives them.
+    """Compute price and colour of hidden pixels under every translation.
 
-    A price is the squared colour difference to expect: what the map leaves in the rows and the columns it
-    connects and within about `reach` px of the pixel. Where little of that is seen it is drawn towards what any two pixels
-    of the two rows (columns) differ by, so that a floor is dearer from a shop than from elsewhere in the same floor.
-    guide (H, W) uint8 are class ids that should agree, 255 where none is known.
+    A price is the expected squared colour difference: the error of the translation in the rows and the columns it
+    connects and within about `reach` px of the pixel. Where little of that is visible it tends to the difference of
+    any two pixels of the two rows (columns), so that a floor costs more from a shop than from the same floor.
+
+    Parameters
+    ----------
+    image : (H, W, 3) float32, 0-1.
+    known : (H, W) bool.
+    hidden : (n, 2) pixels y, x.
+    guide : (H, W) uint8 class ids that should agree, 255 unknown.
+    translations : (k, 3) dy, step, mirrored of `find_translations`.
+    reach : px.
     """
     down, across = (_line_moments(image, known, axis) for axis in (1, 0))
     spread = 2.0 * float(image[known].var(0).mean())
@@ -80,18 +99,20 @@ def compute_source_costs(
         xs = np.clip(step - xs if mirrored else xs + step, 0, known.shape[1] - 1)
         any_rows, any_columns = _expected_difference(down, ys), _expected_difference(across, xs)
         rows, columns = _line_error(error, seen, 1, any_rows), _line_error(error, seen, 0, any_columns)
-        wrong, told = _class_mismatches(guide, dy, step, mirrored)
+        mismatch, both_known = _class_mismatches(guide, dy, step, mirrored)
         near = np.float32(_WINDOW_WEIGHT) * _window_error(error, seen, size, any_rows[:, None])
-        near += np.float32(_WINDOW_CLASS_PRICE * spread) * _window_error(wrong, told, size, np.full(1, 0.5, np.float32))
-        witnesses = _PriceTerms(rows, columns, near, _CLASS_PRICE * spread)
+        near += np.float32(_WINDOW_CLASS_PRICE * spread) * _window_error(
+            mismatch, both_known, size, np.full(1, 0.5, np.float32)
+        )
+        terms = _PriceTerms(rows, columns, near, _CLASS_PRICE * spread)
         _price_pixels(
-            _GuidedImage(image, known, guide), hidden, _Translation(dy, step, mirrored), witnesses, price[k], colour[k]
+            _GuidedImage(image, known, guide), hidden, _Translation(dy, step, mirrored), terms, price[k], colour[k]
         )
     return SourceCosts(price, colour)
 
 
 def _line_moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, 3) and mean square (n,), over colours, of what is known of every row (axis 1) or column (axis 0)."""
+    """Return mean (n, 3) and mean square (n,) of the known pixels of every row (axis 1) or column (axis 0)."""
     visible = image[known]
     count = (
         gaussian_filter1d(known.sum(axis, dtype=np.float64), _LINE_BLUR_SIGMA, mode="constant")[:, None]
@@ -108,23 +129,23 @@ def _line_moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.n
 
 
 def _expected_difference(moments: tuple[np.ndarray, np.ndarray], other: np.ndarray) -> np.ndarray:
-    """The squared difference to expect of any pixel of a row and any of the row other[row], (n,) float32."""
+    """Return the expected squared difference of any two pixels of a row and of the row other[row], (n,) float32."""
     mean, square = moments
     return (square + square[other] - 2.0 * (mean * mean[other]).mean(1)).astype(np.float32)
 
 
 def _line_error(error: np.ndarray, seen: np.ndarray, axis: int, usual: np.ndarray) -> np.ndarray:
-    """Mean error of every row (axis 1) or column (axis 0)."""
-    total, count = (gaussian_filter1d(of.sum(axis), _LINE_BLUR_SIGMA, mode="constant") for of in (error, seen))
+    """Return the mean error of every row (axis 1) or column (axis 0)."""
+    total, count = (gaussian_filter1d(values.sum(axis), _LINE_BLUR_SIGMA, mode="constant") for values in (error, seen))
     return _shrink_to_prior(total, count, _LINE_PRIOR_PX, usual)
 
 
 def _window_error(error: np.ndarray, seen: np.ndarray, side: int, usual: np.ndarray) -> np.ndarray:
-    """Mean error about every pixel, in a square window blurred twice."""
+    """Return the mean error around every pixel, in a square window blurred twice."""
     window = side, side
     total, count = (
-        cv2.blur(cv2.blur(of, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT)
-        for of in (error, seen)
+        cv2.blur(cv2.blur(values, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT)
+        for values in (error, seen)
     )
     return _shrink_to_prior(total, count, _WINDOW_PRIOR, usual)
 
@@ -153,15 +174,15 @@ def _squared_errors(
 @njit(cache=True)
 def _class_mismatches(guide: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
     height, width = guide.shape
-    wrong = np.zeros((height, width), np.float32)
-    told = np.zeros((height, width), np.float32)
+    mismatch = np.zeros((height, width), np.float32)
+    both_known = np.zeros((height, width), np.float32)
     for y in range(max(0, -dy), min(height, height - dy)):
         for x in range(width):
             u = step - x if mirrored else x + step
             if 0 <= u < width and guide[y, x] != 255 and guide[y + dy, u] != 255:
-                told[y, x] = 1.0
-                wrong[y, x] = guide[y, x] != guide[y + dy, u]
-    return wrong, told
+                both_known[y, x] = 1.0
+                mismatch[y, x] = guide[y, x] != guide[y + dy, u]
+    return mismatch, both_known
 
 
 @njit(cache=True)
@@ -169,13 +190,13 @@ def _price_pixels(
     facade: _GuidedImage,
     hidden: np.ndarray,
     taken: _Translation,
-    witnesses: _PriceTerms,
+    terms: _PriceTerms,
     price: np.ndarray,
     colour: np.ndarray,
 ) -> None:
     image, known, guide = facade
     dy, step, mirrored = taken
-    rows, columns, near, wrong = witnesses
+    rows, columns, near, wrong = terms
     height, width = known.shape
     for n in range(len(hidden)):
         y, x = hidden[n, 0], hidden[n, 1]

@@ -1,4 +1,4 @@
-"""A new facade of any size from one exemplar (tiles paper, sections 3.2 and 3.3)."""
+"""Synthesis of a facade of any size from one exemplar (tiles paper, sections 3.2 and 3.3)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,21 @@ SYNTHESIS_GENERATIONS = 5000
 
 
 def synthesize(image: np.ndarray, labels: np.ndarray, size: tuple[int, int], *, seed: int = 0) -> Synthesis:
-    """Lay the exemplar's tiles anew in size = (H', W') pixels (Eq. 4-6, Algo. 2).
+    """Compose the exemplar's tiles to size = (H', W') pixels (Eq. 4-6, Algo. 2).
 
-    image (H, W, 3) uint8, labels (H, W) uint8. Top and bottom rows of the result come from the exemplar's top and
-    bottom rows. Raises ImageError for bad arrays or a size below 8 px.
+    Top and bottom rows of the result come from the exemplar's top and bottom rows.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 exemplar.
+    labels : (H, W) uint8 class ids.
+    size : (H', W') pixels.
+    seed : seed of the genetic algorithm.
+
+    Raises
+    ------
+    ImageError
+        For bad arrays or a size below 8 px.
     """
     from facade_core.parsing.lattice import lattice
 
@@ -38,9 +49,17 @@ def synthesize_on_lattice(
     seed: int = 0,
     generations: int = SYNTHESIS_GENERATIONS,
 ) -> Synthesis:
-    """synthesize on a given lattice: M' = [H' M / H] rows and N' = [W' N / W] columns of tiles."""
+    """Synthesize on a given lattice: M' = [H' M / H] rows and N' = [W' N / W] columns of tiles.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 exemplar.
+    labels : (H, W) uint8 class ids.
+    grid : lattice of the exemplar.
+    size : (H', W') pixels.
+    """
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
-    # No more rows or columns than pixels leave room for: a cell is at least 2 px.
+    # A cell is at least 2 px, which bounds the rows and columns.
     rows = min(max(1, round(size[0] * tall / image.shape[0])), size[0] // 2)
     columns = min(max(1, round(size[1] * wide / image.shape[1])), size[1] // 2)
     tiles, lowest = evolve_random_tilings(
@@ -60,7 +79,19 @@ def evolve_random_tilings(
     rng: np.random.Generator,
     generations: int = SYNTHESIS_GENERATIONS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Algo. 2: shape (M', N') tiles of the exemplar's grid, from random ones, and the lowest energy of every generation."""
+    """Evolve random tilings (Algo. 2).
+
+    Parameters
+    ----------
+    tables : energy of pairs of tiles.
+    grid : lattice of the exemplar.
+    shape : (M', N') tiles.
+    rng : generator of the algorithm.
+
+    Returns
+    -------
+    The fittest tiling and the lowest energy of every generation.
+    """
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     may_row = np.ones((shape[0], tall), bool)
     may_row[0], may_row[-1] = np.eye(tall, dtype=bool)[[0, -1]]
@@ -79,12 +110,24 @@ def evolve_random_tilings(
 
 
 def mean_tile_sizes(grid: Lattice, tiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean height of the tiles in every row and mean width of those in every column, exemplar pixels."""
+    """Return the mean tile height of every row and the mean tile width of every column, in exemplar pixels.
+
+    Parameters
+    ----------
+    grid : lattice of the exemplar.
+    tiles : (M, N) int32.
+    """
     across = len(grid.columns) - 1
     return np.diff(grid.rows)[tiles // across].mean(1), np.diff(grid.columns)[tiles % across].mean(0)
 
 
 def cell_borders(sizes: np.ndarray, total: int) -> np.ndarray:
-    """Integer cell borders 0 ... total whose spacings are proportional to sizes."""
+    """Return integer cell borders 0 ... total whose spacings are proportional to sizes.
+
+    Parameters
+    ----------
+    sizes : (n,) sizes.
+    total : last border.
+    """
     borders = np.concatenate([[0.0], np.cumsum(sizes)])
     return np.rint(borders * (total / borders[-1])).astype(np.int64)

@@ -1,7 +1,7 @@
-"""From a tiling to pixels: tiles are warped into their cells, borders move to where neighbours agree.
+"""Render a tiling: tiles are warped into their cells, and borders move to where neighbours agree.
 
-Detail changes from one tile to the next along a path of least difference, up to REACH px off the cell's border; colour
-(what is left after a blur) cross-fades over the border.
+Detail changes from one tile to the next along a path of least difference, up to MAX_SEAM_SHIFT_PX off the cell's
+border. Colour (the low band after a blur) cross-fades over the border.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from facade_core.core.numba_cache import njit
 from facade_core.core.types import Lattice
 from facade_core.facade.texture.seams import find_min_error_path
 
-# All in pixels of the exemplar.
-MAX_SEAM_SHIFT_PX = 5  # by which a path may leave the border
-_BAND_SIGMA_PX = 6.0  # splits colour (low band) from detail (high band)
-_FADE_PX = 10  # on either side of a border over which colour cross-fades
+# Lengths in pixels of the exemplar.
+MAX_SEAM_SHIFT_PX = 5  # distance of a path from the border
+_BAND_SIGMA_PX = 6.0  # separates colour (low band) from detail (high band)
+_FADE_PX = 10  # width of the cross-fade of colour on either side of a border
 
 
 def compose_tiles(
@@ -28,12 +28,24 @@ def compose_tiles(
     columns: np.ndarray,
     reduction: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Render tiles (M, N) of image (H, W, 3) into cells with borders rows (M + 1,), columns (N + 1,): image, labels.
+    """Render tiles into cells.
 
-    coarser: how many pixels of the exemplar are as long as one of the new picture, where these are not the same.
+    Neighbours in the exemplar show the same pixels on both sides of a border, so only true jumps are seams. Labels
+    use nearest-neighbour sampling.
 
-    Where two neighbours are also neighbours in the exemplar both sides of a border show the same pixels, so only true
-    jumps are seams. Labels are carried along with nearest-neighbour sampling.
+    Parameters
+    ----------
+    image : (H, W, 3) uint8 exemplar.
+    labels : (H, W) uint8 class ids.
+    lattice : lattice of the exemplar.
+    tiles : (M, N) tile numbers.
+    rows : (M + 1,) borders of cells.
+    columns : (N + 1,) borders of cells.
+    reduction : exemplar pixels for each pixel of the result.
+
+    Returns
+    -------
+    Image and labels.
     """
     source_rows, source_columns = np.asarray(lattice.rows, np.float64), np.asarray(lattice.columns, np.float64)
     rows, columns = np.asarray(rows, np.int64), np.asarray(columns, np.int64)
@@ -58,14 +70,14 @@ def compose_tiles(
 
 @njit(cache=True)
 def _exemplar_position(position: int, cell: int, source: np.ndarray, borders: np.ndarray, tile: int) -> float:
-    """Where a position of the new picture lies in the exemplar along one axis, by the cell that shows it."""
+    """Return the exemplar position, along one axis, of a position that a cell shows."""
     step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
     return source[tile] + (position - borders[cell] + 0.5) * step
 
 
 @njit(cache=True)
 def _sample_bilinear(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
-    """Bilinear, at pixel positions v, u counted from the picture's corner."""
+    """Sample bilinearly at pixel positions v, u counted from the picture's corner."""
     v = min(max(v - 0.5, 0.0), image.shape[0] - 1.0)
     u = min(max(u - 0.5, 0.0), image.shape[1] - 1.0)
     top, left = min(int(v), image.shape[0] - 2), min(int(u), image.shape[1] - 2)
@@ -86,7 +98,7 @@ def _find_seam_paths(
     columns: np.ndarray,
     most: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
+    """Return the first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
     tall, wide = tiles.shape
     across = len(source_columns) - 1
     beside = np.empty((rows[-1], max(0, wide - 1)), np.int64)
@@ -134,7 +146,7 @@ def _find_seam_paths(
 
 @njit(cache=True)
 def _assign_cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Which cell every pixel shows, (H, W) int32: m * N + n."""
+    """Return the cell that every pixel shows, (H, W) int32: m * N + n."""
     height, width, wide = rows[-1], columns[-1], beside.shape[1] + 1
     cell = np.empty((height, width), np.int32)
     column = np.empty((height, width), np.int32)
@@ -163,7 +175,7 @@ def _render_cells(
     rows: np.ndarray,
     columns: np.ndarray,
 ) -> np.ndarray:
-    """Each pixel as its cell shows it: (H, W, 3) float32."""
+    """Render each pixel as its cell shows it, (H, W, 3) float32."""
     height, width, wide = cell.shape[0], cell.shape[1], tiles.shape[1]
     across = len(source_columns) - 1
     out = np.empty((height, width, 3), np.float32)
@@ -211,7 +223,7 @@ def _render_faded(
     columns: np.ndarray,
     margin: int,
 ) -> np.ndarray:
-    """Accumulate every tile, extended by margin into its surroundings, with weights that fade over the border."""
+    """Accumulate every tile, extended by margin, with weights that fade over the border."""
     height, width = rows[-1], columns[-1]
     out = np.zeros((height, width, 3), np.float32)
     weight = np.zeros((height, width), np.float32)

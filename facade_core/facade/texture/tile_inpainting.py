@@ -1,4 +1,4 @@
-"""Filling a hole tile by tile: structure from what is visible, visible tiles fixed (tiles paper, section 4.3)."""
+"""Inpaint tile by tile: structure from the visible part, visible tiles fixed (tiles paper, section 4.3)."""
 
 from __future__ import annotations
 
@@ -14,19 +14,32 @@ from facade_core.facade.texture.seams import diffuse_difference
 from facade_core.facade.texture.tile_composition import compose_tiles
 from facade_core.facade.texture.tiling_energy import label_histograms, tabulate_energy
 
-_MAX_LOG_SIZE_RATIO = 0.35  # log-ratio of sizes up to which a tile may be warped into a hidden cell
-_MAX_LABEL_DIFFERENCE = 0.2  # share of label area in which rows or columns of tiles may differ and still be exchanged
+_MAX_LOG_SIZE_RATIO = 0.35  # of a tile that may be warped into a hidden cell
+_MAX_LABEL_DIFFERENCE = 0.2  # of exchangeable rows or columns of tiles, as a share of label area
 _RIM_PX = 6
 
 
 def fill_by_tiles(
     image: np.ndarray, mask: np.ndarray, labels: np.ndarray, grid: Lattice, rng: np.random.Generator
 ) -> np.ndarray:
-    """image (H, W, 3) uint8 with the pixels of mask (H, W) filled by tiles of a lattice over labels (H, W) uint8.
+    """Fill hidden pixels by tiles of a lattice.
 
-    A tile is observed if no more than a twentieth of it is hidden. Only whole visible tiles are copied; what is hidden of
-    others is taken from around first, as colours fade over borders. Generations grow with the hidden nodes: 40 each, 400 to
-    5000. Raises ImageError where no tile is visible.
+    A tile is observed if no more than a twentieth of it is hidden. Only wholly visible tiles are copied; hidden
+    pixels of others are diffused first, as colours fade over borders. Generations grow with the hidden nodes: 40
+    each, 400 to 5000.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True where to fill.
+    labels : (H, W) uint8 class ids.
+    grid : lattice over the labels.
+    rng : generator of the algorithm.
+
+    Raises
+    ------
+    ImageError
+        If no tile is wholly visible.
     """
     image = np.where(mask[..., None], np.rint(fill_unknown(image, ~mask)).astype(np.uint8), image)
     rows, columns = np.asarray(grid.rows), np.asarray(grid.columns)
@@ -69,7 +82,9 @@ def fill_by_tiles(
 
 
 def _similar_contents(shares: np.ndarray) -> np.ndarray:
-    """Which rows (n, n) of tiles hold the same labels in the same columns, from tile histograms (n, m, classes)."""
+    """Return, (n, n) bool, whether rows of tiles have the same labels in the same columns, from histograms (n, m,
+    classes).
+    """
     flat = shares.reshape(len(shares), -1)
     return np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _MAX_LABEL_DIFFERENCE * shares.shape[1]
 
@@ -82,7 +97,7 @@ def _initial_tiling(
     may_column: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Random visible tiles at the hidden nodes, of the same row if one fits, else of the same column."""
+    """Draw visible tiles for the hidden nodes, of the same row if one fits, else of the same column."""
     tiles = own.copy()
     anywhere = np.argwhere(usable)
     for y, x in np.argwhere(~frozen):
@@ -100,7 +115,7 @@ def _initial_tiling(
 
 
 def _blend_hole(image: np.ndarray, drawn: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """drawn in the hole, its colours levelled to those of the rim; image elsewhere."""
+    """Return `drawn` in the hole, its colours adjusted to those of the rim, and `image` elsewhere."""
     kernel = np.ones((2 * _RIM_PX + 1, 2 * _RIM_PX + 1), np.uint8)
     rim = (cv2.dilate(mask.astype(np.uint8), kernel) > 0) & ~mask
     offset = diffuse_difference(image.astype(np.float32) - drawn, rim.astype(np.float32))

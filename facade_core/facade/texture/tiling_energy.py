@@ -1,12 +1,13 @@
-"""The energy of a tiling (tiles paper, Eq. 4-6), tabulated once per exemplar.
+"""Energy of a tiling (tiles paper, Eq. 4-6), tabulated once per exemplar.
 
-What is approximated, and why a generation then costs look-ups only:
+Approximations, which reduce a generation to look-ups:
 
-* Photo consistency (Eq. 5): the 6 px strip over a tile boundary is compared after area reduction to STRIP samples
-  along the boundary. The nearest exemplar window is searched among the strips over every lattice boundary and an even
-  spread of other positions, at most WINDOWS in all; strips over neighbours of the exemplar have distance 0.
-* Structural consistency (Eq. 6): label histograms are rounded to 1/16, so tiles fall into few kinds and the exemplar's
-  templates into few distinct rows of kinds.
+* Photo consistency (Eq. 5): the 6 px strip over a tile boundary is compared after area reduction to STRIP_SAMPLES
+samples along the boundary. The nearest exemplar window is searched among the strips over every lattice boundary
+and an even spread of other positions, at most MAX_WINDOWS in all; strips over neighbours of the exemplar have
+distance 0.
+* Structural consistency (Eq. 6): label histograms are rounded to 1/16, so tiles fall into few kinds and the
+exemplar's templates into few distinct rows of kinds.
 """
 
 from __future__ import annotations
@@ -31,13 +32,15 @@ _HISTOGRAM_STEPS = 16
 
 
 class EnergyTables(NamedTuple):
-    """Look-up tables of T tiles. Every entry is already the exponent d^2 / (2 zeta^2) of its Eq.
+    """Look-up tables of T tiles. Every entry is the exponent d^2 / (2 zeta^2) of its equation.
 
-    photo_right, photo_below (T, T) float32: [i, j] with j right of / below i;
-    kind (T,) int32;
-    kind_distance (K, K) float32: squared;
-    templates_right, templates_below (R, order) int32: kinds in the exemplar;
-    scale_right, scale_below: 1 / (2 zeta^2) of Eq. 6.
+    Attributes
+    ----------
+    photo_right, photo_below : (T, T) float32, [i, j] with j right of or below i.
+    kind : (T,) int32.
+    kind_distance : (K, K) float32, squared.
+    templates_right, templates_below : (R, order) int32 kinds in the exemplar.
+    scale_right, scale_below : 1 / (2 zeta^2) of Eq. 6.
     """
 
     photo_right: np.ndarray
@@ -53,9 +56,14 @@ class EnergyTables(NamedTuple):
 def tabulate_energy(
     image: np.ndarray, labels: np.ndarray, lattice: Lattice, *, usable: np.ndarray | None = None
 ) -> EnergyTables:
-    """Tabulate Eq. 5 and 6 for image (H, W, 3) uint8 and labels (H, W) uint8 over a lattice of T tiles.
+    """Tabulate Eq. 5 and 6 over a lattice of T tiles.
 
-    usable (rows, columns) bool leaves hidden tiles out of the windows and templates that count as the exemplar.
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    lattice : lattice of the exemplar.
+    usable : (rows, columns) bool, False for hidden tiles, which are no part of windows and templates.
     """
     rows, columns = np.asarray(lattice.rows), np.asarray(lattice.columns)
     seen = np.ones((len(rows) - 1, len(columns) - 1), bool) if usable is None else usable
@@ -79,7 +87,13 @@ def tabulate_energy(
 
 
 def label_histograms(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Label histograms of all tiles, (rows * columns, classes + 1), each summing to 1; the last bin is UNKNOWN."""
+    """Return label histograms of all tiles, (rows * columns, classes + 1), each of sum 1; the last bin is UNKNOWN.
+
+    Parameters
+    ----------
+    labels : (H, W) uint8 class ids.
+    rows, columns : borders of the tiles.
+    """
     onehot = np.minimum(labels, _LABEL_BINS - 1)[..., None] == np.arange(_LABEL_BINS)
     sums = np.add.reduceat(onehot.astype(np.float64), rows[:-1], axis=0)
     sums = np.add.reduceat(sums, columns[:-1], axis=1)
@@ -95,7 +109,7 @@ def _tile_kinds(labels: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> tu
 
 
 def _templates(grid: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Distinct runs of ORDER kinds along the second axis in which every tile is seen."""
+    """Return the distinct runs of TEMPLATE_ORDER kinds along the second axis in which every tile is visible."""
     order = min(TEMPLATE_ORDER, grid.shape[1])
     runs = np.lib.stride_tricks.sliding_window_view(grid, order, axis=1).reshape(-1, order)
     whole = np.lib.stride_tricks.sliding_window_view(seen, order, axis=1).reshape(-1, order).all(1)
@@ -103,7 +117,7 @@ def _templates(grid: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def _structure_scale(kind: np.ndarray, distance: np.ndarray, templates: np.ndarray) -> float:
-    """1 / (2 zeta^2), zeta = 10 % of the range of distances found over a fixed sample of random tile rows."""
+    """Return 1 / (2 zeta^2), zeta = 10 % of the range of distances over a fixed sample of random tile rows."""
     sample = kind[np.random.default_rng(0).integers(0, len(kind), (512, templates.shape[1]))]
     squared = sum(distance[sample[:, k, None], templates[None, :, k]] for k in range(templates.shape[1]))
     nearest = np.sqrt(np.asarray(squared).min(1))
@@ -115,9 +129,9 @@ def _exponent_scale(span: float) -> float:
 
 
 def _photo_consistency(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Eq. 5 for all ordered pairs (left tile, right tile): (T, T) float32 exponents."""
+    """Return Eq. 5 for all ordered pairs (left tile, right tile), (T, T) float32 exponents."""
     height, width = seen.shape
-    # Rows reduced per band once: (bands, STRIP, W, 3); a half-strip is then three columns of it.
+    # Rows are reduced once per band, (bands, STRIP_SAMPLES, W, 3); a half-strip is then three columns.
     bands = np.stack(
         [
             cv2.resize(image[a:b], (image.shape[1], STRIP_SAMPLES), interpolation=cv2.INTER_AREA)
@@ -148,7 +162,7 @@ def _photo_consistency(image: np.ndarray, rows: np.ndarray, columns: np.ndarray,
 
 
 def _exemplar_windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(band, column) of the windows that stand for "anywhere in X": all boundaries, then an even spread."""
+    """Return (band, column) of the windows that represent "anywhere in X": all boundaries, then an even spread."""
     edges = [
         (b, columns[c]) for b in range(seen.shape[0]) for c in range(1, seen.shape[1]) if seen[b, c - 1 : c + 1].all()
     ]
@@ -166,13 +180,13 @@ def _exemplar_windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray
 
 
 def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Squared Euclidean distances between the rows of a and of b, float32; no BLAS, whose sums depend on threads."""
+    """Return squared Euclidean distances between rows, float32; no BLAS, since its sums depend on threads."""
     return cdist(a, b, "sqeuclidean").astype(np.float32)
 
 
 @njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})
 def _min_pair_sums(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """[i, j] = min over windows c of left[i, c] + right[j, c]; a minimum is exact in any order."""
+    """Return [i, j] = min over windows c of left[i, c] + right[j, c]; a minimum is exact in any order."""
     out = np.empty((left.shape[0], right.shape[0]), np.float32)
     for i in range(left.shape[0]):
         for j in range(right.shape[0]):
@@ -185,7 +199,15 @@ def _min_pair_sums(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def update_costs(tables: EnergyTables, cost: np.ndarray, tiles: np.ndarray, y0: int, y1: int, x0: int, x1: int) -> None:
-    """Recompute what depends on tiles[y0:y1, x0:x1]; cost (4, M, N) is Eq. 5 right, below, Eq. 6 right, below."""
+    """Recompute the costs that depend on tiles[y0:y1, x0:x1].
+
+    Parameters
+    ----------
+    tables : energy of pairs of tiles.
+    cost : (4, M, N) Eq. 5 right, below, Eq. 6 right, below; changed in place.
+    tiles : (M, N) int32.
+    y0, y1, x0, x1 : changed block.
+    """
     right, below, kind, distance, across, down, scale_right, scale_below = tables
     height, width = tiles.shape
     for y in range(y0, y1):
@@ -222,7 +244,7 @@ def update_costs(tables: EnergyTables, cost: np.ndarray, tiles: np.ndarray, y0: 
 
 @njit(cache=True)
 def sum_costs(cost: np.ndarray) -> float:
-    """Sum in a fixed order, so that incremental and full energies are the same bits."""
+    """Sum in a fixed order, so that incremental and full energies have the same bits."""
     out = 0.0
     for term in cost.flat:
         out += term
@@ -230,7 +252,13 @@ def sum_costs(cost: np.ndarray) -> float:
 
 
 def tiling_energy(tables: EnergyTables, tiles: np.ndarray) -> float:
-    """Eq. 4 of a tiling (M, N) int32 of tile numbers: minus the log of the product of all constraint terms."""
+    """Return Eq. 4 of a tiling: minus the log of the product of all constraint terms.
+
+    Parameters
+    ----------
+    tables : energy of pairs of tiles.
+    tiles : (M, N) int32 tile numbers.
+    """
     cost = np.zeros((4, *tiles.shape))
     update_costs(tables, cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1])
     return float(sum_costs(cost))

@@ -1,4 +1,4 @@
-"""What tells two walls of one exemplar apart: the paint's shade, and the light that each pane mirrors."""
+"""Tint that distinguishes walls of one exemplar: shade of the paint and reflections of the panes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ import numpy as np
 
 from facade_core.core.labels import FacadeClass
 
-# How far paint differs between houses of one colour: the logarithm of its light, and of each band of it.
-_SHADE_DEVIATION, _HUE_DEVIATION = 0.035, 0.010
-# And the light of panes: of each window, from its top to its foot; of so many a lamp or a warm curtain shows.
-_PANE_DEVIATION, _PANE_SLOPE_DEVIATION, _LAMP_PROBABILITY = 0.05, 0.08, 0.05
+# Deviations of the paint between buildings of one colour: logarithm of its light, and of each band.
+_SHADE_DEVIATION = 0.035
+_HUE_DEVIATION = 0.010
+# Deviations of the light of panes, in logarithms: of each window, and from its top to its foot.
+_PANE_DEVIATION = 0.05
+_PANE_SLOPE_DEVIATION = 0.08
+# Share of windows with a lamp or a warm curtain.
+_LAMP_PROBABILITY = 0.05
+# Grey level from which a pixel of a window is a frame.
 _MIN_FRAME_LIGHT = 205
 _LAMP_GAIN = np.array([1.08, 1.02, 0.91], np.float32)
 
@@ -18,8 +23,16 @@ _LAMP_GAIN = np.array([1.08, 1.02, 0.91], np.float32)
 def tint_facade(
     image: np.ndarray, labels: np.ndarray, *, building_seed: int, seed: int, paint: np.ndarray | None = None
 ) -> np.ndarray:
-    """A facade (H, W, 3) uint8 with labels (H, W) in its own shade; house is the seed of the walls' shade, which all facades of
-    a house share, seed that of its panes. paint: factors (3,) of its walls' colour where that is known, instead of a shade."""
+    """Tint a facade's walls and panes.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    labels : (H, W) uint8 class ids.
+    building_seed : seed of the shade, common to all facades of a building.
+    seed : seed of the panes.
+    paint : (3,) factors of the walls' colour where it is known, instead of a shade.
+    """
     shade = np.random.default_rng(building_seed)
     gain = np.exp(
         _SHADE_DEVIATION * np.clip(shade.standard_normal(), -2, 2)
@@ -44,7 +57,7 @@ def tint_facade(
         )
         warm = _LAMP_GAIN if rng.random() < _LAMP_PROBABILITY else np.ones(3, np.float32)
         at = np.s_[y : y + height, x : x + width]
-        # Frames keep their colour: what is lighter than any room is taken for one.
+        # Frames keep their colour; pixels brighter than any interior count as frames.
         own = ((labels[at] == FacadeClass.WINDOW) & (image[at].min(axis=-1) < _MIN_FRAME_LIGHT))[..., None]
         light[at] = np.where(own, light[at] * pane.astype(np.float32)[:, None, None] * warm, light[at])
     return np.clip(np.rint(image * light), 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Where repeats lie: translations and mirror images under which the visible part of a facade looks like itself."""
+"""Translations and mirror images under which the visible part of a facade repeats itself."""
 
 from __future__ import annotations
 
@@ -6,17 +6,27 @@ import cv2
 import numpy as np
 from scipy import fft
 
-_MIN_SHIFT_PX = 6  # px of the working image: shorter translations copy a thing onto itself
-_MIN_OVERLAP_SHARE = 0.04  # share of the image that must be seen twice under a translation
-_AXIS_TOLERANCE_PX = 3  # px within which a translation is vertical or horizontal
-_MAX_OBLIQUE, _MAX_AXIAL = 10, 24
+_MIN_SHIFT_PX = 6  # of the working image; shorter translations copy an element onto itself
+_MIN_OVERLAP_SHARE = 0.04  # of the image that both ends of a translation show
+_AXIS_TOLERANCE_PX = 3  # of a vertical or horizontal translation
+# Most oblique and most axial translations.
+_MAX_OBLIQUE = 10
+_MAX_AXIAL = 24
 
 
 def find_translations(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Maps (n, 3) int64: dy, step, mirrored (0 or 1), the strongest first within each kind.
+    """Find translations and reflections of highest normalised correlation, the strongest first within each kind.
 
-    A pixel (y, x) is taken from (y + dy, x + step), where mirrored from (y + dy, step - x). grey (H, W) float32 holds
-    detail (mean 0), known (H, W) bool says where. The score is the normalised correlation over what is seen twice.
+    A pixel (y, x) is taken from (y + dy, x + step), if mirrored from (y + dy, step - x).
+
+    Parameters
+    ----------
+    grey : (H, W) float32 detail of mean 0.
+    known : (H, W) bool.
+
+    Returns
+    -------
+    (n, 3) int64 dy, step, mirrored (0 or 1).
     """
     height, width = known.shape
     score = _trusted_correlation(grey, known, grey, known)
@@ -33,10 +43,10 @@ def find_translations(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _trusted_correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
-    """The correlation, by how much is seen twice; -1 where that is too little."""
+    """Return the correlation weighted by the overlap; -1 where the overlap is too small."""
     height, width = a.shape
     score, seen = masked_correlation(a, known_a, b, known_b)
-    # what is seen of a long translation is little, and more likely to fit by chance
+    # A long translation has a small overlap, which is more likely to fit by chance.
     trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
     return np.where(seen > _MIN_OVERLAP_SHARE * height * width, score * trust, -1.0)
 
@@ -44,8 +54,17 @@ def _trusted_correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, know
 def masked_correlation(
     a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Normalised correlation of a at p with b at p + t where both are known, for all t at once, and of how many pixels:
-    (2 H - 1, 2 W - 1) each, t = 0 in the middle. a, b (H, W) float32 of mean 0, known_a, known_b (H, W) bool."""
+    """Return the normalised correlation of a at p with b at p + t over pixels known in both, for all t.
+
+    Parameters
+    ----------
+    a, b : (H, W) float32 of mean 0.
+    known_a, known_b : (H, W) bool.
+
+    Returns
+    -------
+    Correlation and number of pixels, (2 H - 1, 2 W - 1) each, t = 0 in the middle.
+    """
     height, width = a.shape
     shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
 
@@ -65,7 +84,7 @@ def masked_correlation(
 
 
 def _find_peaks(score: np.ndarray, count: int) -> np.ndarray:
-    """(n, 2) dy, dx of the highest local maxima."""
+    """Return (n, 2) dy, dx of the highest local maxima."""
     height, width = (side // 2 for side in score.shape)
     top = (score == cv2.dilate(score, np.ones((7, 7), np.uint8))) & (score > -1.0)
     at = np.argwhere(top)

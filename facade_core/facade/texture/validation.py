@@ -1,4 +1,4 @@
-"""What every public function of this package asks of its images, labels and masks."""
+"""Validation of images, labels and masks of the public functions of this package."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from facade_core.core.errors import ImageError
 
-# Pixels of a side that anything of a facade can be told on.
+# Smallest side of a usable facade image.
 MIN_SIDE_PX = 16
 
 
 def check_exemplar_image(image: np.ndarray, *, min_side: int = MIN_SIDE_PX) -> None:
-    """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least `least` px a side."""
+    """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least `min_side` px a side."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
         found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}"
         raise ImageError(f"texture: the image is {found}; pass uint8 RGB of shape (H, W, 3)")
@@ -34,7 +34,7 @@ def check_exemplar_labels(image: np.ndarray, labels: np.ndarray) -> None:
 
 
 def check_mask(image: np.ndarray, mask: np.ndarray) -> None:
-    """Raise ImageError unless mask is bool (H, W) of the image's size and leaves something known."""
+    """Raise ImageError unless mask is bool (H, W) of the image's size and leaves some pixels known."""
     if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != image.shape[:2]:
         found = f"{getattr(mask, 'dtype', type(mask).__name__)} {getattr(mask, 'shape', '')}"
         raise ImageError(f"inpaint: the mask is {found}; pass bool of shape {image.shape[:2]}, True = missing")

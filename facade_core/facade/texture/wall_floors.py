@@ -1,4 +1,4 @@
-"""The storeys of a wall: where they lie, the same on all walls of a building, and which of the exemplar's each shows."""
+"""Floors of a wall: borders common to all walls of a building, and the exemplar's floor that each shows."""
 
 from __future__ import annotations
 
@@ -12,24 +12,32 @@ from facade_core.core.labels import FacadeClass
 from facade_core.facade.texture.retargeting import ExemplarStyle, choose_floors, lattice_rows
 from facade_core.geometry.walls import FLOOR_HEIGHT_M
 
-# What of a storey is left at a wall's foot or top belongs to the storey beside it where it is lower than this.
+# Smallest height of a partial floor at a wall's foot or top, metres; lower rests join the neighbouring floor.
 MIN_FLOOR_M = 2.2
-# A wall ends at the eaves where it ends this near to them: there it shows what crowns the exemplar.
+# Largest distance of a wall's top from the eaves, metres, at which it shows the exemplar's crown.
 EAVES_TOLERANCE_M = 0.3
-# The topmost storey has bare wall over it where it is so many times as high as its exemplar's.
+# Largest stretch of the topmost floor; beyond it the rest is bare wall.
 MAX_TOP_FLOOR_STRETCH = 1.15
 
 
 @dataclass(frozen=True, slots=True)
 class FacadeWall:
-    """A wall, or several that are laid out as one, in metres.
+    """Wall, or several walls composed as one, in metres.
 
-    width, height; foot over the base of its building; eaves of that over its base, and storeys up to there. street: whether it
-    shows doors and shops; plain: whether it is a back, without what adorns a front. free: where it stands against no
-    neighbour, x right and y down. raised: whether its building begins above the ground, and so with an upper floor.
-    seams: where one of several walls ends and the next begins, metres from the left. corner: whether it is narrow and turns the
-    corner between two that are on streets; door: whether it is a back by which the building is entered. entrances: where a map
-    has doors in it, metres from the left.
+    Attributes
+    ----------
+    width, height : size.
+    foot : height of its foot over the base of its building.
+    eaves : height of the building's eaves over its base.
+    floors : number of floors up to the eaves.
+    on_street : True if it shows doors and shops.
+    is_back : True for a back, without the ornaments of a front.
+    free : part that no neighbour covers, x right and y down.
+    is_raised : True if its building begins above the ground, with an upper floor.
+    seams : borders of joined walls, metres from the left.
+    is_corner : True for a narrow wall between two walls on streets.
+    has_back_door : True for a back with the entrance of the building.
+    entrances : mapped doors, metres from the left.
     """
 
     width: float
@@ -48,15 +56,23 @@ class FacadeWall:
 
     @classmethod
     def freestanding(cls, height: float, width: float, floors: int) -> FacadeWall:
-        """One on a street, that nothing stands against, of a building as high."""
-        return cls(width, height, 0.0, height, floors, on_street=True, is_back=False, free=shapely.box(0, 0, width, height))
+        """Return a wall on a street without neighbours, as high as its building."""
+        return cls(
+            width, height, 0.0, height, floors, on_street=True, is_back=False, free=shapely.box(0, 0, width, height)
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class WallFloor:
-    """One of a wall, from the top: the exemplar's floor that it shows, -1 for a ground floor without windows; the three heights
-    above, across and below its windows, or the one of a floor without, and of the bare wall over it, in metres; whether it is
-    crowned by the exemplar's top."""
+    """Floor of a wall.
+
+    Attributes
+    ----------
+    exemplar_floor : exemplar's floor that it shows, -1 for a ground floor without windows.
+    heights : metres above, across and below its windows; one height without windows.
+    attic : height of the bare wall over it, metres.
+    is_crowned : True if it shows the exemplar's top.
+    """
 
     exemplar_floor: int
     heights: tuple[float, ...]
@@ -65,8 +81,10 @@ class WallFloor:
 
 
 def plainest_floor(style: ExemplarStyle) -> int:
-    """The exemplar's floor for where nothing adorns a wall: with the fewest balconies, not the topmost
-    or the lowest if there is another: cornices and shops reach into these."""
+    """Return the exemplar's floor with the fewest balconies.
+
+    The topmost and the lowest floor are avoided if possible, since cornices and shops reach into them.
+    """
     exemplar = style.structure
     middle = [k for k, kind in enumerate(exemplar.kinds) if kind == "middle"]
     cuts = exemplar.floor_cuts
@@ -78,8 +96,19 @@ def plainest_floor(style: ExemplarStyle) -> int:
 def stack_floors(
     style: ExemplarStyle, wall: FacadeWall, metres_per_pixel: float, floor_style: ExemplarStyle | None = None
 ) -> tuple[list[WallFloor], float]:
-    """The storeys of a wall from its top, whose borders are those of its building, and the metres that a pixel of the exemplar
-    takes on them."""
+    """Stack the floors of a wall from its top, with the borders of its building.
+
+    Parameters
+    ----------
+    style : analysed exemplar.
+    wall : metric wall.
+    metres_per_pixel : scale of the exemplar.
+    floor_style : exemplar whose floor heights apply; `style` by default.
+
+    Returns
+    -------
+    Floors from the top, and the metres of an exemplar pixel on them.
+    """
     pixels = round(wall.eaves / metres_per_pixel)
     own, scale = choose_floors(style, pixels, wall.floors, np.random.default_rng(0), 0.0)
     scale, plain = scale * metres_per_pixel, plainest_floor(style)
@@ -123,13 +152,13 @@ def stack_floors(
 
 
 def _floor_heights(style: ExemplarStyle, floors: list[int]) -> np.ndarray:
-    """How high floors (n,) of an exemplar are, (n,) pixels."""
+    """Return the heights (n,) in pixels of exemplar floors."""
     rows = [lattice_rows(style, floor) for floor in floors]
     return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
 
 
 def _limit_heights(heights: np.ndarray) -> np.ndarray:
-    """Heights of storeys (n,) with the same sum, made as alike as it takes for all to be within STOREY_M."""
+    """Make heights (n,) as equal as needed for all to be within the limits of a floor; the sum stays."""
     mean = heights.mean()
     off = heights - mean
     low, high = FLOOR_HEIGHT_M
@@ -140,7 +169,9 @@ def _limit_heights(heights: np.ndarray) -> np.ndarray:
 
 
 def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float) -> tuple[float, ...]:
-    """What a storey of some height, metres, has above, across and below its windows, which keep theirs where they can."""
+    """Divide a floor's height, metres, into the bands above, across and below its windows; windows keep theirs if
+    possible.
+    """
     rows = lattice_rows(style, floor)
     sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])
     if len(sizes) < 3:
@@ -151,5 +182,5 @@ def _band_heights(style: ExemplarStyle, floor: int, height: float, scale: float)
 
 
 def shows_ground_floor(style: ExemplarStyle, wall_floor: WallFloor) -> bool:
-    """Whether a storey shows the exemplar's ground floor."""
+    """Return whether a floor shows the exemplar's ground floor."""
     return wall_floor.exemplar_floor < 0 or style.structure.kinds[wall_floor.exemplar_floor] == "ground"

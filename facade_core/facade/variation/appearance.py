@@ -1,15 +1,24 @@
-"""What it costs to show one type of elements for another, by how their projected patches look."""
+"""Appearance cost of relabelling element types, from projected patches."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Principal components kept (d in the paper).
+# Number of principal components (d in the paper).
 PRINCIPAL_COMPONENTS = 7
 
 
 def project_patches(patches: np.ndarray) -> np.ndarray:
-    """(N, d <= 7) coordinates of (N, h, w, 3) patches in their principal components, in intensities."""
+    """Project patches on their principal components.
+
+    Parameters
+    ----------
+    patches : (N, h, w, 3).
+
+    Returns
+    -------
+    (N, d) coordinates in intensities, d at most PRINCIPAL_COMPONENTS.
+    """
     flat = patches.reshape(len(patches), -1).astype(np.float64)
     flat -= flat.mean(axis=0)
     values, vectors = np.linalg.eigh(flat @ flat.T)
@@ -17,7 +26,12 @@ def project_patches(patches: np.ndarray) -> np.ndarray:
 
 
 def relabelling_cost(representatives: np.ndarray) -> np.ndarray:
-    """(T, T) cost C of relabelling one type as another: SSD of (T, d) representatives, cubed, largest 1."""
-    ssd = np.array([((representatives - one) ** 2).sum(axis=1) for one in representatives])
+    """Return the (T, T) cost C of relabelling: cubed SSD between representatives, normalised to 1.
+
+    Parameters
+    ----------
+    representatives : (T, d) projected representative of each type.
+    """
+    ssd = np.array([((representatives - row) ** 2).sum(axis=1) for row in representatives])
     ssd = ssd.reshape(len(representatives), len(representatives))
     return (ssd / max(ssd.max(initial=0), 1e-12)) ** 3

@@ -1,7 +1,7 @@
-"""One file per facade: a zip with a JSON header and the photo as AVIF.
+"""File format of a variation hierarchy: a zip with a JSON header and the photo as AVIF.
 
-The header holds integers (boxes, quantised light, types, structure matrices as run lengths), so the file needs neither pickle
-nor this package's classes to be understood.
+The header holds integers (boxes, quantised light, types, structure matrices as run lengths), so that readers need
+neither pickle nor this package's classes.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from facade_core.core.errors import InputError
 from facade_core.facade.variation.contents import ElementGroup, HierarchyContents, HierarchyLevel
 
 _FORMAT = "streetloom variation 3"
-# Of AVIF: about half of a JPEG's bytes for the same likeness; one thread, so that bits do not depend on the machine.
+# About half of a JPEG's bytes at the same similarity; one thread, so that bits do not depend on the machine.
 AVIF_OPTIONS = {"quality": 45, "speed": 6, "max_threads": 1}
-# Light is kept to 1/128.
+# Quantisation step of light.
 _LIGHT_STEP = 1 / 128
 
 
 def quantise_light(light: np.ndarray) -> np.ndarray:
-    """The light as the file keeps it."""
+    """Return the light at the precision of the file."""
     return np.round(light / _LIGHT_STEP) * _LIGHT_STEP
 
 
@@ -35,7 +35,16 @@ def encode_file(
     representatives: np.ndarray,
     levels: Sequence[Sequence[np.ndarray]],
 ) -> bytes:
-    """The file's bytes; photo (H, W, 3) uint8; levels: matrices per grid."""
+    """Encode a hierarchy as the bytes of a file.
+
+    Parameters
+    ----------
+    photo : (H, W, 3) uint8.
+    groups : elements by label and size.
+    cells : per grid, element numbers, -1 for none.
+    representatives : (T,) element number of each type.
+    levels : per level, one structure matrix for each grid.
+    """
     header = {
         "format": _FORMAT,
         "groups": [
@@ -60,7 +69,13 @@ def encode_file(
 
 
 def decode_file(coded: bytes) -> HierarchyContents:
-    """What is in a file's bytes; InputError when they are no such file, of an earlier format, or damaged."""
+    """Decode the bytes of a file.
+
+    Raises
+    ------
+    InputError
+        If the bytes are damaged, of another kind, or of an earlier format.
+    """
     try:
         with zipfile.ZipFile(io.BytesIO(coded)) as archive:
             header = json.loads(archive.read("header.json"))
@@ -84,7 +99,7 @@ def decode_file(coded: bytes) -> HierarchyContents:
 
 
 def _run_lengths(labels: np.ndarray) -> list[int]:
-    """A label map as run lengths in reading order: label, length, label, length ..."""
+    """Return a label map as run lengths in reading order: label, length, label, length ..."""
     flat = labels.ravel()
     starts = np.flatnonzero(np.diff(flat, prepend=flat[0] - 1))
     return np.stack([flat[starts], np.diff(starts, append=len(flat))], axis=1).ravel().tolist()

@@ -1,4 +1,4 @@
-"""What the file of a facade's variation hierarchy holds."""
+"""Contents of the file of a variation hierarchy."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HierarchyLevel:
-    """One level: per grid a matrix of element types, and its statistics. Types are numbered over the whole facade.
+    """Level of the hierarchy: structure matrices and statistics; types are numbered over the whole facade.
 
-    grids: (R, C) int32 each, -1 where the grid has no element; counts (T,) int32: elements per type at this level;
-    probabilities (T, T): of an element of type i in the photo to be of type j at this level (rows sum to 1).
+    Attributes
+    ----------
+    grids : per grid, (R, C) int32 structure matrix, -1 for an empty cell.
+    counts : (T,) int32 elements of each type at this level.
+    probabilities : (T, T) probability that an element of type i in the photo has type j at this level; rows sum to 1.
     """
 
     grids: tuple[np.ndarray, ...]
@@ -25,7 +28,11 @@ class HierarchyLevel:
 class ElementGroup:
     """Elements of one label and comparable size.
 
-    boxes (N, 4) int32 pixels; light (N,) brightness; types (N,) int32 in the photo.
+    Attributes
+    ----------
+    boxes : (N, 4) int32 pixels.
+    light : (N,) relative brightness of the light.
+    types : (N,) int32 types in the photo.
     """
 
     label: str
@@ -35,13 +42,15 @@ class ElementGroup:
 
 
 class HierarchyContents(NamedTuple):
-    """A whole file.
+    """Contents of a file.
 
-    levels: level 0 as photographed;
-    photo (H, W, 3) uint8: the facade;
-    groups: all elements, numbered group by group;
-    cells: per grid the elements' numbers, -1 for none;
-    representatives (T,) int32: the element that stands for each type.
+    Attributes
+    ----------
+    levels : level 0 is the photo.
+    photo : (H, W, 3) uint8.
+    groups : all elements, numbered group by group.
+    cells : per grid, element numbers, -1 for none.
+    representatives : (T,) int32 element that represents each type.
     """
 
     levels: tuple[HierarchyLevel, ...]

@@ -1,4 +1,4 @@
-"""Types of elements: what a patch shows, whatever the light, and mean-shift clusters of that."""
+"""Element types: descriptors of patches that are invariant to light, clustered by mean shift."""
 
 from __future__ import annotations
 
@@ -7,33 +7,42 @@ import numpy as np
 from facade_core.core.numba_cache import njit
 from facade_core.facade.variation.appearance import PRINCIPAL_COMPONENTS
 
-# Longest side of a descriptor in pixels: what is left of a state there survives a box that is a pixel off.
+# Longest side of a descriptor: a state is still recognisable there although a box is a pixel off.
 _DESCRIPTOR_SIDE_PX = 12
-# Weights of colours and edges: a shadow changes colours, hardly the edges.
+# Weights of colours and edges; a shadow changes colours, but hardly edges.
 _COLOUR_WEIGHT = 0.5
 _EDGE_WEIGHT = 480.0
-# Grey levels per pixel of which a gradient is no edge but noise.
+# Gradient of noise, grey levels for each pixel.
 _NOISE_GRADIENT = 8.0
-# Kernel widths tried, root mean square per value of a descriptor.
+# Candidate kernel widths, root mean square per value of a descriptor.
 _KERNEL_WIDTHS = np.geomspace(6, 100, 20)
-# The width where none finds types that lie apart: this share of the median distance, and not less than what the noise
-# in pictures of one state comes to.
+# Kernel width if no candidate separates types: a share of the median distance, at least the noise in pictures of one
+# state.
 _FALLBACK_WIDTH_SHARE = 0.8
 _MIN_FALLBACK_WIDTH = 40.0
-# Mean silhouette from which types are believed; the same for a type's own elements, of which there must be a few.
+# Smallest mean silhouette of types, and of the split of a type.
 _MIN_SILHOUETTE = 0.2
 _MIN_SPLIT_SILHOUETTE = 0.6
-# More types are believed only where they lie apart more clearly by this.
+# Smallest gain of the silhouette for more types.
 _MIN_SILHOUETTE_GAIN = 0.08
+# Smallest number of elements of a type that is split.
 _MIN_SPLIT_SIZE = 5
 
 
 def compute_descriptors(patches: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """(N, d <= 7) coordinates of what (N, h, w, 3) patches show, in root mean square per value.
+    """Compute descriptors of patches from colours and edges at a small size.
 
-    Colours and edges at a small size. An edge is a gradient over the root mean square gradient around it, so that a
-    darker or paler picture of one state has the same edges. seen (N, h, w) bool: what no other element hides; the rest
-    counts as it is in the most alike patch in which it is seen.
+    An edge is a gradient relative to the root mean square gradient around it, so that darker or paler pictures of one
+    state have the same edges. Hidden pixels take the values of the most similar patch that shows them.
+
+    Parameters
+    ----------
+    patches : (N, h, w, 3).
+    visible : (N, h, w) bool, False where another element hides the patch.
+
+    Returns
+    -------
+    (N, d) principal coordinates as root mean square per value, d at most PRINCIPAL_COMPONENTS.
     """
     import cv2
 
@@ -46,7 +55,7 @@ def compute_descriptors(patches: np.ndarray, visible: np.ndarray) -> np.ndarray:
     for patch, in_view, value, whole in zip(patches, visible, values, known, strict=True):
         grey = patch.mean(axis=2)
         across, down = cv2.Sobel(grey, -1, 1, 0, scale=1 / 8), cv2.Sobel(grey, -1, 0, 1, scale=1 / 8)
-        # A running sum in single precision can end below zero beside a flat part.
+        # A running sum in single precision can be negative next to a flat part.
         usual = np.sqrt(np.maximum(cv2.blur(across * across + down * down, around), 0)) + _NOISE_GRADIENT
         value[..., :3] = _COLOUR_WEIGHT * cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
         value[..., 3] = cv2.resize(_EDGE_WEIGHT * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
@@ -58,9 +67,18 @@ def compute_descriptors(patches: np.ndarray, visible: np.ndarray) -> np.ndarray:
 
 
 def fill_from_similar(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(N, h, w, c) values where known (N, h, w) bool; elsewhere those of the most alike of the N that are known there.
+    """Fill unknown values from the most similar item that knows them.
 
-    Two are alike by their values where both are known. What none knows is left as it is.
+    Similarity is measured where both items are known. Values that no item knows stay.
+
+    Parameters
+    ----------
+    values : (N, h, w, c).
+    known : (N, h, w) bool.
+
+    Returns
+    -------
+    (N, h, w, c).
     """
     if known.all():
         return values
@@ -82,11 +100,18 @@ def fill_from_similar(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def cluster_types(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean-shift types of (N, d) descriptors.
+    """Cluster descriptors to element types by mean shift.
 
-    Returns (N,) int32 types, the most frequent first, and (T,) int32 the representative of each: the element nearest to
-    its centroid. The paper's kernel has one width for all facades; here the width is the one whose types lie apart most
-    clearly (mean silhouette), when any does: drawn curtains differ by less than photographs of one and the same state.
+    The paper's kernel has one width for all facades. Here the width is the one whose types are separated best (mean
+    silhouette), if any separates them: drawn curtains differ by less than photographs of one state.
+
+    Parameters
+    ----------
+    points : (N, d) descriptors.
+
+    Returns
+    -------
+    (N,) int32 types, the most frequent first, and (T,) int32 representatives, the elements nearest to the centroids.
     """
     types = _order_by_frequency(_separate_types(np.ascontiguousarray(points, np.float64), _MIN_SILHOUETTE))
     representatives = np.empty(types.max(initial=-1) + 1, np.int32)
@@ -98,9 +123,9 @@ def cluster_types(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _separate_types(points: np.ndarray, clear: float) -> np.ndarray:
-    """Types by the clearest kernel, each type then separated further while that is clearer still.
+    """Cluster with the best kernel width, then split each type while that separates better.
 
-    Without the second step one odd kind of window, say the dormers, hides the states of all others.
+    Without the second step one unusual kind of window, such as dormers, would hide the states of all others.
     """
     apart = np.sqrt(((points[:, None] - points[None]) ** 2).sum(axis=2))[np.triu_indices(len(points), 1)]
     types, best = (
@@ -128,19 +153,29 @@ def _separate_types(points: np.ndarray, clear: float) -> np.ndarray:
 
 
 def _order_by_frequency(types: np.ndarray) -> np.ndarray:
-    """(N,) int32: the labels renumbered, the most frequent first, then the first to appear."""
+    """Renumber labels (N,) by descending frequency, then by first occurrence."""
     _, first, index, counts = np.unique(types, return_index=True, return_inverse=True, return_counts=True)
     return np.argsort(np.lexsort((first, -counts)))[index].astype(np.int32)
 
 
 def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
-    """(N,) int32 clusters of (N, d) points, the largest first: flat kernel of radius `width`, modes closer than that one."""
+    """Cluster points with a flat kernel; modes closer than its radius merge.
+
+    Parameters
+    ----------
+    points : (N, d).
+    width : radius of the kernel.
+
+    Returns
+    -------
+    (N,) int32 clusters, the largest first.
+    """
     return _find_modes(np.ascontiguousarray(points, np.float64), float(width))
 
 
 @njit(cache=True)
 def _find_modes(points: np.ndarray, width: float) -> np.ndarray:
-    """Points belong to the best supported mode that theirs meets; clusters are numbered by size, then by first point."""
+    """Assign points to the best supported mode that theirs meets; number clusters by size, then by first point."""
     number, dimensions = points.shape
     modes = points.copy()
     support = np.zeros(number, np.int64)
@@ -176,7 +211,7 @@ def _find_modes(points: np.ndarray, width: float) -> np.ndarray:
     counts = np.zeros(number, np.int64)
     for i in range(number):
         counts[label[i]] += 1
-    # the name of a cluster is how many are larger, or as large and before it
+    # A cluster's number is the count of larger clusters and of earlier ones of equal size.
     names = np.empty(number, np.int32)
     for i in range(number):
         names[i] = 0
@@ -187,7 +222,7 @@ def _find_modes(points: np.ndarray, width: float) -> np.ndarray:
 
 @njit(cache=True)
 def _squared_distance(one: np.ndarray, other: np.ndarray) -> float:
-    """The square of how far two points are apart."""
+    """Return the squared distance of two points."""
     total = 0.0
     for k in range(len(one)):
         total += (one[k] - other[k]) ** 2
@@ -196,7 +231,13 @@ def _squared_distance(one: np.ndarray, other: np.ndarray) -> float:
 
 @njit(cache=True)
 def mean_silhouette(points: np.ndarray, types: np.ndarray) -> float:
-    """Mean silhouette of (N, d) points in (N,) types 0, 1 ...; elements alone in their type, or a single type, count 0."""
+    """Return the mean silhouette; elements alone in their type count 0, and so does a single type.
+
+    Parameters
+    ----------
+    points : (N, d).
+    types : (N,) 0, 1 ...
+    """
     number = len(points)
     kinds = 0
     for kind in types:

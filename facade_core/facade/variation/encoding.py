@@ -1,4 +1,4 @@
-"""Encoding a facade image by the variations of its elements (AlSisan & Mitra 2012)."""
+"""Encode a facade image by the variations of its elements (AlSisan & Mitra 2012)."""
 
 from __future__ import annotations
 
@@ -12,27 +12,42 @@ from facade_core.facade.variation.codec import encode_file
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.variations import Variations, find_variations
 
-# Pixels of a side that a file of a facade has at most.
+# Longest side of the photo in a file.
 _MAX_SIDE_PX = 16383
 
 
 def encode(image: np.ndarray, elements: Sequence[Element], *, seed: int = 0) -> Hierarchy:
-    """The variation-factored hierarchy of a rectified facade.
+    """Encode a rectified facade as a variation-factored hierarchy.
 
-    image (H, W, 3) uint8; elements in its pixels, clipped to it; those under 3 px stay part of the wall, exact
-    duplicates count once. Their types (`variations`) on the repetition grids make the structure
-    matrices S0, which ICM on Eq. 1 makes ever more regular, up to one type per grid. A level is a set of matrices that
-    differs from the one before by more than names. No element: one level, the wall.
+    The types of its elements on the repetition grids form the structure matrices S0, which ICM on Eq. 1 makes more
+    and more regular, up to one type per grid. A level is a set of matrices that differs from the previous one by more
+    than names. Without elements there is one level, the wall.
 
-    Nothing is random, so `seed` changes nothing. Raises ImageError for another kind of array, LayoutError for elements
-    without area, of an unknown label or outside the image.
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    elements : in pixels, clipped to the image. Those under 3 px remain part of the wall, exact duplicates count once.
+    seed : without effect; nothing is random.
+
+    Raises
+    ------
+    ImageError
+        For another kind of array.
+    LayoutError
+        For elements without area, of an unknown label or outside the image.
     """
     _check_photo(image)
     return encode_variations(image, find_variations(image, elements))
 
 
 def encode_variations(image: np.ndarray, variations: Variations) -> Hierarchy:
-    """The hierarchy of a facade whose variations are known. Raises ImageError for another kind of array."""
+    """Encode a facade whose variations are known.
+
+    Raises
+    ------
+    ImageError
+        For another kind of array.
+    """
     _check_photo(image)
     return Hierarchy.from_bytes(
         encode_file(image, variations.groups, variations.cells, variations.representatives, variations.levels)

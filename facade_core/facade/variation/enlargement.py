@@ -1,4 +1,4 @@
-"""Facades with more floors or columns than the photo: bands of the wall repeated, and the places on them."""
+"""Enlarge a facade to more floors or columns: repeat bands of the wall and the elements on them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,21 @@ from facade_core.core.errors import LayoutError
 from facade_core.facade.variation.contents import ElementGroup
 from facade_core.facade.variation.rendering import element_boxes
 
-# Pixels over which one band of the wall fades into another.
+# Width of the fade between bands of the wall.
 _FADE_PX = 4
-# Elements that a repeated band should not carry along, as long as there are others.
+# Labels that repeated bands avoid, as long as there are other bands.
 _UNREPEATED_LABELS = ("door", "shop")
 
 
 class EnlargedFacade(NamedTuple):
-    """wall (H', W', 3) uint8; places (M,) int: the element that a place is a copy of; boxes (M, 4) int32 of the places."""
+    """Enlarged wall and the elements on it.
+
+    Attributes
+    ----------
+    wall : (H', W', 3) uint8.
+    places : (M,) int element that each box is a copy of.
+    boxes : (M, 4) int32.
+    """
 
     wall: np.ndarray
     places: np.ndarray
@@ -33,10 +40,22 @@ def enlarge_facade(
     columns: int | None,
     rng: np.random.Generator,
 ) -> EnlargedFacade:
-    """Repeat inner floors and bays of the largest grid of windows up to these counts; None leaves them as they are.
+    """Repeat inner floors and bays of the largest window grid up to the wanted counts.
 
-    An element that reaches over more than one band, as a running balcony, is stretched. Raises LayoutError as
-    `Hierarchy.sample` does.
+    An element that spans several bands, such as a running balcony, is stretched.
+
+    Parameters
+    ----------
+    wall : (H, W, 3) uint8 wall without elements.
+    groups : elements by label and size.
+    cells : per grid, element numbers, -1 for none.
+    floors, columns : wanted counts, None to keep the present one.
+    rng : draws the repeated bands.
+
+    Raises
+    ------
+    LayoutError
+        For fewer floors or columns than present, or without windows.
     """
     boxes = element_boxes(groups)
     labels = np.array([g.label for g in groups for _ in g.boxes])
@@ -71,9 +90,12 @@ def _repeat_bands(
     length: int,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, list[list[tuple[int, int]]]]:
-    """Source positions of the enlarged axis, and per element its intervals on it.
+    """Return source positions of the enlarged axis, and each element's intervals on it.
 
-    rows (R, 2): first and last position of the grid's rows; more: bands to add.
+    Parameters
+    ----------
+    rows : (R, 2) first and last position of the grid's rows.
+    more : number of bands to add.
     """
     spans = np.clip(boxes[:, [axis, axis + 2]], 0, length)
     cuts = [0, *_find_cuts(rows, spans, length), length]
@@ -81,7 +103,7 @@ def _repeat_bands(
     once = np.isin(labels, _UNREPEATED_LABELS)
     middles = spans.mean(axis=1)
     plain = [b for b in bands if not ((middles >= cuts[b]) & (middles < cuts[b + 1]) & once).any()]
-    # A facade of one row has no inner band: the band of that row is repeated, with what lies between it and the edge.
+    # A facade of one row has no inner band; the band of that row, up to the edge, is repeated.
     own = np.unique(np.searchsorted(cuts, rows.mean(axis=1), "right") - 1).tolist()
     extra = _draw_bands(plain or bands or own, more, rng)
     order = np.sort(np.concatenate([np.arange(len(cuts) - 1), extra])).astype(int)
@@ -105,7 +127,7 @@ def _repeat_bands(
 
 
 def _find_cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
-    """Positions between neighbouring rows that the fewest elements cross, and one pitch before and behind them."""
+    """Return the positions between rows that the fewest elements cross, and one pitch before and after."""
     found = []
     for (_, end), (start, _) in zip(rows[:-1], rows[1:], strict=True):
         low, high = sorted((round(end), round(start)))
@@ -125,14 +147,14 @@ def _find_cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
 
 
 def _draw_bands(bands: Sequence[int], number: int, rng: np.random.Generator) -> np.ndarray:
-    """`number` of the bands, each about equally often."""
+    """Draw `number` of the bands, each about equally often."""
     if number == 0:
         return np.zeros(0, int)
     return np.concatenate([rng.permutation(bands) for _ in range(-(-number // len(bands)))])[:number]
 
 
 def _splice(wall: np.ndarray, source: np.ndarray, axis: int) -> np.ndarray:
-    """The wall's lines `source` along an axis, fading where they do not follow each other."""
+    """Take the lines `source` of the wall along an axis and fade between lines that are not successive."""
     if axis:
         return np.ascontiguousarray(_splice(wall.swapaxes(0, 1), source, 0).swapaxes(0, 1))
     result = wall[source]

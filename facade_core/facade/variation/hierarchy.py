@@ -1,4 +1,4 @@
-"""The variation-factored hierarchy of a facade: its levels, shown with representatives or with its elements exchanged."""
+"""Variation-factored hierarchy of a facade: levels, reconstruction and sampling."""
 
 from __future__ import annotations
 
@@ -19,10 +19,15 @@ from facade_core.facade.variation.sampling import assign_by_type, make_generator
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hierarchy:
-    """A facade coded by `encode`: levels, level 0 as photographed, up to one type per grid.
+    """Facade encoded by `encode`: level 0 is the photo, the last level has one type per grid.
 
-    photo (H, W, 3) uint8: the facade as the file has it; groups: all elements, numbered group by group; cells: per
-    grid the elements' numbers, -1 for none; representatives (T,) int32: the element that stands for each type.
+    Attributes
+    ----------
+    levels : structure matrices and statistics.
+    photo : (H, W, 3) uint8 facade as in the file.
+    groups : all elements, numbered group by group.
+    cells : per grid, element numbers, -1 for none.
+    representatives : (T,) int32 element that represents each type.
     """
 
     levels: tuple[HierarchyLevel, ...]
@@ -34,16 +39,22 @@ class Hierarchy:
 
     @property
     def nbytes(self) -> int:
-        """Size of the file in bytes."""
+        """Return the size of the file in bytes."""
         return len(self._file_bytes)
 
     @property
     def wall(self) -> np.ndarray:
-        """(H, W, 3) uint8: the facade without its elements, filled from around them."""
+        """Return the facade without its elements, (H, W, 3) uint8, filled from their surroundings."""
         return bare_wall(self.photo, box_mask(element_boxes(self.groups), self.photo.shape[:2]))
 
     def types_at(self, level: int) -> np.ndarray:
-        """(elements,) int32: the type of every element at a level; InputError for a level that there is not."""
+        """Return the (elements,) int32 type of every element at a level.
+
+        Raises
+        ------
+        InputError
+            For a level that does not exist.
+        """
         if not 0 <= level < len(self.levels):
             raise InputError(f"level {level}: this facade has levels 0 to {len(self.levels) - 1}")
         labels = element_types(self.groups).copy()
@@ -52,20 +63,35 @@ class Hierarchy:
         return labels
 
     def reconstruct(self, level: int) -> np.ndarray:
-        """(H, W, 3) uint8: the photo, in which elements relabelled at a level show their new type's representative."""
+        """Return the photo with relabelled elements shown as the representative of their type, (H, W, 3) uint8."""
         photo, now = self.types_at(0), self.types_at(level)
         places = np.arange(len(photo))
         shown = np.where(now == photo, places, self.representatives[now])
         return paint_elements(self.photo, self.photo, self.groups, places, element_boxes(self.groups), shown)
 
     def sample(self, level: int, seed: int, *, floors: int | None = None, columns: int | None = None) -> np.ndarray:
-        """(H', W', 3) uint8: a variation, the elements that share a type at the level exchanged among each other.
+        """Sample a variation: permute the elements that share a type at a level.
 
-        A permutation is a draw from the level's relabelling probabilities that keeps every type's count in the photo;
-        seeds 0, 1 ... give different ones as long as there are any. With floors or columns, at least as many as the
-        largest grid of windows has, floors and bays are repeated, every place showing an element of its type at the
-        level, as far as can be from where the same one is shown. Raises InputError for a level that there is not or a
-        negative seed, LayoutError for fewer floors or columns, or for more where there is no window.
+        A permutation is a draw from the level's relabelling probabilities that keeps every type's count in the photo.
+        Seeds 0, 1 ... give different permutations as long as there are any. With floors or columns, bands are repeated;
+        every place shows an element of its type, as far as possible from other places of the same element.
+
+        Parameters
+        ----------
+        level : level whose types are permuted.
+        seed : number of the sample, from 0.
+        floors, columns : wanted counts of the largest window grid, at least the present ones.
+
+        Returns
+        -------
+        (H', W', 3) uint8.
+
+        Raises
+        ------
+        InputError
+            For a level that does not exist or a negative seed.
+        LayoutError
+            For fewer floors or columns than present, or for more without windows.
         """
         now = self.types_at(level)
         boxes = element_boxes(self.groups)
@@ -78,21 +104,33 @@ class Hierarchy:
         return paint_elements(larger.wall, self.photo, self.groups, larger.places, larger.boxes, shown)
 
     def to_bytes(self) -> bytes:
-        """The file's content, for `from_bytes`."""
+        """Return the content of the file."""
         return self._file_bytes
 
     @staticmethod
     def from_bytes(coded: bytes) -> Hierarchy:
-        """Read what `to_bytes` gave; InputError when it is something else or damaged."""
+        """Read the result of `to_bytes`.
+
+        Raises
+        ------
+        InputError
+            If the bytes are damaged or of another kind.
+        """
         return Hierarchy(*decode_file(coded), coded)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the one file that `load` reads."""
+        """Write the file that `load` reads."""
         Path(path).write_bytes(self._file_bytes)
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Hierarchy:
-        """Read a saved hierarchy; InputError naming the file when it cannot be read."""
+        """Read a saved hierarchy.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read; the message names it.
+        """
         try:
             return Hierarchy.from_bytes(Path(path).read_bytes())
         except OSError as error:

@@ -1,8 +1,12 @@
-"""Iterated conditional modes on Eq. 1 of AlSisan & Mitra 2012, of which only what a move changed is computed again.
+"""Iterated conditional modes on Eq. 1, with incremental updates after each move.
 
-The greedy uniform rectangles of a type split into its connected parts: a rectangle lies in one part, and which part's is taken
-first changes none of another's. So moving a cell changes the rectangles of the parts that it leaves and joins, no others. Their
-reciprocal sizes are summed as whole numbers of 2^-40, in any order the same.
+The greedy uniform rectangles of a type split into its connected parts: a rectangle is within one part, and the
+order of parts does not matter. Moving a cell therefore changes only the rectangles of the parts that it leaves
+and joins. Their reciprocal sizes are summed as whole numbers of 2^-40, so that sums do not depend on the order.
+
+References
+----------
+AlSisan & Mitra 2012, Eq. 1.
 """
 
 from __future__ import annotations
@@ -13,20 +17,27 @@ import numpy as np
 
 from facade_core.core.numba_cache import njit
 
-# What a rectangle of one cell adds to the sum of reciprocal sizes.
+# Fixed-point one: the reciprocal size of a rectangle of one cell.
 FIXED_POINT_ONE = 1 << 40
-# A move that lowers the energy by less is none.
+# Largest change of the energy by an accepted move.
 _MAX_CHANGE = -1e-9
 
 
 class IcmState(NamedTuple):
-    """What is known of a labelling of T types, kept from move to move and from weight to weight.
+    """Labelling of T types with cached changes of its energy, kept from move to move and from weight to weight.
 
-    x (R + 2, C + 2) int32: the types, -1 where there is no element and all around; number (T,): cells of each type; sums (T,):
-    of their rectangles' reciprocal sizes; known (cells,) bool: whether the next two hold; left (cells,): what the sum of a
-    cell's type changes by when the cell leaves it; joined (cells, 4): what that of the type above, below, left and right of
-    it changes by when it joins; merges (T, T) bool, merged (T, T): what the sums of two types change by when they become one,
-    and whether that holds. Cells are those of x in reading order; sums are int64, in 1 / WHOLE.
+    Cells are numbered in reading order of `types`; sums are int64 in units of 1 / FIXED_POINT_ONE.
+
+    Attributes
+    ----------
+    types : (R + 2, C + 2) int32 types, -1 without an element and all around.
+    counts : (T,) cells of each type.
+    reciprocal_sums : (T,) sum of reciprocal sizes of each type's rectangles.
+    is_current : (cells,) bool, True if the next two hold.
+    leave_change : (cells,) change of the sum of a cell's type when the cell leaves it.
+    join_change : (cells, 4) change of the sum of the type above, below, left and right when the cell joins it.
+    is_merge_current : (T, T) bool, True if the next holds.
+    merge_change : (T, T) change of the sums of two types when they merge.
     """
 
     types: np.ndarray
@@ -40,12 +51,18 @@ class IcmState(NamedTuple):
 
     @property
     def labels(self) -> np.ndarray:
-        """(R, C) int32 types, -1 where there is no element."""
+        """Return the (R, C) int32 types, -1 without an element."""
         return self.types[1:-1, 1:-1].copy()
 
 
 def initial_icm_state(labels: np.ndarray, types: int) -> IcmState:
-    """What is known of a labelling (R, C), -1 where there is no element, of `types` types, before any move."""
+    """Return the state before any move.
+
+    Parameters
+    ----------
+    labels : (R, C) types, -1 without an element.
+    types : number of types.
+    """
     x = np.pad(labels.astype(np.int32), 1, constant_values=-1)
     sums = np.array([sum_reciprocal_sizes(x == t) for t in range(types)], np.int64)
     return IcmState(
@@ -62,7 +79,14 @@ def initial_icm_state(labels: np.ndarray, types: int) -> IcmState:
 
 @njit(cache=True)
 def sum_reciprocal_sizes(cells: np.ndarray) -> int:
-    """Sum of WHOLE / size over the rectangles of (R, C) bool cells: biggest first, none overlapping, first found on ties."""
+    """Return the sum of FIXED_POINT_ONE / size over the disjoint rectangles of cells.
+
+    Rectangles are taken greedily, the largest first, the first found on ties.
+
+    Parameters
+    ----------
+    cells : (R, C) bool.
+    """
     rows, columns = cells.shape
     free = cells.copy()
     height = np.zeros(columns, np.int64)
@@ -99,7 +123,7 @@ def sum_reciprocal_sizes(cells: np.ndarray) -> int:
 
 @njit(cache=True)
 def _mark_parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
-    """Makes found (R, C) bool the connected parts of `label` that the cell `at` is in or beside, and that cell."""
+    """Write to `found` (R, C) bool the connected parts of `label` that touch the cell `at`, and that cell."""
     types, cells = x.reshape(-1), found.reshape(-1)
     cells[:] = False
     cells[at] = True
@@ -120,7 +144,7 @@ def _mark_parts(x: np.ndarray, at: int, label: int, found: np.ndarray) -> None:
 
 @njit(cache=True)
 def _neighbour(cell: int, k: int, width: int) -> int:
-    """The cell above, below, left or right of one."""
+    """Return the cell above, below, left or right of a cell."""
     if k < 2:
         return cell + (2 * k - 1) * width
     return cell + 2 * k - 5
@@ -128,7 +152,7 @@ def _neighbour(cell: int, k: int, width: int) -> int:
 
 @njit(cache=True)
 def _update_cell(state: IcmState, at: int) -> None:
-    """Fills in what a cell's moves change."""
+    """Compute the changes of all moves of a cell."""
     types = state.types.reshape(-1)
     own = types[at]
     width = state.types.shape[1]
@@ -150,7 +174,7 @@ def _update_cell(state: IcmState, at: int) -> None:
 
 @njit(cache=True)
 def _invalidate(state: IcmState, part: np.ndarray, label: int) -> None:
-    """What is in a part (R, C) bool of a type or beside it, and how the type merges, has to be learnt again."""
+    """Mark the cells of a part and next to it, and the merges of its type, as not current."""
     cells = part.reshape(-1)
     for cell in range(cells.size):
         if cells[cell]:
@@ -165,7 +189,7 @@ def _invalidate(state: IcmState, part: np.ndarray, label: int) -> None:
 def _move_cells(
     state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha: float, energies: np.ndarray, moves: int
 ) -> int:
-    """One sweep: each cell to the type that lowers the energy most. Returns the number of moves so far."""
+    """Move each cell to the type that lowers the energy most; return the number of moves so far."""
     count = state.counts
     types, before = state.types.reshape(-1), previous.reshape(-1)
     width = state.types.shape[1]
@@ -211,7 +235,7 @@ def _move_cells(
 
 @njit(cache=True)
 def _merge_types(state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha: float) -> float:
-    """Makes one type of the two whose union lowers the energy most; returns what it changes, 0 where none does."""
+    """Merge the two types whose union lowers the energy most; return the change, 0 if none does."""
     count, number = state.counts, len(state.counts)
     types, before = state.types.reshape(-1), previous.reshape(-1)
     width = state.types.shape[1]
@@ -265,11 +289,20 @@ def _merge_types(state: IcmState, previous: np.ndarray, cost: np.ndarray, alpha:
 
 @njit(cache=True)
 def run_icm(state: IcmState, cost: np.ndarray, alpha: float) -> np.ndarray:
-    """Lowers Eq. 1 from a labelling, which is also what the data term compares with, and returns the energy after each
-    accepted move, the start first.
+    """Lower Eq. 1 from a labelling, which is also the reference of the data term.
 
-    Single cells move first; when none can, all cells of a type move at once to another one in use. Every accepted move
-    lowers the energy, so both loops end.
+    Single cells move first; if none can, all cells of a type move to another type in use. Every accepted move lowers
+    the energy, so both loops end.
+
+    Parameters
+    ----------
+    state : labelling; changed in place.
+    cost : (T, T) relabelling costs.
+    alpha : weight of regularity.
+
+    Returns
+    -------
+    (moves + 1,) energy at the start and after each accepted move.
     """
     previous = state.types.copy()
     types = len(state.counts)

@@ -1,4 +1,4 @@
-"""A level drawn as in Fig. 1 of the paper: the facade, and below it the types of elements that it is made of."""
+"""Draw a hierarchy level as in Fig. 1 of the variation paper: the facade above its element types."""
 
 from __future__ import annotations
 
@@ -7,16 +7,21 @@ import numpy as np
 from facade_core.facade.variation.hierarchy import Hierarchy
 from facade_core.facade.variation.rendering import element_boxes
 
-# Height of a type's picture as a share of the facade's, and the pixels between pictures.
+# Height of a type's picture, as a share of the facade's.
 _INSET_SHARE = 0.045
+# Gap between pictures.
 _GAP_PX = 4
 _BACKGROUND = 255
 
 
 def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
-    """(H', W, 3) uint8: the facade at a level above its types, the most frequent first, each in its representative.
+    """Draw the facade at a level above its types, the most frequent first, each by its representative.
 
-    Below every type a bar, as long as its share of the elements. Raises InputError for a level that there is not.
+    A bar below every type is as long as its share of the elements. Raises InputError for a level that does not exist.
+
+    Returns
+    -------
+    (H', W, 3) uint8.
     """
     import cv2
 
@@ -26,7 +31,7 @@ def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
         return facade
     height, width = facade.shape[:2]
     tall = max(12, round(_INSET_SHARE * height))
-    # Representatives are shown as level 0 has them.
+    # Representatives are shown as in level 0.
     first = hierarchy.reconstruct(0)
     boxes = element_boxes(hierarchy.groups)[hierarchy.representatives]
     rows = [np.full((tall + 2 * _GAP_PX, width, 3), _BACKGROUND, np.uint8)]

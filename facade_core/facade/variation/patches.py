@@ -1,19 +1,20 @@
-"""Element patches of a facade image: cut, aligned and freed of the light that falls on them; and the bare wall."""
+"""Element patches: cut, align and normalise for light; and the wall without elements."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Pixels of wall that a patch carries around its element, and how far an element is moved to align with its group.
+# Wall around the element of a patch.
 PATCH_MARGIN_PX = 2
+# Largest shift of an element to align with its group.
 _ALIGNMENT_REACH_PX = 2
 _ALIGNMENT_ROUNDS = 3
-# Light is compared between walls; more than this factor is another material, not another light.
+# Range of relative light; beyond it the wall is of another material.
 _LIGHT_RANGE = (0.75, 1.33)
 
 
 def box_mask(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """(H, W) bool, True inside the half-open pixel boxes (N, 4) int."""
+    """Return a mask (H, W) bool, True inside the half-open pixel boxes (N, 4) int."""
     mask = np.zeros(shape, bool)
     for x0, y0, x1, y1 in box.tolist():
         mask[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = True
@@ -21,15 +22,25 @@ def box_mask(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def patch_size(box: np.ndarray) -> tuple[int, int]:
-    """(height, width) in pixels that a group's patches are resampled to: the median with the margins."""
+    """Return the (height, width) in pixels of a group's patches: the median with margins."""
     width, height = np.median(box[:, 2:] - box[:, :2], axis=0)
     return round(float(height)) + 2 * PATCH_MARGIN_PX, round(float(width)) + 2 * PATCH_MARGIN_PX
 
 
 def align_boxes(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """The boxes (N, 4) int moved by up to 2 px so that the edges in each patch agree best with the group's mean edges.
+    """Move boxes by up to 2 px so that the edges of their patches agree with the group's mean edges.
 
-    Edges, because an element's frame stays where it is while shutters and blinds change what is inside.
+    Edges, since an element's frame is stable while shutters and blinds change its interior.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    box : (N, 4) int pixels.
+    size : (height, width) of the patches.
+
+    Returns
+    -------
+    (N, 4) int.
     """
     if len(box) < 3:
         return box
@@ -41,7 +52,7 @@ def align_boxes(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np
         PATCH_MARGIN_PX + _ALIGNMENT_REACH_PX,
         (size[0] + 2 * _ALIGNMENT_REACH_PX, size[1] + 2 * _ALIGNMENT_REACH_PX),
     ).mean(axis=3)
-    # Horizontal and vertical edges apart; the root keeps one strong edge from deciding alone.
+    # Separate horizontal and vertical edges; the root keeps a single strong edge from dominating.
     edges = np.stack([np.sqrt(np.abs(cv2.Sobel(g, -1, *axis))) for g in grey for axis in ((1, 0), (0, 1))])
     edges = edges.reshape(len(box), 2, *grey.shape[1:])
     reach = range(2 * _ALIGNMENT_REACH_PX + 1)
@@ -55,12 +66,23 @@ def align_boxes(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np
 
 
 def cut_patches(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(N, h, w[, 3]) float32 patches in the image's range: each box with its margin, resampled to `size`."""
+    """Cut each box with its margin and resample it to `size`.
+
+    Parameters
+    ----------
+    image : (H, W) or (H, W, 3).
+    box : (N, 4) int pixels.
+    size : (h, w) of the patches.
+
+    Returns
+    -------
+    (N, h, w[, 3]) float32 in the image's range.
+    """
     return _cut_with_margin(image, box, PATCH_MARGIN_PX, size)
 
 
 def crop_box(image: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """(h, w, 3) float32: one box (4,) with its margin, at its own size; beyond the image its border goes on."""
+    """Crop a box (4,) with its margin at its own size, (h, w, 3) float32; border pixels repeat beyond the image."""
     rows = np.clip(np.arange(box[1] - PATCH_MARGIN_PX, box[3] + PATCH_MARGIN_PX), 0, image.shape[0] - 1)
     columns = np.clip(np.arange(box[0] - PATCH_MARGIN_PX, box[2] + PATCH_MARGIN_PX), 0, image.shape[1] - 1)
     return image[rows[:, None], columns].astype(np.float32)
@@ -69,7 +91,7 @@ def crop_box(image: np.ndarray, box: np.ndarray) -> np.ndarray:
 def _cut_with_margin(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int]) -> np.ndarray:
     import cv2
 
-    # Alignment may carry a box past the image by its reach.
+    # Alignment may move a box beyond the image.
     pad = margin + _ALIGNMENT_REACH_PX
     padded = cv2.copyMakeBorder(image, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
     patches = np.empty((len(box), *size, *image.shape[2:]), np.float32)
@@ -80,7 +102,13 @@ def _cut_with_margin(image: np.ndarray, box: np.ndarray, margin: int, size: tupl
 
 
 def wall_integrals(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Integral images (H + 1, W + 1) of the brightness and of the number of wall pixels; mask: all elements."""
+    """Return integral images (H + 1, W + 1) of the wall's brightness and number of pixels.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True on elements.
+    """
     import cv2
 
     wall = (~mask).astype(np.uint8)
@@ -88,9 +116,18 @@ def wall_integrals(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def relative_light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.ndarray:
-    """(N,) brightness of the wall around each box over the boxes' median, within [0.75, 1.33].
+    """Return the brightness of the wall around each box relative to the median, within [0.75, 1.33].
 
-    A shadow darkens an element and the wall beside it alike, a drawn blind only the element.
+    A shadow darkens an element and the wall next to it alike, a drawn blind only the element.
+
+    Parameters
+    ----------
+    sums : integral images of `wall_integrals`.
+    box : (N, 4) int pixels.
+
+    Returns
+    -------
+    (N,).
     """
     reach = np.maximum(3, (0.25 * (box[:, 2:] - box[:, :2])).round().astype(int))
     limit = np.array(sums[0].shape[::-1]) - 1
@@ -108,7 +145,13 @@ def relative_light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.n
 
 
 def bare_wall(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The image with the masked pixels filled smoothly from their surroundings (pull-push over an image pyramid)."""
+    """Fill masked pixels smoothly from their surroundings by pull-push over an image pyramid.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    mask : (H, W) bool, True where to fill.
+    """
     import cv2
 
     if mask.all():

@@ -1,4 +1,4 @@
-"""Exchanging the elements of a facade in its own pixels, not in a file's."""
+"""Permute the elements of a facade in its own pixels instead of a file's."""
 
 from __future__ import annotations
 
@@ -8,19 +8,29 @@ from facade_core.facade.variation.rendering import element_boxes, paint_elements
 from facade_core.facade.variation.sampling import permute_within_types
 from facade_core.facade.variation.variations import Variations
 
-# Elements whose middles are farther apart than this share of their height lie on different rows.
+# Largest distance between centres of one row, as a share of the height.
 ROW_TOLERANCE = 0.35
 
 
 def exchange_in_photo(
     image: np.ndarray, variations: Variations, share: float, seed: int
 ) -> tuple[np.ndarray, Variations]:
-    """The image (H, W, 3) uint8 with elements of one type at this share of its levels exchanged as `Hierarchy.sample` does, but
-    each within its row: another storey has other heads and sills, and what stands around an element stays. And the variations
-    of that image.
+    """Permute the elements of one type within their row, and return the image with its variations.
 
-    The wall, and elements that stay where they are and before which none moved, keep their pixels. Raises InputError for a
-    negative seed.
+    As `Hierarchy.sample`, but within rows, since heads and sills differ between floors. The wall, and elements that
+    stay in place without a moved one behind them, keep their pixels.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    variations : variations of the image.
+    share : level, as a share of the last one, whose types are permuted.
+    seed : number of the permutation, from 0.
+
+    Raises
+    ------
+    InputError
+        For a negative seed.
     """
     types = variations.types_at(round(share * (len(variations.levels) - 1)))
     row = np.concatenate([_row_numbers(group.boxes) for group in variations.groups]) if variations.groups else types
@@ -32,7 +42,7 @@ def exchange_in_photo(
 
 
 def _row_numbers(boxes: np.ndarray) -> np.ndarray:
-    """The row (N,) int of each of some boxes (N, 4) of comparable size, from the top."""
+    """Return the (N,) row, from the top, of boxes (N, 4) of comparable size."""
     middle = (boxes[:, 1] + boxes[:, 3]) / 2
     order = np.argsort(middle, kind="stable")
     row = np.empty(len(boxes), int)

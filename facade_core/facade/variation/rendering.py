@@ -1,4 +1,4 @@
-"""Painting a facade's elements from its photo, each where another one stands."""
+"""Paint a facade's elements from its photo at the places of other elements."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from facade_core.facade.variation.contents import ElementGroup
 from facade_core.facade.variation.element_types import fill_from_similar
 from facade_core.facade.variation.patches import PATCH_MARGIN_PX, box_mask, crop_box, cut_patches, patch_size
 
-# The percentile of a patch's values that stands for its brightest part.
+# Percentile of a patch's values that measures its brightest part.
 BRIGHTEST_PERCENTILE = 99
-# The same is hidden of two elements where no more than this share of them is of one alone.
+# Largest share of pixels that differ in visibility between two elements hidden alike.
 MAX_VISIBILITY_DIFFERENCE = 0.05
 
 
 def element_boxes(groups: Sequence[ElementGroup]) -> np.ndarray:
-    """(N, 4) int32 boxes of all elements in the order of their numbers."""
+    """Return the (N, 4) int32 boxes of all elements in the order of their numbers."""
     return np.concatenate([g.boxes for g in groups]) if groups else np.zeros((0, 4), np.int32)
 
 
 def element_types(groups: Sequence[ElementGroup]) -> np.ndarray:
-    """(N,) int32 types of all elements in the photo in the order of their numbers."""
+    """Return the (N,) int32 types of all elements in the photo in the order of their numbers."""
     return np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
 
 
@@ -35,12 +35,24 @@ def paint_elements(
     boxes: np.ndarray,
     shown: np.ndarray,
 ) -> np.ndarray:
-    """(H', W', 3) uint8: the canvas (H', W', 3) uint8 with element shown[i] of the photo in boxes[i], in the light of element
-    places[i].
+    """Paint elements of the photo into boxes of a canvas, in the light of the replaced elements.
 
-    places, shown (M,) int: numbers of elements of one group each; boxes (M, 4) int. Where the canvas is the photo, what stays
-    in its place keeps its pixels, and comes to lie over what was painted behind it. An element that is hidden as the one it
-    stands for, such as two behind one railing, is painted with what hides it: what is seen through that is its own.
+    Where the canvas is the photo, elements that stay in place keep their pixels and cover what is painted behind
+    them. If two elements are hidden alike, such as windows behind one railing, the element is painted with its
+    occluder.
+
+    Parameters
+    ----------
+    canvas : (H', W', 3) uint8.
+    photo : (H, W, 3) uint8.
+    groups : elements by label and size.
+    places : (M,) int element whose place each box is.
+    boxes : (M, 4) int.
+    shown : (M,) int element to paint, of the same group as its place.
+
+    Returns
+    -------
+    (H', W', 3) uint8.
     """
     painted = canvas.astype(np.float32)
     changed = np.full(canvas.shape[:2], canvas is not photo)
@@ -55,8 +67,8 @@ def paint_elements(
             within = np.s_[max(0, y0) : max(0, y1), max(0, x0) : max(0, x1)]
             if own == other and not changed[within].any():
                 continue
-            # What is beside an element may be another wall, in no other light: lit for it, white frames would burn out. So none
-            # is made brighter than what stood there.
+            # A different wall around an element looks like different light and would overexpose white frames, so no element
+            # becomes brighter than the one it replaces.
             most = max(1.0, float(brightest[own] / brightest[other]))
             lit = np.float32(min(group.light[own] / group.light[other], most))
             alike = (seen[own] != seen[other]).mean() <= MAX_VISIBILITY_DIFFERENCE
@@ -69,8 +81,12 @@ def paint_elements(
 def _visible_patches(
     photo: np.ndarray, group: ElementGroup, groups: Sequence[ElementGroup]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a group what each element shows, (N, h, w, 3) float32 with its margin, of which what another element hides is taken
-    from the most alike that shows it; what of each is seen, (N, h, w) bool; and how bright its brightest part is, (N,)."""
+    """Return a group's patches with hidden pixels filled, their visible pixels, and their brightest value.
+
+    Returns
+    -------
+    (N, h, w, 3) float32 with margin, (N, h, w) bool and (N,).
+    """
     size = patch_size(group.boxes)
     patches = cut_patches(photo, group.boxes, size)
     brightest = np.maximum(1, np.percentile(patches, BRIGHTEST_PERCENTILE, axis=(1, 2, 3)))
@@ -84,19 +100,26 @@ def _visible_patches(
 
 
 def drawing_depth(label: str) -> int:
-    """What is drawn over what: balconies stand before windows."""
+    """Return the drawing order of a label: balconies are in front of windows."""
     return ELEMENT_CLASSES.index(label) if label in ELEMENT_CLASSES else -1
 
 
 def order_by_depth(groups: Sequence[ElementGroup]) -> Iterator[tuple[ElementGroup, int]]:
-    """The groups with the number of their first element, class by class."""
+    """Yield the groups from back to front, with the number of their first element."""
     first = np.cumsum([0, *(len(g.boxes) for g in groups)])
     for k in np.argsort([drawing_depth(g.label) for g in groups], kind="stable"):
         yield groups[k], int(first[k])
 
 
 def fade_patch(canvas: np.ndarray, patch: np.ndarray, box: Sequence[int]) -> None:
-    """Resize a patch (h, w, 3) float32, which carries the margin, to a box and its margin and fade it into the canvas."""
+    """Resize a patch with margin to a box with margin and fade it into the canvas, in place.
+
+    Parameters
+    ----------
+    canvas : (H, W, 3) float32; changed in place.
+    patch : (h, w, 3) float32.
+    box : x0, y0, x1, y1 in pixels, without the margin.
+    """
     import cv2
 
     height, width = canvas.shape[:2]
@@ -114,6 +137,6 @@ def fade_patch(canvas: np.ndarray, patch: np.ndarray, box: Sequence[int]) -> Non
 
 
 def _fade_ramp(length: int) -> np.ndarray:
-    """(length,) float32: 1 inside, falling towards 0 over the margin at both ends."""
+    """Return (length,) float32: 1 inside, falling towards 0 over the margin at both ends."""
     at = np.arange(length)
     return np.minimum(1, (1 + np.minimum(at, at[::-1])) / (PATCH_MARGIN_PX + 1)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Sampling variations: which element is shown where, among those that share a type at a level."""
+"""Sample variations: assign elements to places of the same type."""
 
 from __future__ import annotations
 
@@ -8,22 +8,37 @@ import numpy as np
 
 from facade_core.core.errors import InputError
 
-# Fewer variations than this are numbered, so that seeds cannot meet by chance.
+# Fewer permutations than this are numbered, so that seeds cannot coincide.
 _MAX_NUMBERED = 10**12
 
 
 def make_generator(seed: int) -> np.random.Generator:
-    """What draws a sample; InputError for a seed that is no whole number from 0 on."""
+    """Return the generator of a sample.
+
+    Raises
+    ------
+    InputError
+        For a seed that is negative or no whole number.
+    """
     if seed < 0 or seed != int(seed):
         raise InputError(f"seed {seed}: samples are numbered from 0; pass a whole number that is not negative")
     return np.random.default_rng(int(seed))
 
 
 def permute_within_types(types: np.ndarray, seed: int) -> np.ndarray:
-    """(N,) int: for every place the element shown there, a permutation within each of the (N,) types.
+    """Permute elements within their types.
 
-    Where there are few permutations, consecutive seeds give different ones until all have been given. Raises InputError as
-    `make_generator` does.
+    If there are few permutations, consecutive seeds give different ones until all were given. Raises InputError as
+    `make_generator`.
+
+    Parameters
+    ----------
+    types : (N,) types.
+    seed : number of the permutation, from 0.
+
+    Returns
+    -------
+    (N,) int element shown at each place.
     """
     rng = make_generator(seed)
     members = [np.flatnonzero(types == t) for t in np.unique(types)]
@@ -46,17 +61,26 @@ def permute_within_types(types: np.ndarray, seed: int) -> np.ndarray:
 
 
 def assign_by_type(types: np.ndarray, places: np.ndarray, boxes: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(M,) int: the element shown at each place of an enlarged facade, of the type of the element places[m].
+    """Assign an element to each place of an enlarged facade, of the type of the place.
 
-    types (N,): of the elements; places (M,): the element that each place is a copy of; boxes (M, 4): where it is. Every
-    element of a type is shown about equally often, and where one is shown again, that is far from the last time.
+    Every element of a type is used about equally often, and repetitions are far apart.
+
+    Parameters
+    ----------
+    types : (N,) types of the elements.
+    places : (M,) element that each place is a copy of.
+    boxes : (M, 4) pixels.
+
+    Returns
+    -------
+    (M,) int.
     """
     centre = (boxes[:, :2] + boxes[:, 2:]) / 2
     shown = np.full(len(places), -1)
     for t in np.unique(types[places]):
         members = np.flatnonzero(types == t)
         used = np.zeros(len(members), int)
-        # Distance from each place of this type to the nearest one where each member is shown already.
+        # Distance from each place of this type to the nearest one that already shows the member.
         here = np.flatnonzero(types[places] == t)
         free = np.full((len(here), len(members)), np.inf)
         for k, place in enumerate(here):

@@ -1,4 +1,4 @@
-"""Structure matrices and their hierarchy: the MRF of AlSisan & Mitra 2012, Eq. 1, solved by ICM."""
+"""Hierarchy of structure matrices: the MRF of AlSisan & Mitra 2012, Eq. 1, solved by ICM."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ import numpy as np
 
 from facade_core.facade.variation.icm import FIXED_POINT_ONE, initial_icm_state, run_icm, sum_reciprocal_sizes
 
-# The weight alpha grows by _GROWTH from _ALPHA[0] to _ALPHA[1]; costs are normalised to [0, 1], regularity is not.
+# Range and growth of the weight alpha; costs are normalised to [0, 1], regularity is not.
 _ALPHA_RANGE = (1e-3, 1e3)
 _ALPHA_GROWTH = 2.6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relaxation:
-    """One weight's solution: labels like S0, and Eq. 1 after every accepted move, the start first."""
+    """Solution for one weight of regularity.
+
+    Attributes
+    ----------
+    alpha : weight of regularity.
+    labels : (R, C) int32 as S0.
+    energies : Eq. 1 at the start and after every accepted move.
+    """
 
     alpha: float
     labels: np.ndarray
@@ -25,9 +32,17 @@ class Relaxation:
 def relax_structure(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]:
     """Relabel a structure matrix with growing weight of regularity until one label remains.
 
-    structure (R, C) int32: element types, -1 where the grid has no element; cost (T, T): of relabelling a as b.
-    Each weight starts from the previous solution, which is also what its data term compares with. Returns a solution
-    per weight; the last one has a single label: the type that is cheapest for all, should ICM have stopped before.
+    Each weight starts from the previous solution, which is also the reference of its data term. If ICM stops earlier,
+    the last solution has the single type that is cheapest for all cells.
+
+    Parameters
+    ----------
+    structure : (R, C) int32 element types, -1 for an empty cell.
+    cost : (T, T) cost of relabelling a as b.
+
+    Returns
+    -------
+    One solution for each weight.
     """
     current = np.ascontiguousarray(structure, np.int32)
     cost = np.ascontiguousarray(cost, np.float64)
@@ -48,7 +63,12 @@ def relax_structure(structure: np.ndarray, cost: np.ndarray) -> list[Relaxation]
 
 
 def regularity_terms(structure: np.ndarray) -> tuple[float, float, float]:
-    """The three terms of E_reg: number of types, sum of reciprocal repeats, sum of reciprocal sub-rectangle sizes."""
+    """Return the three terms of E_reg: number of types, sum of reciprocal counts, sum of reciprocal rectangle sizes.
+
+    Parameters
+    ----------
+    structure : (R, C) int32 element types, -1 for an empty cell.
+    """
     labels = np.ascontiguousarray(structure, np.int32)
     counts = np.unique(labels[labels >= 0], return_counts=True)
     sizes = sum(sum_reciprocal_sizes(labels == label) for label in counts[0])

@@ -1,4 +1,4 @@
-"""The variations of a facade's elements, before they are a file: groups, types, and the levels of their matrices."""
+"""Variations of a facade's elements before encoding: groups, types and levels of structure matrices."""
 
 from __future__ import annotations
 
@@ -25,14 +25,19 @@ from facade_core.facade.variation.patches import (
 from facade_core.facade.variation.rendering import drawing_depth
 from facade_core.facade.variation.structure import relax_structure
 
-# The smallest side of an element in pixels; smaller ones stay part of the wall.
+# Smallest side of an element; smaller ones remain part of the wall.
 _MIN_SIDE_PX = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Variations:
-    """groups, cells and representatives as in `Contents`; costs: of relabelling each group's types (T, T), with the number of
-    the group's first type."""
+    """Element groups, their types on grids, and costs of relabelling.
+
+    Attributes
+    ----------
+    groups, cells, representatives : as in `HierarchyContents`.
+    costs : per group, number of its first type and (T, T) relabelling costs.
+    """
 
     groups: tuple[ElementGroup, ...]
     cells: tuple[np.ndarray, ...]
@@ -41,16 +46,19 @@ class Variations:
 
     @cached_property
     def types(self) -> np.ndarray:
-        """(N,) int32 types of all elements in the photo."""
+        """Return the (N,) int32 types of all elements in the photo."""
         return np.concatenate([g.types for g in self.groups]) if self.groups else np.zeros(0, np.int32)
 
     @cached_property
     def levels(self) -> tuple[tuple[np.ndarray, ...], ...]:
-        """The structure matrices per level: all grids relaxed with the same weights, states that only rename left out."""
+        """Return the structure matrices of each level.
+
+        All grids are relaxed with the same weights; states that differ by names only are omitted.
+        """
         start = [np.where(c >= 0, self.types[c], -1).astype(np.int32) for c in self.cells]
         steps: list[list[np.ndarray]] = []
         for matrix in start:
-            # A grid lies within one group, whose types are consecutive.
+            # A grid is part of one group, whose types are consecutive.
             first, cost = next((f, c) for f, c in self.costs if f <= matrix.max() < f + len(c))
             relaxed = relax_structure(np.where(matrix >= 0, matrix - first, -1), cost)
             steps.append([matrix] + [np.where(matrix >= 0, r.labels + first, -1).astype(np.int32) for r in relaxed])
@@ -65,14 +73,19 @@ class Variations:
         return tuple(levels)
 
     def types_at(self, level: int) -> np.ndarray:
-        """(N,) int32 types of all elements at a level."""
+        """Return the (N,) int32 types of all elements at a level."""
         found = self.types.copy()
         for matrix, cells in zip(self.levels[level], self.cells, strict=True):
             found[cells[cells >= 0]] = matrix[cells >= 0]
         return found
 
     def permute_elements(self, shown: np.ndarray) -> Variations:
-        """After every place shows another element of its group, shown (N,) int: a permutation."""
+        """Return the variations after a permutation of elements within groups.
+
+        Parameters
+        ----------
+        shown : (N,) int element shown at each place.
+        """
         types, back, groups = self.types[shown], np.argsort(shown), []
         first = 0
         for group in self.groups:
@@ -82,11 +95,20 @@ class Variations:
 
 
 def find_variations(image: np.ndarray, elements: Sequence[Element]) -> Variations:
-    """Of the elements of an image (H, W, 3) uint8, clipped to it; those under 3 px are left out, exact duplicates count once.
+    """Find the types of an image's elements and the costs of relabelling them.
 
-    Elements are grouped by class and comparable size, their patches aligned and clustered into types by mean shift; costs of
-    relabelling are of patches projected on up to 7 principal components. Raises LayoutError for elements without area, of an
-    unknown label or outside the image.
+    Elements are grouped by label and comparable size; their patches are aligned and clustered by mean shift. Costs
+    are measured between patches projected on up to 7 principal components.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8.
+    elements : in pixels, clipped to the image; those under 3 px are omitted, exact duplicates count once.
+
+    Raises
+    ------
+    LayoutError
+        For elements without area, of an unknown label or outside the image.
     """
     from threadpoolctl import threadpool_limits
 
@@ -138,6 +160,6 @@ def _find_variations(image: np.ndarray, elements: list[Element]) -> Variations:
 
 
 def _canonical_labels(matrix: np.ndarray) -> np.ndarray:
-    """The matrix with its labels renumbered in the order in which they appear."""
+    """Renumber the labels of a matrix in the order of their first occurrence."""
     _, first, index = np.unique(matrix, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[index].reshape(matrix.shape)

@@ -61,7 +61,7 @@ RoofPoint = Callable[[float, float, float], np.ndarray]
 
 
 def build_dormers(
-    id: str, roof: Facets, outline: Polygon, around: RoofSurroundings, taken: RoofDetail | None
+    id: str, roof: Facets, outline: Polygon, surroundings: RoofSurroundings, existing: RoofDetail | None
 ) -> RoofDetail | None:
     """Build the dormers or the rooflights of a building.
 
@@ -72,8 +72,8 @@ def build_dormers(
     id : seed of the random draws.
     roof : facets of the roof.
     outline : footprint of the building.
-    around : surroundings of the roof's edges.
-    taken : details that are on the roof already.
+    surroundings : surroundings of the roof's edges.
+    existing : details that are on the roof already.
 
     Returns
     -------
@@ -92,10 +92,10 @@ def build_dormers(
     )
     spacing = rng.random()
     blocked: BaseGeometry = shapely.GeometryCollection()
-    if taken is not None:
-        blocked = shapely.multipoints(taken.facets.vertices[:, :2]).convex_hull.buffer(0.4)
+    if existing is not None:
+        blocked = shapely.multipoints(existing.facets.vertices[:, :2]).convex_hull.buffer(0.4)
     faces, rows = RoofDetailBuilder(), 0
-    for edge in free_edges(eaves, around):
+    for edge in free_edges(eaves, surroundings):
         kind = _opening_kind(edge.slope, chance)
         if kind is None or rows == MAX_ROWS:
             continue

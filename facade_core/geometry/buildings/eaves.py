@@ -64,16 +64,16 @@ class Overhang(NamedTuple):
     below: float
 
 
-def build_overhang(roof: Facets, outline: Polygon, around: RoofSurroundings) -> Overhang:
+def build_overhang(roof: Facets, outline: Polygon, surroundings: RoofSurroundings) -> Overhang:
     """Extend a pitched roof over its eaves and verges; edges with a neighbour stay as they are.
 
     Parameters
     ----------
     roof : facets of the roof.
     outline : footprint of the building.
-    around : surroundings of the roof's edges.
+    surroundings : surroundings of the roof's edges.
     """
-    offsets, edges = _outer_ends(free_edges([_set_width(edge) for edge in roof_edges(roof, outline)], around))
+    offsets, edges = _outer_ends(free_edges([_set_width(edge) for edge in roof_edges(roof, outline)], surroundings))
     if not edges:
         return Overhang(roof, None, [], [], 0.0)
     faces = RoofDetailBuilder()
@@ -100,14 +100,14 @@ def build_overhang(roof: Facets, outline: Polygon, around: RoofSurroundings) -> 
     return Overhang(drawn, faces.build(), edges, offsets, float(below[2]))
 
 
-def build_parapet(outline: Polygon, top: float, around: RoofSurroundings) -> RoofDetail | None:
+def build_parapet(outline: Polygon, top: float, surroundings: RoofSurroundings) -> RoofDetail | None:
     """Build a low wall, with a top sloped inwards, along the free edges of a flat roof.
 
     Parameters
     ----------
     outline : footprint of the building.
     top : height of the roof in metres.
-    around : surroundings of the roof's edges.
+    surroundings : surroundings of the roof's edges.
 
     Returns
     -------
@@ -120,7 +120,9 @@ def build_parapet(outline: Polygon, top: float, around: RoofSurroundings) -> Roo
         for k in range(count):
             before, after = first + (k - 1) % count, first + (k + 1) % count
             edges.append(RoofEdge(corners[k], corners[k + 1], -1, 0.0, -COPING_M, before, after))
-    offsets, edges = _outer_ends(free_edges(edges, around._replace(street_points=OPEN_SURROUNDINGS.street_points)))
+    offsets, edges = _outer_ends(
+        free_edges(edges, surroundings._replace(street_points=OPEN_SURROUNDINGS.street_points))
+    )
     if not edges:
         return None
     faces = RoofDetailBuilder()
@@ -171,11 +173,11 @@ def _outer_ends(edges: list[RoofEdge]) -> tuple[list[tuple[np.ndarray, np.ndarra
             return ends, edges
         number = np.cumsum([0, *(not one for one in short)])
 
-        def kept(other: int, short: list[bool] = short, number: np.ndarray = number) -> int:
+        def renumber(other: int, short: list[bool] = short, number: np.ndarray = number) -> int:
             return -1 if other < 0 or short[other] else int(number[other])
 
         edges = [
-            edge._replace(previous=kept(edge.previous), following=kept(edge.following))
+            edge._replace(previous=renumber(edge.previous), following=renumber(edge.following))
             for edge, out in zip(edges, short, strict=True)
             if not out
         ]

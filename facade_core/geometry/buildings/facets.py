@@ -106,21 +106,26 @@ def group_facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     normal = normal / np.maximum(size, 1e-12)[:, None]
     # majority winding by area
     normal[np.bincount(facet, np.where(turned, -length, length), count) < 0] *= -1
-    what = semantic[seed]
+    facet_semantic = semantic[seed]
     corners = vertices[triangles]
     # weighted towards the top: the foot of a wall may be inside another part of the building
     top = np.arange(3) == np.argmax(corners[seed][..., 2], axis=1)[:, None]
     middle = np.einsum("fc,fcj->fj", np.where(top, 0.6, 0.2), corners[seed])
     crossings = CrossingCounter(corners, facet)
     odd = np.stack([crossings.is_odd(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
-    leaning = (what != _ROOF) & (what != _CEILING) & (what != _UNKNOWN) & (what != _GROUND)
+    leaning = (
+        (facet_semantic != _ROOF)
+        & (facet_semantic != _CEILING)
+        & (facet_semantic != _UNKNOWN)
+        & (facet_semantic != _GROUND)
+    )
     upright = np.abs(normal[:, 2]) < np.where(leaning, MAX_LEANING_NZ, MAX_UPRIGHT_NZ)
     low = np.full(count, np.inf)
     np.minimum.at(low, facet, corners[..., 2].min(axis=1))
     low -= vertices[:, 2].min() if len(vertices) else 0.0
 
-    outward = _orient_outward(normal, middle, odd, upright, what, low, size, footprint, closed, crossings)
-    kind = _chart_kinds(what, outward, upright, low)
+    outward = _orient_outward(normal, middle, odd, upright, facet_semantic, low, size, footprint, closed, crossings)
+    kind = _chart_kinds(facet_semantic, outward, upright, low)
     keep = (kind >= 0) & (size / 2 >= MIN_FACET_M2)
     number = np.cumsum(keep) - 1
     mine = np.flatnonzero(keep[facet])
@@ -187,7 +192,7 @@ def _orient_outward(
     middle: np.ndarray,
     odd: np.ndarray,
     upright: np.ndarray,
-    what: np.ndarray,
+    facet_semantic: np.ndarray,
     low: np.ndarray,
     size: np.ndarray,
     footprint: Polygon | MultiPolygon,
@@ -207,29 +212,31 @@ def _orient_outward(
     nothing = np.full(len(normal), -1)
     roofed = crossings.is_odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
     if (on_outline & roofed).any():
-        told = np.where(on_outline, roofed, upright & (ahead != behind))
+        decided = np.where(on_outline, roofed, upright & (ahead != behind))
     else:
-        told = on_outline | (upright & (ahead != behind))
-    flip = np.where(on_outline, inside[0], ahead) & told
+        decided = on_outline | (upright & (ahead != behind))
+    flip = np.where(on_outline, inside[0], ahead) & decided
     # where most decided walls are wound the wrong way round, the undecided ones are too
-    reverse = size[flip].sum() > size[told & ~flip].sum()
+    reverse = size[flip].sum() > size[decided & ~flip].sum()
     # level facets face up, unless the evidence for down is stronger
     winds_down = (normal[:, 2] < 0) != reverse
     above = np.where(normal[:, 2] > 0, ahead, behind)
     below = np.where(normal[:, 2] > 0, behind, ahead)
     down = np.where(closed, above & ~below, winds_down & (above | (low < UNDERSIDE_M)))
     down = np.where(above & below, winds_down, down)
-    down = np.where(what == _CEILING, True, np.where((what == _ROOF) & ~closed, False, down))
-    flip = np.where(upright, np.where(told, flip, reverse), (normal[:, 2] < 0) != down)
+    down = np.where(facet_semantic == _CEILING, True, np.where((facet_semantic == _ROOF) & ~closed, False, down))
+    flip = np.where(upright, np.where(decided, flip, reverse), (normal[:, 2] < 0) != down)
     return np.where(flip[:, None], -normal, normal)
 
 
-def _chart_kinds(what: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
+def _chart_kinds(facet_semantic: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Return the chart kinds (f,) of facets, by semantic, else by slope and place; -1 for the underside."""
     level = np.where(outward[:, 2] > 0, ChartKind.ROOF, np.where(low < UNDERSIDE_M, -1, ChartKind.CEILING))
-    told = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[what]
-    kind = np.where((what == _UNKNOWN) | (what == _WALL), np.where(upright, ChartKind.WALL, level), told)
-    return np.where((what == _ROOF) & ~upright & (outward[:, 2] < 0), ChartKind.CEILING, kind)
+    decided = np.array([_KIND_OF_SEMANTIC.get(name, -1) for name in SEMANTICS])[facet_semantic]
+    kind = np.where(
+        (facet_semantic == _UNKNOWN) | (facet_semantic == _WALL), np.where(upright, ChartKind.WALL, level), decided
+    )
+    return np.where((facet_semantic == _ROOF) & ~upright & (outward[:, 2] < 0), ChartKind.CEILING, kind)
 
 
 @njit(cache=True)

@@ -38,13 +38,13 @@ OUTLET_DROP_M = 0.07
 MIN_PIPE_M = 2.0
 
 
-def build_gutters(id: str, over: Overhang, foot: Callable[[np.ndarray], float]) -> RoofDetail | None:
+def build_gutters(id: str, overhang: Overhang, foot: Callable[[np.ndarray], float]) -> RoofDetail | None:
     """Build the gutters and pipes of a building; a piece of gutter has at most 10 triangles, a pipe 12.
 
     Parameters
     ----------
     id : seed of the random draws.
-    over : the extended roof.
+    overhang : the extended roof.
     foot : height in metres at which walls begin at a place (2,).
 
     Returns
@@ -55,13 +55,13 @@ def build_gutters(id: str, over: Overhang, foot: Callable[[np.ndarray], float]) 
     rng = np.random.default_rng(int.from_bytes(seed))
     if rng.random() > GUTTER_SHARE:
         return None
-    eaves = [_is_eave(edge) for edge in over.edges]
+    eaves = [_is_eave(edge) for edge in overhang.edges]
     faces = RoofDetailBuilder()
-    for i, edge in enumerate(over.edges):
+    for i, edge in enumerate(overhang.edges):
         if eaves[i]:
-            _add_trough(faces, over, i, [j if j >= 0 and eaves[j] else -1 for j in (edge.previous, edge.following)])
-    for number, at_end in _pipe_positions(over.edges, eaves, bool(rng.random() < 0.5)):
-        _add_pipe(faces, over, number, at_end, foot)
+            _add_trough(faces, overhang, i, [j if j >= 0 and eaves[j] else -1 for j in (edge.previous, edge.following)])
+    for number, at_end in _pipe_positions(overhang.edges, eaves, bool(rng.random() < 0.5)):
+        _add_pipe(faces, overhang, number, at_end, foot)
     return faces.build() if any(eaves) else None
 
 
@@ -70,35 +70,35 @@ def _is_eave(edge: RoofEdge) -> bool:
     return bool(edge.slope > 0 and abs(run[2]) < MAX_EAVES_SLOPE_M and np.hypot(*run[:2]) > MIN_EAVES_M)
 
 
-def _add_trough(faces: RoofDetailBuilder, over: Overhang, number: int, beside: list[int]) -> None:
+def _add_trough(faces: RoofDetailBuilder, overhang: Overhang, number: int, beside: list[int]) -> None:
     """Add the gutter along an eave; `beside` are the eaves before and after it whose gutters it meets, -1 at a free end."""
-    edge, ends = over.edges[number], over.ends[number]
-    sides = [_section_corners(over, number, other, after) for after, other in enumerate(beside)]
+    edge, ends = overhang.edges[number], overhang.ends[number]
+    sides = [_section_corners(overhang, number, other, after) for after, other in enumerate(beside)]
     if (sides[1][0] - sides[0][0])[:2] @ edge.direction < 4 * TAPER_M:
         return
     (rim0, belly0, back0, in0), (rim1, belly1, back1, in1) = sides
-    outside = [[belly0, belly1, rim1, rim0], [back0, back1, belly1, belly0]]
+    outer_faces = [[belly0, belly1, rim1, rim0], [back0, back1, belly1, belly0]]
     down = np.array([0.0, 0.0, TROUGH_M[1]])
     if beside[0] < 0:
         tip = ends[0] + down
-        outside += [[tip, belly0, rim0], [tip, back0, belly0]]
+        outer_faces += [[tip, belly0, rim0], [tip, back0, belly0]]
     if beside[1] < 0:
         tip = ends[1] + down
-        outside += [[belly1, tip, rim1], [back1, tip, belly1]]
+        outer_faces += [[belly1, tip, rim1], [back1, tip, belly1]]
     along = np.append(edge.direction, 0.0)
-    faces.add_bent(ChartKind.METAL, outside, along)
+    faces.add_bent(ChartKind.METAL, outer_faces, along)
     faces.add_bent(ChartKind.METAL, [[rim0, rim1, in1, in0]], along)
 
 
-def _section_corners(over: Overhang, number: int, other: int, after: int) -> list[np.ndarray]:
+def _section_corners(overhang: Overhang, number: int, other: int, after: int) -> list[np.ndarray]:
     """Return the corners (3,) of a gutter's section at one end of an eave."""
-    edge, end = over.edges[number], over.ends[number][after]
+    edge, end = overhang.edges[number], overhang.ends[number][after]
     corner = edge.end if after else edge.start
     found = []
     for out, up in (RIM_M, BELLY_M, BACK_M, TROUGH_M):
         step = None
         if other >= 0:
-            step = mitre_offset(edge._replace(width=edge.width + out), _widen(over.edges[other], out))
+            step = mitre_offset(edge._replace(width=edge.width + out), _widen(overhang.edges[other], out))
         place = end[:2] + out * edge.outward + (TAPER_M * edge.direction * (-1 if after else 1) if other < 0 else 0.0)
         if step is not None:
             place = corner[:2] + step
@@ -118,12 +118,12 @@ def _pipe_positions(edges: list[RoofEdge], eaves: list[bool], last: bool) -> lis
         if sum(length) < MAX_PIPE_SPACING_M:
             found.append((run[-1], True) if last else (run[0], False))
             continue
-        gone = MAX_PIPE_SPACING_M
+        distance = MAX_PIPE_SPACING_M
         for i, own in zip(run, length, strict=True):
-            if gone >= MAX_PIPE_SPACING_M:
+            if distance >= MAX_PIPE_SPACING_M:
                 found.append((i, False))
-                gone = 0.0
-            gone += own
+                distance = 0.0
+            distance += own
         if edges[run[-1]].following != run[0]:
             found.append((run[-1], True))
     return found
@@ -147,13 +147,13 @@ def _gutter_runs(edges: list[RoofEdge], eaves: list[bool]) -> list[list[int]]:
 
 
 def _add_pipe(
-    faces: RoofDetailBuilder, over: Overhang, number: int, at_end: bool, foot: Callable[[np.ndarray], float]
+    faces: RoofDetailBuilder, overhang: Overhang, number: int, at_end: bool, foot: Callable[[np.ndarray], float]
 ) -> None:
     """Add a pipe from the gutter of an eave, at its end or its start, down the wall."""
-    edge, ends = over.edges[number], over.ends[number]
+    edge, ends = overhang.edges[number], overhang.ends[number]
     ahead, out = np.append(edge.direction, 0.0), np.append(edge.outward, 0.0)
     wall = edge.end - PIPE_END_DISTANCE_M * ahead if at_end else edge.start + PIPE_END_DISTANCE_M * ahead
-    below, top = foot(wall[:2]), wall[2] - over.below - PIPE_BEND_M
+    below, top = foot(wall[:2]), wall[2] - overhang.below - PIPE_BEND_M
     if top - below < MIN_PIPE_M:
         return
     head = ends[0][2] - OUTLET_DROP_M

@@ -154,19 +154,19 @@ def _straight_runs(roof: Facets, ends: np.ndarray, facet: np.ndarray) -> list[li
     return runs
 
 
-def free_edges(edges: Sequence[RoofEdge], around: RoofSurroundings) -> list[RoofEdge]:
+def free_edges(edges: Sequence[RoofEdge], surroundings: RoofSurroundings) -> list[RoofEdge]:
     """Return the pieces of edges in sight without an adjoining neighbour."""
     found: list[RoofEdge] = []
     first: dict[int, int] = {}
     last: dict[int, int] = {}
     for number, edge in enumerate(edges):
         length = float(np.hypot(*(edge.end - edge.start)[:2]))
-        looks = (edge.start + share * (edge.end - edge.start) for share in (0.5, 0.1, 0.9))
-        if not any(around.is_in_sight(place[:2], edge.outward) for place in looks):
+        sight_points = (edge.start + share * (edge.end - edge.start) for share in (0.5, 0.1, 0.9))
+        if not any(surroundings.is_in_sight(place[:2], edge.outward) for place in sight_points):
             continue
         reach = max(edge.width, 0.0) + NEIGHBOUR_CLEARANCE_M
         a, b, near, far = edge.start[:2], edge.end[:2], 0.02 * edge.outward, reach * edge.outward
-        beside = shapely.intersection(Polygon([a + near, b + near, b + far, a + far]), around.neighbours)
+        beside = shapely.intersection(Polygon([a + near, b + near, b + far, a + far]), surroundings.neighbours)
         free = [(0.0, length)]
         for part in shapely.get_parts(beside):
             if part.area > 1e-4:

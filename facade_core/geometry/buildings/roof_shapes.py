@@ -199,7 +199,7 @@ def _rectangle_planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centr
         return np.array([[*(-fall), reach.max()]]) * height / np.ptp(reach)
 
     def side(normal: np.ndarray, half: float, rise: float, run: float, start: float = 0.0) -> np.ndarray:
-        """The plane over the side towards `normal`: `start` at the side, `rise` more after `run` metres inwards."""
+        """Return the plane over the side towards `normal`: `start` at the side, `rise` more after `run` metres inwards."""
         slope = rise / run
         return np.array([*(-slope * normal), start + slope * (half + middle @ normal)])
 
@@ -232,7 +232,7 @@ def _rectangle_planes(roof: Roof, corners: np.ndarray, footprint: Polygon, centr
 def _rectangle(
     footprint: Polygon, centre: np.ndarray, turned: bool
 ) -> tuple[np.ndarray, np.ndarray, float, float, np.ndarray]:
-    """Unit vectors along and across the ridge, half the rectangle's size that way, and its middle from the centre."""
+    """Return unit vectors along and across the ridge, half the sizes of the rectangle that way, and its middle."""
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4] - centre
     sides = corners[1:3] - corners[:2]
     length = np.hypot(*sides.T)
@@ -246,7 +246,7 @@ def _rectangle(
 
 
 def _shell(regions: np.ndarray, rise: RoofHeight, footprint: Polygon, base: float, eaves: float) -> Shell:
-    """The closed shell between the base and a roof, given by the regions of its planes and its height over the eaves."""
+    """Build the closed shell between the base and a roof, given by the regions of its planes and its height."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
     welded = _weld_to_corners(corners.reshape(-1, 2), shapely.get_coordinates(footprint))

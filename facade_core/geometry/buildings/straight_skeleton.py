@@ -97,8 +97,7 @@ class EdgeSlabs:
         return shapely.intersection(shapely.linestrings(ends), faces)
 
     def _below(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return large half planes (k,) in which the planes of edges `low` (k,) are below those of edges `high` (k,).
-        """
+        """Return large half planes (k,) in which the planes of edges `low` (k,) are below those of edges `high` (k,)."""
         size = 4 * self.outline.length
         middle = np.asarray(self.outline.centroid.coords[0])
         gradient = self.inward[low] - self.inward[high]

@@ -41,12 +41,12 @@ class VentShape(NamedTuple):
     Attributes
     ----------
     half : half of its width in metres.
-    high : range of metres from the roof at its middle to its top.
+    eaves_height : range of metres from the roof at its middle to its top.
     behind : range of metres from the roof's edge back to its middle.
     """
 
     half: float
-    high: tuple[float, float]
+    eaves_height: tuple[float, float]
     behind: tuple[float, float]
 
 
@@ -55,7 +55,12 @@ BOX_SHAPE = VentShape(0.32, (0.9, 1.3), (0.8, 1.8))
 
 
 def build_vents(
-    id: str, roof: Facets, outline: Polygon, around: RoofSurroundings, high: float, taken: list[RoofDetail | None]
+    id: str,
+    roof: Facets,
+    outline: Polygon,
+    surroundings: RoofSurroundings,
+    eaves_height: float,
+    existing: list[RoofDetail | None],
 ) -> RoofDetail | None:
     """Build the vents of a pitched roof; a vent has 10 triangles.
 
@@ -64,28 +69,28 @@ def build_vents(
     id : seed of the random draws.
     roof : facets of the roof.
     outline : footprint of the building.
-    around : surroundings of the roof's edges.
-    high : metres from the ground to the eaves.
-    taken : details that are on the roof already.
+    surroundings : surroundings of the roof's edges.
+    eaves_height : metres from the ground to the eaves.
+    existing : details that are on the roof already.
 
     Returns
     -------
     None without vents.
     """
     edges = [edge for edge in roof_edges(roof, outline) if abs(edge.end[2] - edge.start[2]) < 0.02]
-    edges = free_edges([edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], around)
+    edges = free_edges([edge for edge in edges if SLOPE_RANGE[0] < edge.slope < SLOPE_RANGE[1]], surroundings)
     blocked = shapely.union_all(
-        [place.buffer(CLEARANCE_M) for trim in taken if trim for place in _facet_areas(trim.facets)]
+        [place.buffer(CLEARANCE_M) for trim in existing if trim for place in _facet_areas(trim.facets)]
     )
     room = {}
     for facet in {edge.facet for edge in edges}:
         mine = roof.vertices[roof.triangles[roof.facet == facet]]
         room[facet] = shapely.union_all(shapely.polygons(mine[..., :2])).difference(blocked)
-    return _place_vents(id, edges, [room[edge.facet] for edge in edges], around, high, COWL_SHAPE)
+    return _place_vents(id, edges, [room[edge.facet] for edge in edges], surroundings, eaves_height, COWL_SHAPE)
 
 
 def build_flat_roof_vents(
-    id: str, outline: Polygon, top: float, around: RoofSurroundings, high: float
+    id: str, outline: Polygon, top: float, surroundings: RoofSurroundings, eaves_height: float
 ) -> RoofDetail | None:
     """Build the vents of a flat roof with a parapet.
 
@@ -94,21 +99,23 @@ def build_flat_roof_vents(
     id : seed of the random draws.
     outline : footprint of the building.
     top : height of the roof in metres.
-    around : surroundings of the roof's edges.
-    high : metres from the ground to the roof.
+    surroundings : surroundings of the roof's edges.
+    eaves_height : metres from the ground to the roof.
     """
     ring = np.asarray(shapely.orient_polygons(outline).exterior.coords)
     corners = np.column_stack([ring, np.full(len(ring), top)])
-    edges = free_edges([RoofEdge(a, b, -1, 0.0, 0.0) for a, b in zip(corners[:-1], corners[1:], strict=True)], around)
-    return _place_vents(id, edges, [outline] * len(edges), around, high, BOX_SHAPE)
+    edges = free_edges(
+        [RoofEdge(a, b, -1, 0.0, 0.0) for a, b in zip(corners[:-1], corners[1:], strict=True)], surroundings
+    )
+    return _place_vents(id, edges, [outline] * len(edges), surroundings, eaves_height, BOX_SHAPE)
 
 
 def _place_vents(
     id: str,
     edges: list[RoofEdge],
     room: list[Polygon | BaseGeometry],
-    around: RoofSurroundings,
-    high: float,
+    surroundings: RoofSurroundings,
+    eaves_height: float,
     size: VentShape,
 ) -> RoofDetail | None:
     """Place vents behind edges, within the free area `room` of each seen from above."""
@@ -127,7 +134,7 @@ def _place_vents(
                 + (END_DISTANCE_M + share * (length - 2 * END_DISTANCE_M)) * edge.direction
                 - behind * edge.outward
             )
-            if built == MAX_VENTS or not _is_in_sight(edge, middle, behind, rise, around, high):
+            if built == MAX_VENTS or not _is_in_sight(edge, middle, behind, rise, surroundings, eaves_height):
                 continue
             square = shapely.box(*(middle - size.half), *(middle + size.half)).buffer(size.half)
             if free.contains(square):
@@ -137,16 +144,16 @@ def _place_vents(
 
 
 def _is_in_sight(
-    edge: RoofEdge, middle: np.ndarray, behind: float, rise: float, around: RoofSurroundings, high: float
+    edge: RoofEdge, middle: np.ndarray, behind: float, rise: float, surroundings: RoofSurroundings, eaves_height: float
 ) -> bool:
     """Return whether the top of a vent is seen over the roof's edge from a street in front."""
-    if not len(around.street_points):
+    if not len(surroundings.street_points):
         return True
-    away = (around.street_points - middle) @ edge.outward - behind
-    near = away[(away > 1.0) & (np.hypot(*(around.street_points - middle).T) < MAX_SIGHT_M)]
+    away = (surroundings.street_points - middle) @ edge.outward - behind
+    near = away[(away > 1.0) & (np.hypot(*(surroundings.street_points - middle).T) < MAX_SIGHT_M)]
     lip = 0.0 if edge.slope else PARAPET_M
     seen = behind * edge.slope + VISIBLE_TOP * rise - lip
-    return bool(((high + lip - EYE_HEIGHT_M) * behind < seen * near).any())
+    return bool(((eaves_height + lip - EYE_HEIGHT_M) * behind < seen * near).any())
 
 
 def _add_vent(

@@ -14,14 +14,14 @@ SUBPIXEL_BITS = 4
 
 
 def rasterise_ground_layers(
-    charts: Charts, chart: int, piece: GroundTile, density: float, size: tuple[int, int], margin: int
+    charts: Charts, chart: int, tile: GroundTile, density: float, size: tuple[int, int], margin: int
 ) -> np.ndarray:
     """Draw the ground layers of a chart.
 
     Parameters
     ----------
     chart : index of the chart.
-    piece : ground tile of the chart.
+    tile : ground tile of the chart.
     density : texels per metre.
     size : (height, width) of the chart in texels.
     margin : texels around the chart.
@@ -33,10 +33,10 @@ def rasterise_ground_layers(
     import cv2
 
     kinds = np.zeros((size[0] + 2 * margin, size[1] + 2 * margin), np.uint8)
-    roads = [way for way in piece.ways if way.kind == "road"]
+    roads = [way for way in tile.ways if way.kind == "road"]
     # on sloping ground, shapes keep their map coordinates
     frame = np.linalg.inv(np.column_stack([charts.axis_u[chart, :2], charts.axis_v[chart, :2]]))
-    for layer, shape in ground_layers(piece.areas, piece.ways, join_carriageways(roads)[0]).items():
+    for layer, shape in ground_layers(tile.areas, tile.ways, join_carriageways(roads)[0]).items():
         rings = shapely.get_rings(shapely.get_parts(shape))
         texels = [
             (shapely.get_coordinates(ring) - charts.origin[chart, :2]) @ frame.T * density + margin - 0.5

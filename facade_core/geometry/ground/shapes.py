@@ -111,42 +111,42 @@ class GroundTiles:
     def __init__(self, ground: Ground, charts: Charts) -> None:
         self._ground = ground
         middle = charts.points_at_shares(np.arange(len(charts)), np.array([[0.5, 0.5]]))[:, 0, :2]
-        self._square = np.floor(middle / GROUND_TILE_M).astype(np.int64)
+        self._chart_tile = np.floor(middle / GROUND_TILE_M).astype(np.int64)
         self._is_ground = charts.kind == ChartKind.GROUND
         self._digests: dict[tuple[int, ...], bytes] = {}
-        self._drawn: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
+        self._arrays: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
 
     def build_arrays(self, charts: Sequence[int] | np.ndarray) -> GroundTileArrays:
         """Build the lookup tables of the ground charts among some charts."""
-        square = np.full(len(self._is_ground), -1, np.int32)
+        tile_index = np.full(len(self._is_ground), -1, np.int32)
         own = [int(chart) for chart in charts if self._is_ground[chart]]
-        squares = sorted({tuple(self._square[chart].tolist()) for chart in own})
-        number = {one: index for index, one in enumerate(squares)}
+        tiles = sorted({tuple(self._chart_tile[chart].tolist()) for chart in own})
+        number = {one: index for index, one in enumerate(tiles)}
         for chart in own:
-            square[chart] = number[tuple(self._square[chart].tolist())]
-        return _join_tiles(square, squares, [self._of(one) for one in squares])
+            tile_index[chart] = number[tuple(self._chart_tile[chart].tolist())]
+        return _join_tiles(tile_index, tiles, [self._tile_arrays(one) for one in tiles])
 
     def digest(self, chart: int) -> bytes:
         """Return the digest of everything that is drawn on a ground chart."""
-        square = tuple(self._square[chart].tolist())
-        if square not in self._digests:
-            self._digests[square] = self.cut_tile(square).digest
-        return self._digests[square]
+        tile_index = tuple(self._chart_tile[chart].tolist())
+        if tile_index not in self._digests:
+            self._digests[tile_index] = self.cut_tile(tile_index).digest
+        return self._digests[tile_index]
 
     def tile_around(self, chart: int) -> GroundTile:
         """Return the tile of a ground chart."""
-        return self.cut_tile(tuple(self._square[chart].tolist()))
+        return self.cut_tile(tuple(self._chart_tile[chart].tolist()))
 
-    def _of(self, square: tuple[int, int]) -> tuple[np.ndarray, ...]:
-        if square not in self._drawn:
-            self._drawn[square] = build_tile_arrays(self.cut_tile(square))
-            if len(self._drawn) > MAX_CACHED_TILES:
-                self._drawn.popitem(last=False)
-        return self._drawn[square]
+    def _tile_arrays(self, tile_index: tuple[int, int]) -> tuple[np.ndarray, ...]:
+        if tile_index not in self._arrays:
+            self._arrays[tile_index] = build_tile_arrays(self.cut_tile(tile_index))
+            if len(self._arrays) > MAX_CACHED_TILES:
+                self._arrays.popitem(last=False)
+        return self._arrays[tile_index]
 
-    def cut_tile(self, square: tuple[int, ...]) -> GroundTile:
+    def cut_tile(self, tile_index: tuple[int, ...]) -> GroundTile:
         """Cut ways and areas to a tile, given by column and row."""
-        low = np.array(square) * GROUND_TILE_M
+        low = np.array(tile_index) * GROUND_TILE_M
         around = (*(low - GROUND_TILE_MARGIN_M), *(low + GROUND_TILE_M + GROUND_TILE_MARGIN_M))
         box = shapely.box(*around)
         ways, areas = [], []
@@ -171,7 +171,7 @@ class GroundTiles:
 
 
 def _join_tiles(
-    square: np.ndarray, squares: Sequence[tuple[int, ...]], parts: Sequence[tuple[np.ndarray, ...]]
+    tile_index: np.ndarray, tiles: Sequence[tuple[int, ...]], parts: Sequence[tuple[np.ndarray, ...]]
 ) -> GroundTileArrays:
     if len(parts) == 1:
         layers, layer, inside, first, edges, frames, frame, marks, mark = parts[0]
@@ -187,8 +187,8 @@ def _join_tiles(
         columns = list(zip(*parts, strict=True)) or [(one,) for one in (*empty, *more)]
         layers, first, frames, marks = (_join_starts(columns[k]) for k in (0, 3, 5, 7))
         layer, inside, edges, frame, mark = (np.concatenate(columns[k]) for k in (1, 2, 4, 6, 8))
-    low = np.array(squares, np.float64).reshape(-1, 2) * GROUND_TILE_M
-    return GroundTileArrays(square, low, layers, layer, inside, first, edges, frames, frame, marks, mark)
+    low = np.array(tiles, np.float64).reshape(-1, 2) * GROUND_TILE_M
+    return GroundTileArrays(tile_index, low, layers, layer, inside, first, edges, frames, frame, marks, mark)
 
 
 def _join_starts(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -18,21 +18,21 @@ FETCH_S = 60.0
 
 
 @dataclass(eq=False)
-class Copy:
+class UnitCopy:
     """A unit as given to Dask once.
 
     places: addresses of workers where it may run, None for all; at: where it was seen; ran: seconds that it was seen at work.
     """
 
     future: Future
-    places: frozenset[str] | None
-    ran: float = 0.0
+    allowed_workers: frozenset[str] | None
+    running_seconds: float = 0.0
     overdue: bool = False
-    at: str | None = None
+    address: str | None = None
 
 
 @dataclass(eq=False)
-class Unit:
+class UnitAttempt:
     """A unit on its way on a cluster, and the bytes it had declared.
 
     answer: the future of the copy that ended first; None once its workers died under it.
@@ -42,7 +42,7 @@ class Unit:
     call: tuple[Callable[..., Any], *tuple[Any, ...]]
     memory: int
     lease: str | None
-    copies: dict[str, Copy] = field(default_factory=dict)
+    copies: dict[str, UnitCopy] = field(default_factory=dict)
     deaths: int = 0
     alone: bool = False
     answer: Answer[Future | None] = field(default_factory=Answer)
@@ -59,7 +59,7 @@ class Unit:
         return self.cluster.result(self)
 
 
-def fetched(future: Future) -> tuple[float, Any] | None:
+def fetch_result(future: Future) -> tuple[float, Any] | None:
     """What a future holds, or raises; None where the worker that has it does not give it."""
     from distributed.comm import CommClosedError
 

@@ -10,6 +10,6 @@ _LIBC = ctypes.CDLL(None)
 _PARENT_DEATH_SIGNAL = 1
 
 
-def follow() -> None:
+def end_with_parent() -> None:
     """As `preexec_fn` of a process: it is ended in order when the thread that starts it ends, however that comes about."""
     _LIBC.prctl(_PARENT_DEATH_SIGNAL, signal.SIGTERM)

@@ -19,27 +19,27 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from facade_core.core.errors import FacadeError, MachineError
-from tasks.engine.compute.attempts import Copy, Unit, fetched
+from tasks.engine.compute.attempts import UnitCopy, UnitAttempt, fetch_result
 from tasks.engine.compute.deadlines import Deadlines
-from tasks.engine.compute.leases import Forget, Lease, Leases
-from tasks.engine.compute.scheduler_view import Roll, View, Worker, look, restart
-from tasks.engine.compute.timeouts import USUAL, Patience
-from tasks.engine.compute.worker_setup import timed_unit
+from tasks.engine.compute.leases import ForgetCall, Lease, Leases
+from tasks.engine.compute.scheduler_view import WorkerRegistry, SchedulerView, Worker, poll_scheduler, restart_workers
+from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
+from tasks.engine.compute.worker_setup import run_timed_unit
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 # Workers that may go away under a unit until it is suspected.
-DEATHS = 1
+MAX_WORKER_DEATHS = 1
 
-OVERRAN = "the run took longer than its deadline; run again to go on from here"
-REMEDY = "start some (`dask worker ADDRESS`) and run again"
+OVERRUN_MESSAGE = "the run took longer than its deadline; run again to go on from here"
+START_WORKERS = "start some (`dask worker ADDRESS`) and run again"
 
 log = logging.getLogger(__name__)
 
 
 # Asks a scheduler for its view of the workers: the client, and the seconds within which it is to answer.
-Look = Callable[["Client", float], View]
+Look = Callable[["Client", float], SchedulerView]
 
 
 class ClusterGone(MachineError):
@@ -66,18 +66,18 @@ class Cluster:
     """
 
     def __init__(
-        self, client: Client, until: float | None = None, *, look: Look = look, patience: Patience = USUAL
+        self, client: Client, until: float | None = None, *, poll: Look = poll_scheduler, timeouts: Timeouts = DEFAULT_TIMEOUTS
     ) -> None:
         self._client, self._until = client, until
-        self._look, self._patience = look, patience
+        self._look, self._timeouts = poll, timeouts
         self._changed = threading.Condition()  # holds for all that follows
-        self._roll = Roll(look(client, patience.answer), patience)
-        self._units: set[Unit] = set()
+        self._registry = WorkerRegistry(poll(client, timeouts.answer), timeouts)
+        self._units: set[UnitAttempt] = set()
         self._leases, self._names = Leases(), itertools.count(1)
-        self._forgetting: list[Future] = []
+        self._forget_calls: list[Future] = []
         self._over: FacadeError | None = None
         self._suspects = threading.Lock()
-        self._deadlines = Deadlines(patience)
+        self._deadlines = Deadlines(timeouts)
         self._closed = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="watch the cluster", daemon=True)
         self._watcher.start()
@@ -85,26 +85,26 @@ class Cluster:
     def close(self) -> None:
         """Stop looking."""
         self._closed.set()
-        self._watcher.join(self._patience.look)  # a scheduler that is gone may be long in not answering
+        self._watcher.join(self._timeouts.poll_interval)  # a scheduler that is gone may be long in not answering
 
     @property
     def memory(self) -> int:
         with self._changed:
-            return sum(worker.share for worker in self._roll.usable.values())
+            return sum(worker.share for worker in self._registry.usable.values())
 
     @property
     def threads(self) -> int:
         with self._changed:
-            return sum(worker.threads for worker in self._roll.usable.values())
+            return sum(worker.threads for worker in self._registry.usable.values())
 
-    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> Unit:
+    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> UnitAttempt:
         """Start a unit that takes `memory` bytes; where `worker` is a lease, on the worker that keeps its state."""
         with self._changed:
-            unit = Unit(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
+            unit = UnitAttempt(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
             self._begin(unit)
         return unit
 
-    def completed(self, started: Iterable[Unit]) -> Iterator[Unit]:
+    def iterate_completed(self, started: Iterable[UnitAttempt]) -> Iterator[UnitAttempt]:
         """The units as they complete, those last whose workers died. A result leaves the cluster with the last reference to its
         unit."""
         waiting = {unit.answer: unit for unit in started}
@@ -121,13 +121,13 @@ class Cluster:
             del unit
         yield from suspects
 
-    def result(self, unit: Unit) -> Any:
+    def result(self, unit: UnitAttempt) -> Any:
         with ExitStack() as alone:
             while True:
                 future = unit.answer.result()
-                if future is not None and (ran := fetched(future)) is not None:
+                if future is not None and (ran := fetch_result(future)) is not None:
                     seconds, result = ran
-                    self._deadlines.note(unit.stage, seconds)
+                    self._deadlines.record(unit.stage, seconds)
                     return result
                 if future is None and unit.alone:
                     raise WorkersDied(
@@ -142,7 +142,7 @@ class Cluster:
                     self._begin(unit)
 
     @contextmanager
-    def lease(self, memory: int, forget: Forget | None = None) -> Iterator[str]:
+    def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
         """The name of a lease of one thread of a worker, for a sequence of units that share a state of `memory` bytes.
 
         Waits until a worker has a thread free, and memory for it beside the states it keeps already; a worker that keeps
@@ -152,8 +152,8 @@ class Cluster:
         name, lease = f"lease {next(self._names)}", Lease("", memory, forget)
         with self._changed:
             self._check()
-            while not self._leases.take(name, lease, self._roll.usable):
-                self._changed.wait(timeout=self._patience.look)
+            while not self._leases.take(name, lease, self._registry.usable):
+                self._changed.wait(timeout=self._timeouts.poll_interval)
                 self._check()
         try:
             yield name
@@ -169,41 +169,41 @@ class Cluster:
         if self._over is not None:
             raise type(self._over)(*self._over.args)
 
-    def _begin(self, unit: Unit) -> None:
+    def _begin(self, unit: UnitAttempt) -> None:
         self._check()
         unit.deaths = 0
         self._units.add(unit)
         self._place(unit)
 
-    def _place(self, unit: Unit) -> bool:
+    def _place(self, unit: UnitAttempt) -> bool:
         """Give a unit to Dask; False where no worker has room, and it has to wait for another look."""
-        usable = self._roll.usable
-        places = None if len(usable) == len(self._roll.view.workers) else frozenset(usable)
+        usable = self._registry.usable
+        places = None if len(usable) == len(self._registry.view.workers) else frozenset(usable)
         if unit.lease is not None:
             lease = self._leases[unit.lease]
-            if lease.address not in usable and not self._moved(unit.lease, lease, usable):
+            if lease.address not in usable and not self._move_lease(unit.lease, lease, usable):
                 return False
             places = frozenset([lease.address])
         if not usable:
             return False
-        future = self._give(unit.call, places, unit.stage)
+        future = self._submit_call(unit.call, places, unit.stage)
         if future is None:
             return False
-        unit.copies[str(future.key)] = Copy(future, places)
-        future.add_done_callback(lambda ended: self._ended(unit, ended))
+        unit.copies[str(future.key)] = UnitCopy(future, places)
+        future.add_done_callback(lambda ended: self._finish_copy(unit, ended))
         return True
 
-    def _give(self, call: tuple[Any, ...], places: frozenset[str] | None, name: str) -> Future | None:
+    def _submit_call(self, call: tuple[Any, ...], places: frozenset[str] | None, name: str) -> Future | None:
         place = {} if places is None else {"workers": sorted(places)}
         try:
-            return self._client.submit(timed_unit, *call, key=f"{name}-{uuid4()}", pure=False, **place)
+            return self._client.submit(run_timed_unit, *call, key=f"{name}-{uuid4()}", pure=False, **place)
         except Exception as error:
             if self._client.status == "running":
                 raise
-            self._end(_gone(), error)
+            self._end(cluster_gone_error(), error)
             return None
 
-    def _moved(self, name: str, lease: Lease, usable: dict[str, Worker]) -> bool:
+    def _move_lease(self, name: str, lease: Lease, usable: dict[str, Worker]) -> bool:
         left = Lease(lease.address, lease.memory, lease.forget)
         moved = self._leases.move(name, usable)
         if moved:
@@ -212,12 +212,12 @@ class Cluster:
 
     def _forget(self, lease: Lease) -> None:
         """Have the state of a lease leave its worker, or do so when that one wakes."""
-        self._forgetting = [future for future in self._forgetting if not future.done()]
-        if lease.forget and lease.address in self._roll.view.workers and self._over is None:
-            future = self._give(lease.forget, frozenset([lease.address]), "forget")
-            self._forgetting += [future] if future is not None else []
+        self._forget_calls = [future for future in self._forget_calls if not future.done()]
+        if lease.forget and lease.address in self._registry.view.workers and self._over is None:
+            future = self._submit_call(lease.forget, frozenset([lease.address]), "forget")
+            self._forget_calls += [future] if future is not None else []
 
-    def _settle(self, unit: Unit, answer: Future | None = None, error: FacadeError | None = None) -> None:
+    def _settle(self, unit: UnitAttempt, answer: Future | None = None, error: FacadeError | None = None) -> None:
         """Answer a unit; its other copies are called back, and who is busy with an overdue one is started anew."""
         self._units.discard(unit)
         others, unit.copies = list(unit.copies.values()), {}
@@ -227,9 +227,9 @@ class Cluster:
             unit.answer.set_result(answer)
         for copy in others:
             copy.future.cancel()
-        stuck = {copy.at for copy in others if copy.overdue} & self._roll.view.workers.keys()
-        if workers := {address: self._roll.view.workers[address] for address in stuck if address}:
-            threading.Thread(target=restart, args=(self._client, workers), daemon=True).start()
+        stuck = {copy.address for copy in others if copy.overdue} & self._registry.view.workers.keys()
+        if workers := {address: self._registry.view.workers[address] for address in stuck if address}:
+            threading.Thread(target=restart_workers, args=(self._client, workers), daemon=True).start()
 
     def _end(self, error: FacadeError, cause: BaseException | None = None) -> None:
         """Whoever waits, or comes, is told."""
@@ -241,7 +241,7 @@ class Cluster:
                 unit.answer.set_exception(type(error)(*error.args))
             self._changed.notify_all()
 
-    def _ended(self, unit: Unit, future: Future) -> None:
+    def _finish_copy(self, unit: UnitAttempt, future: Future) -> None:
         """A copy came to an end; called by Dask, in a thread of its own, with nothing held."""
         from distributed import KilledWorker
 
@@ -254,16 +254,16 @@ class Cluster:
             if killed and not unit.copies:
                 self._settle(unit)
             elif status in ("finished", "error") and not killed:
-                self._roll.stuck.discard(copy.at or "")
+                self._registry.stuck.discard(copy.address or "")
                 self._settle(unit, future)
             # else: its key was lost with its worker or the scheduler; the watcher sees which
 
     def _watch(self) -> None:
         last = answered = time.monotonic()
-        while not self._closed.wait(self._patience.look):
+        while not self._closed.wait(self._timeouts.poll_interval):
             view = None
             try:
-                view = self._look(self._client, self._patience.answer)
+                view = self._look(self._client, self._timeouts.answer)
                 answered = time.monotonic()
             except Exception as error:  # of many kinds, and what matters is whether there is a scheduler still
                 log.debug("the scheduler does not answer: %s", error)
@@ -271,15 +271,15 @@ class Cluster:
                 return
             now = time.monotonic()
             # what this process slept through is nobody's delay
-            awake, last = min(now - last, 2 * self._patience.look), now
+            awake, last = min(now - last, 2 * self._timeouts.poll_interval), now
             with self._changed:
                 try:
-                    if self._client.status != "running" or now - answered > self._patience.silence:
-                        self._end(_gone())
+                    if self._client.status != "running" or now - answered > self._timeouts.silence:
+                        self._end(cluster_gone_error())
                     elif self._until is not None and now > self._until:
-                        self._end(RunOverran(OVERRAN))
+                        self._end(RunOverran(OVERRUN_MESSAGE))
                     elif view is not None:
-                        self._mend(view, awake)
+                        self._update(view, awake)
                 except Exception as error:
                     log.exception("the watcher of the cluster failed")
                     self._end(
@@ -287,41 +287,41 @@ class Cluster:
                     )
                 self._changed.notify_all()
 
-    def _mend(self, view: View, awake: float) -> None:
-        self._roll.call(view, awake)
-        if self._roll.empty > self._patience.empty:
-            self._end(ClusterGone(f"the Dask scheduler has no worker left; {REMEDY}"))
+    def _update(self, view: SchedulerView, awake: float) -> None:
+        self._registry.update(view, awake)
+        if self._registry.empty > self._timeouts.empty:
+            self._end(ClusterGone(f"the Dask scheduler has no worker left; {START_WORKERS}"))
         for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
             self._reconsider(unit, awake)
 
-    def _reconsider(self, unit: Unit, awake: float) -> None:
+    def _reconsider(self, unit: UnitAttempt, awake: float) -> None:
         """Place a unit anew where its workers are gone or give no sign; try it elsewhere too where it is overdue."""
-        usable = self._roll.usable
-        limit = self._deadlines.of(unit.stage)
+        usable = self._registry.usable
+        limit = self._deadlines.limit(unit.stage)
         for key, copy in list(unit.copies.items()):
-            copy.at = self._roll.view.given.get(key, copy.at)
-            places = frozenset([self._roll.view.given[key]]) if key in self._roll.view.given else copy.places
-            if places is not None and not places & self._roll.view.workers.keys():
+            copy.address = self._registry.view.assigned.get(key, copy.address)
+            places = frozenset([self._registry.view.assigned[key]]) if key in self._registry.view.assigned else copy.allowed_workers
+            if places is not None and not places & self._registry.view.workers.keys():
                 del unit.copies[key]
                 copy.future.cancel()
                 unit.deaths += 1
             elif places is not None and not places & usable.keys() and not copy.overdue and self._place(unit):
                 del unit.copies[key]  # it may have its turn when its worker wakes, and nobody will ask for it
                 copy.future.cancel()
-            elif key in self._roll.view.executing and copy.at in self._roll.view.workers:
-                copy.ran += awake if copy.overdue or copy.at in usable else 0.0
-                if copy.ran >= limit and not copy.overdue:
+            elif key in self._registry.view.executing and copy.address in self._registry.view.workers:
+                copy.running_seconds += awake if copy.overdue or copy.address in usable else 0.0
+                if copy.running_seconds >= limit and not copy.overdue:
                     copy.overdue = True
-                    self._roll.stuck.add(copy.at)
-        if unit.deaths > DEATHS and not unit.copies:
+                    self._registry.stuck.add(copy.address)
+        if unit.deaths > MAX_WORKER_DEATHS and not unit.copies:
             self._settle(unit)
         elif not unit.copies:
             self._place(unit)
         elif all(copy.overdue for copy in unit.copies.values()):
-            self._overdue(unit, limit)
+            self._handle_overdue(unit, limit)
 
-    def _overdue(self, unit: Unit, limit: float) -> None:
-        longest = max(copy.ran for copy in unit.copies.values())
+    def _handle_overdue(self, unit: UnitAttempt, limit: float) -> None:
+        longest = max(copy.running_seconds for copy in unit.copies.values())
         if len(unit.copies) == 1 and longest < 2 * limit:
             if self._place(unit):
                 log.warning("%s takes longer than %.0f s; it is tried on another worker too", unit.stage, limit)
@@ -332,5 +332,5 @@ class Cluster:
         )
 
 
-def _gone() -> ClusterGone:
+def cluster_gone_error() -> ClusterGone:
     return ClusterGone("the Dask cluster went away; run again to go on from here")

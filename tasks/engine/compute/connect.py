@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import InputError, MachineError
-from tasks.engine.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
-from tasks.engine.compute.leases import Forget
+from tasks.engine.compute.cluster import OVERRUN_MESSAGE, Cluster, ClusterGone, RunOverran
+from tasks.engine.compute.leases import ForgetCall
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
-from tasks.engine.compute.timeouts import USUAL, Patience
+from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
 from tasks.engine.compute.worker_setup import (
     ONE_THREAD,
-    TOPIC,
-    forgotten,
+    LOG_TOPIC,
+    plugin_removal,
     limit_threads,
-    make,
-    prepared,
+    environment_versions,
+    worker_setup_plugin,
     run_unit,
-    standing,
-    unlike,
+    inspect_worker,
+    diff_environment,
 )
 
 if TYPE_CHECKING:
@@ -38,16 +38,16 @@ log = logging.getLogger(__name__)
 
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
-REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
+START_SCHEDULER = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 
 
 @dataclass(frozen=True, eq=False)
-class _Later:
+class DeferredUnit:
     """A unit that runs when its result is asked for."""
 
     function: Callable[..., Any]
     arguments: tuple
-    serial: Serial
+    serial: SerialCompute
 
     def result(self) -> Any:
         with self.serial.lock:
@@ -55,7 +55,7 @@ class _Later:
             return run_unit(self.function, *self.arguments)
 
 
-class Serial:
+class SerialCompute:
     """Runs each unit in this process, one at a time, when its result is asked for."""
 
     threads = 1
@@ -69,19 +69,19 @@ class Serial:
         self._leases = threading.Lock()
         self._open = True
 
-    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> _Later:
+    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> DeferredUnit:
         if self._until is not None and time.monotonic() > self._until:
-            raise RunOverran(OVERRAN)
-        return _Later(function, args, self)
+            raise RunOverran(OVERRUN_MESSAGE)
+        return DeferredUnit(function, args, self)
 
-    def completed(self, started: Iterable[Any]) -> Iterator[Any]:
+    def iterate_completed(self, started: Iterable[Any]) -> Iterator[Any]:
         """The units in order. Until the next one is asked for no other starts: each is committed before the one after it."""
         for unit in started:
             with self.lock:
                 yield unit
 
     @contextmanager
-    def lease(self, memory: int, forget: Forget | None = None) -> Iterator[str]:
+    def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
         """This process, for a sequence of units that share state; `forget`, a function with its arguments, lets go of it."""
         with self._leases:
             self.require_open()
@@ -100,7 +100,7 @@ class Serial:
             raise MachineError("the run has ended")
 
 
-Compute = Serial | Cluster
+Compute = SerialCompute | Cluster
 
 
 @contextmanager
@@ -110,8 +110,8 @@ def connect(
     folder: str,
     until: float | None = None,
     *,
-    patience: Patience = USUAL,
-    make: Callable[[], dict[str, str]] = make,
+    timeouts: Timeouts = DEFAULT_TIMEOUTS,
+    versions: Callable[[], dict[str, str]] = environment_versions,
 ) -> Iterator[Compute]:
     """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
 
@@ -127,7 +127,7 @@ def connect(
     """
     if dask is None and workers <= 1:
         limit_threads()
-        serial = Serial(until)
+        serial = SerialCompute(until)
         try:
             yield serial
         finally:
@@ -155,20 +155,20 @@ def connect(
     }
     with dask_module.config.set(settings):
         if dask is not None:
-            with _client(dask, patience) as client:
-                _check_workers(client, dask, folder, make())
-                with _watched(client, until, patience) as compute:
+            with _connect_client(dask, timeouts) as client:
+                _check_workers(client, dask, folder, versions())
+                with _cluster_context(client, until, timeouts) as compute:
                     yield compute
             return
-        with _local(workers) as cluster, Client(cluster) as client:
-            client.register_plugin(prepared(), name="streetloom")
-            with _watched(client, until, patience) as compute:
+        with _start_local_cluster(workers) as cluster, Client(cluster) as client:
+            client.register_plugin(worker_setup_plugin(), name="streetloom")
+            with _cluster_context(client, until, timeouts) as compute:
                 yield compute
 
 
 @contextmanager
-def _watched(client: Client, until: float | None, patience: Patience) -> Iterator[Cluster]:
-    cluster = Cluster(client, until, patience=patience)
+def _cluster_context(client: Client, until: float | None, patience: Timeouts) -> Iterator[Cluster]:
+    cluster = Cluster(client, until, timeouts=patience)
     try:
         yield cluster
     finally:
@@ -192,7 +192,7 @@ def _track_quietly() -> None:
             os.environ["PYTHONWARNINGS"] = stated
 
 
-def _local(workers: int) -> LocalCluster:
+def _start_local_cluster(workers: int) -> LocalCluster:
     """Local processes, asked for once more where one dies while it starts. Raises ClusterGone."""
     from distributed import LocalCluster
 
@@ -216,7 +216,7 @@ def _local(workers: int) -> LocalCluster:
     ) from cause
 
 
-def require_scheduler(address: str, within: float = USUAL.greeting) -> None:
+def require_scheduler(address: str, within: float = DEFAULT_TIMEOUTS.connect) -> None:
     """Raise InputError at once where nothing listens, `within` so many seconds whatever else is there.
 
     A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
@@ -233,7 +233,7 @@ def require_scheduler(address: str, within: float = USUAL.greeting) -> None:
     except Empty:
         error = TimeoutError(f"no answer in {within:g} s")
     if error is not None:
-        raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
+        raise InputError(f"--dask {address}: no scheduler answers there; {START_SCHEDULER}") from error
 
 
 def _greet(address: str, arguments: dict[str, Any], answer: Queue[Exception | None], within: float) -> None:
@@ -258,15 +258,15 @@ def _greet(address: str, arguments: dict[str, Any], answer: Queue[Exception | No
 
 
 @contextmanager
-def _client(address: str, patience: Patience) -> Iterator[Client]:
+def _connect_client(address: str, patience: Timeouts) -> Iterator[Client]:
     from distributed import Client
 
-    require_scheduler(address, patience.greeting)
-    with Client(address, timeout=patience.arrival) as client:
+    require_scheduler(address, patience.connect)
+    with Client(address, timeout=patience.first_worker) as client:
         try:
-            client.wait_for_workers(1, timeout=patience.arrival)
+            client.wait_for_workers(1, timeout=patience.first_worker)
         except (TimeoutError, OSError) as error:
-            raise InputError(f"--dask {address}: the scheduler has no worker; {REMEDY}") from error
+            raise InputError(f"--dask {address}: the scheduler has no worker; {START_SCHEDULER}") from error
         yield client
 
 
@@ -279,16 +279,16 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
         token = folder_at(folder) / f".seen-{uuid.uuid4().hex}"
         token.touch()
         try:
-            answers = client.run(standing, str(token))
+            answers = client.run(inspect_worker, str(token))
         finally:
             token.unlink(missing_ok=True)
     except CommClosedError as error:  # the scheduler went away meanwhile
-        raise InputError(f"--dask {address}: no scheduler answers there any more ({error}); {REMEDY}") from error
+        raise InputError(f"--dask {address}: no scheduler answers there any more ({error}); {START_SCHEDULER}") from error
     except Exception as error:  # whatever a worker of another make answers with
         raise InputError(
             f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
         ) from error
-    others = {worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := unlike(wanted, theirs))}
+    others = {worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := diff_environment(wanted, theirs))}
     if len(others) == len(answers):
         worker, said = next(iter(others.items()))
         raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
@@ -298,7 +298,7 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
                 f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
                 "name a folder with --out that all workers share, or a bucket that their environment leads to"
             )
-    client.subscribe_topic(TOPIC, lambda event: log.warning("%s", event[1]))
+    client.subscribe_topic(LOG_TOPIC, lambda event: log.warning("%s", event[1]))
     name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
-    client.register_plugin(forgotten(client.id, name), name=name)
-    client.register_plugin(prepared(wanted), name=name)
+    client.register_plugin(plugin_removal(client.id, name), name=name)
+    client.register_plugin(worker_setup_plugin(wanted), name=name)

@@ -6,31 +6,31 @@ from collections import defaultdict, deque
 from statistics import median
 from threading import Lock
 
-from tasks.engine.compute.timeouts import Patience
+from tasks.engine.compute.timeouts import Timeouts
 
 # Times the median of its stage that a unit may take.
-TIMES = 20
+MAX_MEDIAN_FACTOR = 20
 # Units that make a median, and as many as are remembered.
-ENOUGH, REMEMBERED = 3, 500
+MIN_UNITS_FOR_MEDIAN, MAX_REMEMBERED = 3, 500
 
 
 class Deadlines:
     """What the units of each stage took, and how long the next one may; from any thread."""
 
-    def __init__(self, patience: Patience) -> None:
+    def __init__(self, patience: Timeouts) -> None:
         self._patience = patience
-        self._took: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=REMEMBERED))
+        self._took: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=MAX_REMEMBERED))
         self._lock = Lock()
 
-    def note(self, stage: str, seconds: float) -> None:
+    def record(self, stage: str, seconds: float) -> None:
         """A unit of a stage took so long."""
         with self._lock:
             self._took[stage].append(seconds)
 
-    def of(self, stage: str) -> float:
+    def limit(self, stage: str) -> float:
         """Seconds that a unit of a stage may run before it is tried elsewhere too."""
         with self._lock:
             took = self._took[stage]
-            if len(took) < ENOUGH:
+            if len(took) < MIN_UNITS_FOR_MEDIAN:
                 return self._patience.unit_first
-            return max(self._patience.unit_least, TIMES * median(took))
+            return max(self._patience.unit_least, MAX_MEDIAN_FACTOR * median(took))

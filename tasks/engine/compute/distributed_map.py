@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from tasks.engine.compute.connect import Compute
-from tasks.engine.context import worker_name
+from tasks.engine.context import current_worker
 
 log = logging.getLogger(__name__)
 
@@ -18,13 +18,13 @@ T = TypeVar("T")
 R = TypeVar("R")
 # Runs of items for each thread of the workers, so that none waits long for the last; how many of these are on their way; and
 # the least items of a run, as each takes the block's geometry along.
-RUNS, AHEAD, LEAST_ITEMS = 4, 2, 8
+RUNS_PER_THREAD, AHEAD, MIN_RUN_ITEMS = 4, 2, 8
 
 
-def spread(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
     """What a function returns for all items, in their order, of which workers take runs, once they are there."""
     workers = compute.result()
-    length = max(LEAST_ITEMS, -(-len(items) // (RUNS * max(1, workers.threads))))
+    length = max(MIN_RUN_ITEMS, -(-len(items) // (RUNS_PER_THREAD * max(1, workers.threads))))
     waiting = deque(range(0, len(items), length))
     runs: deque[Any] = deque()
     found: list[R] = []
@@ -32,15 +32,15 @@ def spread(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]],
         # each takes the block's geometry along: no more on their way than keep the workers busy
         while waiting and len(runs) < AHEAD * max(1, workers.threads):
             first = waiting.popleft()
-            runs.append(workers.submit(_timed, function, items[first : first + length]))
+            runs.append(workers.submit(_timed_call, function, items[first : first + length]))
         made, about = runs.popleft().result()
         found += made
         log.debug("rays for %d of %d", len(found), len(items), extra={"stage": "ingest", **about})
     return found
 
 
-def _timed(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
+def _timed_call(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
     """What a function returns, and where and when that was."""
     start = time.time()
     found = function(items)
-    return found, {"worker": worker_name(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}
+    return found, {"worker": current_worker(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}

@@ -12,10 +12,10 @@ from pathlib import Path
 log = logging.getLogger(__name__)
 
 # Seconds that another process is waited for.
-LONGEST_S = 120.0
+MAX_WAIT_S = 120.0
 
 
-def compile_together() -> None:
+def compile_kernels_once() -> None:
     """Have everything in numba's cache that units call; at once where it was done before.
 
     A part that another process is at work on is left to it, and waited for at the end, for as long as a part may take: one that
@@ -31,8 +31,8 @@ def compile_together() -> None:
         done = folder / f"compiled-{code_digest('facade_core.kernel_warmup')}"
         if done.exists():
             return
-        left = [part for part in WARMUPS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]
-        if all([_compiled(folder / f"{part.__name__}.lock", part, wait=True) for part in left]):
+        left = [part for part in WARMUPS if not _compile_part(folder / f"{part.__name__}.lock", part, wait=False)]
+        if all([_compile_part(folder / f"{part.__name__}.lock", part, wait=True) for part in left]):
             for before in folder.glob("compiled-*"):
                 before.unlink(missing_ok=True)
             done.touch()
@@ -40,9 +40,9 @@ def compile_together() -> None:
         log.debug("what is compiled cannot be shared in %s: %s", folder, error)
 
 
-def _compiled(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:
+def _compile_part(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:
     """Go through a part alone; False where another does."""
-    until = time.monotonic() + (LONGEST_S if wait else 0.0)
+    until = time.monotonic() + (MAX_WAIT_S if wait else 0.0)
     with lock.open("a") as handle:
         while True:
             try:

@@ -9,7 +9,7 @@ from typing import Any
 from tasks.engine.compute.scheduler_view import Worker
 
 # A function and its arguments.
-Forget = tuple[Callable[..., Any], *tuple[Any, ...]]
+ForgetCall = tuple[Callable[..., Any], *tuple[Any, ...]]
 
 
 @dataclass
@@ -18,7 +18,7 @@ class Lease:
 
     address: str
     memory: int
-    forget: Forget | None = None
+    forget: ForgetCall | None = None
 
 
 class Leases:

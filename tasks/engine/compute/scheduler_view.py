@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tasks.engine.compute.timeouts import Patience
+from tasks.engine.compute.timeouts import Timeouts
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # Of the memory that workers have, what units may declare together; the rest is for libraries and a run's plan.
 UNITS_SHARE = 0.6
 # Memory of a worker that was started without a limit, in bytes.
-UNLIMITED = 2**33
+DEFAULT_WORKER_MEMORY = 2**33
 
 log = logging.getLogger(__name__)
 
@@ -43,11 +43,11 @@ class Worker:
     @property
     def share(self) -> int:
         """Bytes that units on it may declare."""
-        return int((self.memory or UNLIMITED) * UNITS_SHARE)
+        return int((self.memory or DEFAULT_WORKER_MEMORY) * UNITS_SHARE)
 
 
 @dataclass(frozen=True)
-class View:
+class SchedulerView:
     """What a scheduler says at one look.
 
     Args:
@@ -57,18 +57,18 @@ class View:
     """
 
     workers: dict[str, Worker] = field(default_factory=dict)
-    given: dict[str, str] = field(default_factory=dict)
+    assigned: dict[str, str] = field(default_factory=dict)
     executing: frozenset[str] = frozenset()
 
 
-class Roll:
+class WorkerRegistry:
     """The workers, called again and again: who gave no sign lately, who is stuck, and for how long there has been none.
 
     view: the last one; stuck: addresses of workers that are busy with a unit that does not end; empty: seconds without
     another. Seconds are those in which this process was awake, by its own clock.
     """
 
-    def __init__(self, view: View, patience: Patience) -> None:
+    def __init__(self, view: SchedulerView, patience: Timeouts) -> None:
         self.view = view
         self._patience = patience
         self.stuck: set[str] = set()
@@ -88,7 +88,7 @@ class Roll:
         heard = {address for address, seconds in self._silent.items() if seconds < limit} - self.stuck
         return {address: worker for address, worker in self.view.workers.items() if address in heard}
 
-    def call(self, view: View, awake: float) -> None:
+    def update(self, view: SchedulerView, awake: float) -> None:
         """Take in a view, so many seconds after the one before."""
         known, self.view = self.view.workers, view
         before, self._silent = self._silent, {}
@@ -101,13 +101,13 @@ class Roll:
         self.empty = 0.0 if view.workers.keys() - self.stuck else self.empty + awake
 
 
-def look(client: Client, timeout: float) -> View:
+def poll_scheduler(client: Client, timeout: float) -> SchedulerView:
     """Ask a scheduler. Raises TimeoutError where it does not answer in time, OSError where it is gone."""
-    workers, given, executing = client.sync(client._run_on_scheduler, _ask(), callback_timeout=timeout)
-    return View({address: Worker(*fields) for address, fields in workers.items()}, given, frozenset(executing))
+    workers, given, executing = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)
+    return SchedulerView({address: Worker(*fields) for address, fields in workers.items()}, given, frozenset(executing))
 
 
-def restart(client: Client, workers: dict[str, Worker]) -> None:
+def restart_workers(client: Client, workers: dict[str, Worker]) -> None:
     """Have workers started anew, by their address, that are busy with what nobody waits for."""
     for address, worker in workers.items():
         fate = "started anew" if worker.nanny else "given up; start it anew"
@@ -119,7 +119,7 @@ def restart(client: Client, workers: dict[str, Worker]) -> None:
             log.warning("workers cannot be started anew: %s", error)
 
 
-def _ask() -> Callable[..., Any]:
+def scheduler_query() -> Callable[..., Any]:
     def ask(dask_scheduler: Any) -> Any:  # sent by value, being local: a scheduler need not have this code
         workers: dict[str, tuple] = {}
         given: dict[str, str] = {}

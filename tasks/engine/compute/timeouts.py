@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Patience:
+class Timeouts:
     """All in seconds, those of a run under way by the time in which its process was awake.
 
     Args:
@@ -22,9 +22,9 @@ class Patience:
         unit_first: that a unit may take before it is known what others take.
     """
 
-    greeting: float = 8.0
-    arrival: float = 30.0
-    look: float = 2.0
+    connect: float = 8.0
+    first_worker: float = 30.0
+    poll_interval: float = 2.0
     answer: float = 30.0
     silence: float = 300.0
     empty: float = 120.0
@@ -34,4 +34,4 @@ class Patience:
     unit_first: float = 3600.0
 
 
-USUAL = Patience()
+DEFAULT_TIMEOUTS = Timeouts()

@@ -19,13 +19,13 @@ from typing import Any
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import FacadeError
-from tasks.engine.outcome import machine_error, machine_fault
+from tasks.engine.outcome import machine_error, is_machine_fault
 
 # Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
 
 # Packages whose versions are named where they differ.
-LIBRARIES = (
+REPORTED_LIBRARIES = (
     "numpy",
     "scipy",
     "opencv-python-headless",
@@ -36,7 +36,7 @@ LIBRARIES = (
     "open3d-cpu",
 )
 # Where workers say what the run should hear.
-TOPIC = "streetloom"
+LOG_TOPIC = "streetloom"
 
 _thread = threading.local()
 
@@ -52,12 +52,12 @@ def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
     try:
         return function(*arguments)
     except Exception as error:
-        if machine_fault(error):
+        if is_machine_fault(error):
             raise machine_error(f"on {os.uname().nodename}", error) from error
         raise
 
 
-def timed_unit(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
+def run_timed_unit(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
     """Run a unit, and say how many seconds it took."""
     start = time.perf_counter()
     result = run_unit(function, *arguments)
@@ -78,7 +78,7 @@ def limit_threads() -> None:
     threadpool_limits(1)
 
 
-def prepared(asked: dict[str, str] | None = None) -> Any:
+def worker_setup_plugin(asked: dict[str, str] | None = None) -> Any:
     """A plugin that prepares every worker, those that join later too.
 
     Where they are not this run's own processes they are `asked` for what they are made of: one of another make says so, in its
@@ -92,9 +92,9 @@ def prepared(asked: dict[str, str] | None = None) -> Any:
                 asked is None
             ):  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
-            elif said := unlike(asked, make()):
+            elif said := diff_environment(asked, environment_versions()):
                 line = f"worker {worker.name} at {worker.address} {said}; it is not used"
-                worker.log_event(TOPIC, line)
+                worker.log_event(LOG_TOPIC, line)
                 logging.getLogger("distributed.worker").error(line)
                 worker.status = Status.closing_gracefully  # it takes no unit
                 # once it has started: its nanny, which is to end too, does not listen before
@@ -102,12 +102,12 @@ def prepared(asked: dict[str, str] | None = None) -> Any:
                 return
             limit_threads()
             # Awaited: a unit that arrives meanwhile would import the same modules from another thread, the other way round.
-            await asyncio.to_thread(_load)
+            await asyncio.to_thread(_import_workers)
 
     return Prepared()
 
 
-def forgotten(client: str, name: str) -> Any:
+def plugin_removal(client: str, name: str) -> Any:
     """A plugin of the scheduler, which takes the plugin `name` of workers off it when a client leaves, however that ends.
 
     Else workers of a newer make, which join when the run is over, would close.
@@ -125,13 +125,13 @@ def forgotten(client: str, name: str) -> Any:
     return Forgotten()
 
 
-def make() -> dict[str, str]:
+def environment_versions() -> dict[str, str]:
     """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
     from tasks.engine.stage import code_stages
     from tasks.engine.stage_code import code_version
 
     versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
-    for library in LIBRARIES:
+    for library in REPORTED_LIBRARIES:
         try:
             versions[library] = version(library)
         except PackageNotFoundError:
@@ -139,7 +139,7 @@ def make() -> dict[str, str]:
     return versions | {"Streetloom": code_version(code_stages())}
 
 
-def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
+def diff_environment(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
     """What differs in the make of a worker, in words; None where nothing does."""
     other = [
         f"{name} {theirs.get(name)} and this run {here}" for name, here in asked.items() if theirs.get(name) != here
@@ -147,29 +147,29 @@ def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
     return f"has {other[0]}" if other else None
 
 
-def _load() -> None:
+def _import_workers() -> None:
     """Import what units need while the block is ingested, and compile it: a worker's first unit would wait for it."""
     import onnxruntime  # noqa: F401
     import skimage.measure  # noqa: F401
     import xarray  # noqa: F401
 
-    from tasks.engine.compute.kernel_compilation import compile_together
+    from tasks.engine.compute.kernel_compilation import compile_kernels_once
     from tasks.engine.stage import all_stages
-    from tasks.engine.stage_code import module_of
+    from tasks.engine.stage_code import worker_module
 
     for stage in all_stages():
         if stage.part_of is None:
-            import_module(module_of(stage.stage))
+            import_module(worker_module(stage.stage))
 
-    compile_together()
+    compile_kernels_once()
 
 
-def standing(token: str) -> tuple[bool, dict[str, str]]:
+def inspect_worker(token: str) -> tuple[bool, dict[str, str]]:
     """Of a worker: whether it sees a file and can write beside it, and what it is made of."""
-    return _sees(folder_at(token)), make()
+    return _can_see(folder_at(token)), environment_versions()
 
 
-def _sees(token: Folder) -> bool:
+def _can_see(token: Folder) -> bool:
     if isinstance(token, Path):
         return token.is_file() and os.access(token.parent, os.W_OK)
     beside = token.parent / f"{token.name}-{uuid.uuid4().hex}"

@@ -29,7 +29,7 @@ from tasks.engine.stage import Change, Records, all_stages, read_journals
 
 
 @dataclass(frozen=True)
-class Last:
+class LastIngest:
     """The ingest before this one: its store as it was, and its plan."""
 
     group: StoreGroup
@@ -40,7 +40,7 @@ class Last:
         return PreviousPlacement(self.plan.ids, self.plan.scene.placement)
 
 
-def made_for(run: Run) -> dict[str, Any]:
+def store_settings(run: Run) -> dict[str, Any]:
     """What a store is made for, in which nothing can be taken over from one for anything else."""
     return {
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
@@ -49,12 +49,12 @@ def made_for(run: Run) -> dict[str, Any]:
     }
 
 
-def why_anew(run: Run, group: StoreGroup) -> str | None:
+def restart_reason(run: Run, group: StoreGroup) -> str | None:
     """Why nothing can be taken over of what a store holds, in words; None where it holds nothing."""
     if "key" not in group.attrs:
         return None
     held = group.attrs.get("made_for")
-    if not isinstance(held, dict) or read_format(group) != STORE_FORMAT or held.get("pages") != made_for(run)["pages"]:
+    if not isinstance(held, dict) or read_format(group) != STORE_FORMAT or held.get("pages") != store_settings(run)["pages"]:
         return "another version of Streetloom made the store"
     changed = []
     if held["texels_per_metre"] != run.texture.texels_per_metre:
@@ -66,7 +66,7 @@ def why_anew(run: Run, group: StoreGroup) -> str | None:
     return " and ".join(changed) or "what the store holds cannot be read"
 
 
-def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
+def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | None:
     """What the store holds, where it is of this format, in the same frame and density; None otherwise.
 
     Other code may have made it: what an ingest takes over stands by its own keys.
@@ -75,14 +75,14 @@ def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
     try:
         group = open_root(session)
         held = group.attrs["made_for"]
-        if any(held.get(name) != wanted for name, wanted in made_for(run).items()):
+        if any(held.get(name) != wanted for name, wanted in store_settings(run).items()):
             return None
-        return Last(group, read_plan(session))
+        return LastIngest(group, read_plan(session))
     except (KeyError, FileNotFoundError, StoreError):
         return None
 
 
-def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan) -> None:
+def carry_over(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan: Plan) -> None:
     """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
     cleared, and what is known of units goes to the places where these stand now."""
     change = Change(
@@ -93,24 +93,24 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
         group=root,
         last=last.group,
         records=read_journals(last.group),
-        stays=_staying(last.plan, plan),
+        stays=_unchanged_charts(last.plan, plan),
     )
     again = {stage.stage: stage.match_previous(change) for stage in all_stages()}
     spec, placement = last.plan.scene.spec, last.plan.scene.placement
     cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(change.stays.values())))
     clear_rasters(root, spec, placement, cleared.tolist())
-    resize_arrays(root, plan.scene.spec, units=counts(block, plan), panorama_width=run.texture.panorama_width)
+    resize_arrays(root, plan.scene.spec, units=unit_counts(block, plan), panorama_width=run.texture.panorama_width)
     for stage in all_stages():
-        records = _at_new_places(change.records[stage.stage], again[stage.stage], stage.count(block, plan))
+        records = _records_at_new_indices(change.records[stage.stage], again[stage.stage], stage.count(block, plan))
         if stage.relocate is not None:
             records = stage.relocate(change, again[stage.stage], records)
-        before = list(map(_text, change.records[stage.stage]))
-        for index, text in enumerate(map(_text, records)):
+        before = list(map(_record_text, change.records[stage.stage]))
+        for index, text in enumerate(map(_record_text, records)):
             if index >= len(before) or before[index] != text:
                 root[journal_path(stage.stage)][index] = text
 
 
-def counts(block: Block, plan: Plan) -> dict[str, int]:
+def unit_counts(block: Block, plan: Plan) -> dict[str, int]:
     """How many units a block has, by stage."""
     return {stage.stage: stage.count(block, plan) for stage in all_stages()}
 
@@ -122,7 +122,7 @@ def has_all_stages(group: StoreGroup) -> bool:
     )
 
 
-def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
+def delete_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
     """Forget what is known of units that are due again, by index with the charts that they wrote.
 
     Whatever becomes of them, nothing of before is left.
@@ -138,10 +138,10 @@ def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[
     commit(session, f"{len(units)} {stage} are due again")
 
 
-def _staying(old: Plan, new: Plan) -> dict[int, int]:
+def _unchanged_charts(old: Plan, new: Plan) -> dict[int, int]:
     """The charts that lie where they lay and are written by the same stages, new -> old."""
     at = {int(number): chart for chart, number in enumerate(old.ids.tolist())}
-    roles = [_roles(plan) for plan in (old, new)]
+    roles = [_chart_roles(plan) for plan in (old, new)]
     there, here = ((p.scene.placement.page, p.scene.placement.x, p.scene.placement.y) for p in (old, new))
     return {
         chart: o
@@ -152,7 +152,7 @@ def _staying(old: Plan, new: Plan) -> dict[int, int]:
     }
 
 
-def _roles(plan: Plan) -> np.ndarray:
+def _chart_roles(plan: Plan) -> np.ndarray:
     """Per chart: whether it is a facade, has a texture of its own, is written by streets, and is in sight of one."""
     roles = np.zeros((len(plan.ids), 4), bool)
     roles[plan.facades.chart, 0] = True
@@ -161,10 +161,10 @@ def _roles(plan: Plan) -> np.ndarray:
     return roles
 
 
-def _text(record: Record | None) -> str:
+def _record_text(record: Record | None) -> str:
     return json.dumps(record, sort_keys=True, allow_nan=False) if record else ""
 
 
-def _at_new_places(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
+def _records_at_new_indices(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
     """Records by the new indices of their units."""
     return [records[again[i]] if i in again else None for i in range(count)]

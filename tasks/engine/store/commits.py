@@ -14,13 +14,13 @@ from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.run import Run
 
 
-def begin(store: StoreLocation) -> tuple[icechunk.Session, Any]:
+def fork_store(store: StoreLocation) -> tuple[icechunk.Session, Any]:
     """A session on the newest snapshot and a fork of it for one worker."""
     session = open_repository(store).writable_session(BRANCH)
     return session, session.fork()
 
 
-def finish(session: icechunk.Session, fork: Any, stage: str, records: Mapping[int, Record], message: str) -> str:
+def commit_units(session: icechunk.Session, fork: Any, stage: str, records: Mapping[int, Record], message: str) -> str:
     """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
     session.merge(fork)
     group = open_root(session)
@@ -29,7 +29,7 @@ def finish(session: icechunk.Session, fork: Any, stage: str, records: Mapping[in
     return commit(session, message)
 
 
-def journal(store: StoreLocation, stage: str) -> list[Record | None]:
+def read_newest_journal(store: StoreLocation, stage: str) -> list[Record | None]:
     """The records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
     return read_journal(open_root(session), stage)

@@ -19,7 +19,7 @@ from tasks.engine.stage import all_stages
 T = TypeVar("T")
 
 
-def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[str, list[int]]:
+def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[str, list[int]]:
     """The units, by stage, of which a chart's or a panorama's digest is not that of their record; every chunk must be readable.
 
     sample: so many charts and panoramas at most, evenly spread; None for all. Units that are not done are not looked at, nor
@@ -27,7 +27,7 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     """
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
-    writers = [one for one in _last_writers(group) if one[0] in chart_of]
+    writers = [one for one in last_chart_writers(group) if one[0] in chart_of]
     for name, stage, unit, digest in sample_evenly(sorted(writers), sample):
         one = TexelLayout.of_charts(plan.scene.placement, [chart_of[name]])
         colour, source = (
@@ -51,7 +51,7 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     return {stage: sorted(units) for stage, units in found.items()}
 
 
-def _last_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
+def last_chart_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
     """Of every chart, by its id, the stages that wrote it, of each the unit that did last, and the digest that it left; none
     where that unit is due again."""
     found: dict[tuple[str, str], tuple[int, str]] = {}

@@ -10,14 +10,14 @@ from facade_core.core.errors import MachineError
 from facade_core.plan.ingest import Plan
 
 # Free at every stage: the run's own server, its log, and commits that are being made.
-RESERVE = 50_000_000
+RESERVED_BYTES = 50_000_000
 # What the smallest blocks and the demo took in the store, in bytes: a texel of every array of the atlas, and a byte of a
 # panorama, both compressed; and a texel of the pages, the model and the report as published. Pictures of real walls take more:
 # what this refuses could not have ended well.
 STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
 
 
-def room_for(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
+def store_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
     """The bytes that a block takes at least, in its store and published; without its store, which may be in a bucket."""
     texels = int(plan.texel_counts().sum())
     if not stored:
@@ -31,13 +31,13 @@ def free_bytes(folder: Path) -> int:
     return shutil.disk_usage(folder).free
 
 
-def require_room(folder: Path, needed: int = 0, free_bytes: Callable[[Path], int] = free_bytes) -> None:
+def require_disk_space(folder: Path, needed: int = 0, free_bytes: Callable[[Path], int] = free_bytes) -> None:
     """Raise MachineError where the disk of `folder` has less room than `needed`, less what lies in its store, and RESERVE."""
     free = free_bytes(folder)
-    if free >= needed + RESERVE:  # what lies in the store already need not be counted, of very many files
+    if free >= needed + RESERVED_BYTES:  # what lies in the store already need not be counted, of very many files
         return
     stored = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file()) if needed else 0
-    needed = max(0, needed - stored) + RESERVE
+    needed = max(0, needed - stored) + RESERVED_BYTES
     if free < needed:
         raise MachineError(
             f"{folder}: needs about {needed / 1e6:,.0f} MB of space and its disk has {free / 1e6:,.0f} MB free; "

@@ -27,8 +27,8 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from tasks.engine.run import Run
 from tasks.engine.stage import Stage, StoreContents, all_stages, read_journals
-from tasks.engine.store.digests import differing
-from tasks.engine.store.unreadable import give_up, units_of_charts
+from tasks.engine.store.digests import find_differing_units
+from tasks.engine.store.unreadable import empty_unreadable_chunks, units_of_charts
 
 # Folders of the store that units restore, with those of stages and of files; all else is the plan.
 PAGE_FOLDERS = ("atlas", "facade_maps", "journal")
@@ -60,7 +60,7 @@ def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
     return {name: units for name, units in found.items() if units}
 
 
-def suspect(out: Folder) -> None:
+def mark_suspect(out: Folder) -> None:
     """Have the next run read everything in its store: it was found to differ where sizes and listings do not show it."""
     (out / SUSPECT).touch()
 
@@ -69,19 +69,19 @@ def is_suspect(out: Folder) -> bool:
     return (out / SUSPECT).is_file()
 
 
-def mend(run: Run) -> list[str]:
+def repair_store(run: Run) -> list[str]:
     """Make due again what a run's store has lost; lines that say what that is.
 
     Raises StoreError where nothing can be read any more.
     """
     if not run.store.is_dir():
         return []
-    said = _mend(run, thorough=is_suspect(run.folder))
+    said = _repair(run, thorough=is_suspect(run.folder))
     (run.folder / SUSPECT).unlink(missing_ok=True)
     return said
 
 
-def _mend(run: Run, *, thorough: bool) -> list[str]:
+def _repair(run: Run, *, thorough: bool) -> list[str]:
     """thorough: every chunk is read, whatever sizes say, and compared with its record."""
     said = []
     if back := roll_back_to_readable(run.store, _read_plan_tables):
@@ -111,10 +111,10 @@ def _mend(run: Run, *, thorough: bool) -> list[str]:
             )
         if lost := find_unreadable_chunks(session):
             plan = read_plan(session)
-            due = give_up(group, plan, lost)
+            due = empty_unreadable_chunks(group, plan, lost)
         if thorough:
             plan = plan or read_plan(session)
-            for stage, units in differing(group, plan).items():
+            for stage, units in find_differing_units(group, plan).items():
                 due.setdefault(stage, set()).update(units)
     lost_units = find_lost_units(session)
     if not due and not lost_units:
@@ -125,13 +125,13 @@ def _mend(run: Run, *, thorough: bool) -> list[str]:
         if stage.confirm_lost is not None:
             units = stage.confirm_lost(run, plan, group, units)
         due.setdefault(stage.stage, set()).update(units)
-    if line := _forget(group, plan, due):
+    if line := _delete_records(group, plan, due):
         commit(session, f"mend: {line}")
         said.append(f"{run.store}: {line} lost what they made; they are due again")
     return said
 
 
-def _forget(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
+def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
     """Delete the records of units, and of later ones that write on their base layer; returns their names."""
     base = [stage for stage in all_stages() if stage.writes_base_layer]
     charts: list[int] = []

@@ -18,19 +18,19 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.core.errors import InputError, StoreError
 from facade_core.core.zarr_types import StoreGroup
-from tasks.engine.outcome import refused
+from tasks.engine.outcome import rejected_pictures
 from tasks.engine.run import Run
 from tasks.engine.stage import all_stages, read_journals
-from tasks.engine.stage_code import stage_code, version_of
+from tasks.engine.stage_code import stage_code, join_code_versions
 from tasks.engine.store.carry_over import has_all_stages
 from tasks.engine.store.integrity import find_lost_units, is_suspect
-from tasks.engine.unit_key import parts_of
+from tasks.engine.unit_key import split_key
 
 # In a run's folder: the path of its block file, from there where it lies within.
 SOURCE = "source"
 
 
-def unpublished(out: Folder, snapshot: str) -> str | None:
+def unpublished_reason(out: Folder, snapshot: str) -> str | None:
     """Why a snapshot is not what `current` names, whole; None where it is."""
     found = find_current_snapshot(out)
     if found is None or found.id != snapshot:
@@ -52,26 +52,26 @@ def record_source(out: Folder, source: Path) -> None:
         city = out.parent.parent
         if source.is_relative_to(out) or (source.is_relative_to(city) and (city / CITY_FILE_NAME).is_file()):
             noted = Path(os.path.relpath(source, out))
-    if _noted(out) != noted:
+    if _read_source(out) != noted:
         (out / SOURCE).write_text(f"{noted}\n")
 
 
-def recorded_source(out: Folder) -> Path | None:
+def read_source(out: Folder) -> Path | None:
     """The block file of which the run in a folder was last; None where it is not noted."""
-    noted = _noted(out)
+    noted = _read_source(out)
     if noted is None or not isinstance(out, Path):
         return noted
     return Path(os.path.normpath(out / noted))
 
 
-def _noted(out: Folder) -> Path | None:
+def _read_source(out: Folder) -> Path | None:
     try:
         return Path((out / SOURCE).read_text().strip())
     except (OSError, ValueError):
         return None
 
 
-def nothing_due(run: Run) -> dict[str, Any] | None:
+def finished_summary(run: Run) -> dict[str, Any] | None:
     """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
 
     What any unit's key stands on beside its stage's code is in the run's key too: while these are the same, so are they all.
@@ -86,12 +86,12 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         _check_block(run, group)
         if group.attrs.get("partial"):
             return None
-        if group.attrs.get("key") != run.key or unpublished(run.folder, session.snapshot_id):
+        if group.attrs.get("key") != run.key or unpublished_reason(run.folder, session.snapshot_id):
             return None
         if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
             return None
         journals = read_journals(group)
-        for stage, codes in _codes(journals).items():
+        for stage, codes in _recorded_codes(journals).items():
             if codes != [stage_code(stage, neural=run.texture.translator == "neural")]:
                 return None
         records = [record for journal in journals.values() for record in journal]
@@ -102,15 +102,15 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
     except (StoreError, *DAMAGE_ERRORS):
         return None
     summary = snapshot_at(run.folder, session.snapshot_id).read_outcome()
-    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]
+    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *rejected_pictures(records)]
     set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
 
 
-def made_by(group: StoreGroup) -> str:
+def store_code_version(group: StoreGroup) -> str:
     """The version of the code that made what a store holds, and that publishes it."""
-    codes = _codes(read_journals(group))
-    return version_of(
+    codes = _recorded_codes(read_journals(group))
+    return join_code_versions(
         {
             "ingest": str(group.attrs.get("ingested_by")),
             "publish": str(group.attrs.get("published_by")),
@@ -119,10 +119,10 @@ def made_by(group: StoreGroup) -> str:
     )
 
 
-def _codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
+def _recorded_codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
     """The codes by which the units of a journal were done, by stage; a viewpoint's is its street's."""
     found = {
-        stage.stage: sorted({parts_of(r["key"]).get("code", "") for r in journals[stage.stage] if r})
+        stage.stage: sorted({split_key(r["key"]).get("code", "") for r in journals[stage.stage] if r})
         for stage in all_stages()
         if stage.part_of is None
     }

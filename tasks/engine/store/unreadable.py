@@ -14,7 +14,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.stage import all_stages
 
 
-def give_up(
+def empty_unreadable_chunks(
     group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[ChunkCoordinates] | None]
 ) -> dict[str, set[int]]:
     """Empty the chunks that cannot be read; returns the units that they were of, by stage.
@@ -34,9 +34,9 @@ def give_up(
             due[owner.stage].add(int(name.partition("/")[0]))
         elif folder not in FOLDERS:
             writers = [stage for stage, arrays in STAGE_ARRAYS.items() if path in (array.path for array in arrays)]
-            for stage, found in units_of_charts(plan, _charts_at(plan, chunks)).items():
+            for stage, found in units_of_charts(plan, _charts_in_chunks(plan, chunks)).items():
                 due[stage].update(found if stage in writers else ())
-        _empty(group, path, array, chunks)
+        _empty_chunks(group, path, array, chunks)
     for owner in all_stages() if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
         for unit, record in enumerate(
             read_journal(group, owner.stage) if owner.files else ()
@@ -56,7 +56,7 @@ def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
     }
 
 
-def _charts_at(plan: Plan, chunks: Sequence[ChunkCoordinates] | None) -> list[int]:
+def _charts_in_chunks(plan: Plan, chunks: Sequence[ChunkCoordinates] | None) -> list[int]:
     """The charts of which something lies in some chunks of the atlas."""
     spec, placement = plan.scene.spec, plan.scene.placement
     if chunks is None:
@@ -69,7 +69,7 @@ def _charts_at(plan: Plan, chunks: Sequence[ChunkCoordinates] | None) -> list[in
     ]
 
 
-def _empty(group: StoreGroup, path: str, array: StoreArray, chunks: Sequence[ChunkCoordinates] | None) -> None:
+def _empty_chunks(group: StoreGroup, path: str, array: StoreArray, chunks: Sequence[ChunkCoordinates] | None) -> None:
     if chunks is not None:
         for chunk in chunks:
             array.set_block_selection(chunk, array.fill_value)

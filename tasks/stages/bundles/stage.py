@@ -23,10 +23,10 @@ from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan, Sightings
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, same_name
+from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, match_by_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.bundles.worker import Member, bundle_unit
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
@@ -35,7 +35,7 @@ from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.shared.refined_poses import select_pose
 
 # Bytes kept of each panorama of a bundle.
-KEPT_PANORAMA = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
+SMALL_PANORAMA_BYTES = MAX_TURN_PIXELS * MAX_TURN_PIXELS // 2 * 3
 
 
 def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -103,7 +103,7 @@ def _number(day: str | None) -> int | None:
 
 
 def _again(change: Change) -> dict[int, int]:
-    return same_name(change.records["bundles"], names_of_bundles(change.after, change.block))
+    return match_by_name(change.records["bundles"], names_of_bundles(change.after, change.block))
 
 
 def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequence[int]) -> str:
@@ -116,7 +116,7 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
         if len(members)
         else []
     )
-    return parts_key(
+    return join_key_parts(
         stage_code("bundles"),
         settings=run.texture.texels_per_metre,
         pose=[pose_numbers(one.given) for one in members],
@@ -132,7 +132,7 @@ def refined_pose_parts(one: PriorPose) -> list[Any]:
 def bundle_memory(paths: Sequence[Path]) -> int:
     """Of panoramas that are refined together: each is read in turn, and kept small."""
     widest = max((pose_memory(path) for path in paths), default=LIBRARY_BYTES)
-    return widest + len(paths) * KEPT_PANORAMA
+    return widest + len(paths) * SMALL_PANORAMA_BYTES
 
 
 def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:

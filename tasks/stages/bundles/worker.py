@@ -14,9 +14,9 @@ from facade_core.core.types import Pose
 from facade_core.imagery.cameras.exposure import sample_ground
 from facade_core.imagery.poses.joint_refinement import JointPose, PriorPose, refine_jointly
 from facade_core.imagery.poses.panorama_camera import camera_from_world, camera_position
-from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.context import plan_of_run, current_worker
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.bundles.record import BundleRecord
 from tasks.stages.shared.images import read_panorama
 
@@ -29,7 +29,7 @@ class Member(NamedTuple):
     alone: PriorPose
 
 
-def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def bundle_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Refine the poses of one bundle together; returns the fork, to which nothing is written, and its record."""
     start = time.time()
     (unit,) = units
@@ -48,7 +48,7 @@ def bundle_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         "key": unit.key,
         "status": "done",
         "together": together,
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"refine": round(time.time() - start, 4)},
     }

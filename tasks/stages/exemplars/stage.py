@@ -12,10 +12,10 @@ from facade_core.core.types import ModelFiles
 from facade_core.core.zarr_types import StoreGroup, get_subgroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record, same_key_or_name
+from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_record, match_by_key_or_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.exemplars.worker import exemplar_unit
 from tasks.stages.shared.images import LONGEST_EXEMPLAR
 from tasks.stages.shared.key_parts import model_parts
@@ -38,7 +38,7 @@ def exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
 
 def _again(change: Change) -> dict[int, int]:
     units = exemplar_units(change.run, change.block, change.after, change.group)
-    return same_key_or_name(change.records["exemplars"], units)
+    return match_by_key_or_name(change.records["exemplars"], units)
 
 
 def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
@@ -60,7 +60,7 @@ def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
 
 
 def exemplar_key(run: Run, path: Path) -> str:
-    return parts_key(
+    return join_key_parts(
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
         picture=[path.stem, *map(file_digest, picture_and_label_map(path))],

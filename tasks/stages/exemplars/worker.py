@@ -20,10 +20,10 @@ from facade_core.imagery.detect.detection import detect_on_image, detectors_avai
 from facade_core.imagery.privacy import apply_privacy
 from facade_core.imagery.rectify.no_data import no_data_mask
 from facade_core.plan.exemplar_style import style_descriptor
-from tasks.engine.context import worker_name
+from tasks.engine.context import current_worker
 from tasks.engine.run import Run
 from tasks.engine.seeds import EXEMPLAR_SEED, unit_seed
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.shared.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
 
@@ -36,7 +36,7 @@ PREVIEW = ArraySpec(
 LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
 
 
-def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def exemplar_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Prepare one exemplar and write its image and labels through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
@@ -85,7 +85,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "look": style_descriptor(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": detectors_available(),
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }

@@ -25,7 +25,7 @@ from facade_core.imagery.rectify.photo import Rectified, rectify
 from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import refusing
+from tasks.engine.outcome import collect_rejections
 from tasks.stages.shared.images import capture_date, focal_length, read_panorama, read_textures, read_whole
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _views(
     """A facade as some panoramas show it, those left out that cannot be used."""
     found = []
     for path, pose in pictures:
-        with refusing(refused):
+        with collect_rejections(refused):
             view = _view(plan, chart, path, pose, size, parser)
             found.append(_Taken(view, path.name, imagery.captured.get(path) or capture_date(path)))
     return found

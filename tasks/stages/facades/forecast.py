@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from facade_core.atlas.journal import read_journal
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.stage import ForecastInputs, StageForecast
-from tasks.engine.unit_key import parts_of
+from tasks.engine.unit_key import split_key
 from tasks.stages.bundles.stage import members_of
 from tasks.stages.facades.captures import panoramas_of
 from tasks.stages.facades.record import FacadeRecord
@@ -25,7 +25,7 @@ def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
         reason = own.get(facade)
         if record is not None and exemplars and (reason in (None, REASONS["exemplar"])):
             reason = REASONS["exemplar"] if record.get("source") in sources else None
-        from_panoramas = record is not None and "panoramas" in parts_of(record["key"])
+        from_panoramas = record is not None and "panoramas" in split_key(record["key"])
         if reason is None and from_panoramas and poses and any(panorama in poses for panorama in shown[facade]):
             reason = REASONS["panoramas"]
         if reason is not None:
@@ -33,6 +33,6 @@ def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
     building_of = plan.facades.house.tolist()
     changed = {building_of[facade] for facade, reason in found.items() if reason == REASONS["panoramas"]}
     for facade, record in enumerate(records):
-        if record is not None and building_of[facade] in changed and "house" in parts_of(record["key"]):
+        if record is not None and building_of[facade] in changed and "house" in split_key(record["key"]):
             found.setdefault(facade, REASONS["house"])
     return StageForecast(dict(sorted(found.items())))

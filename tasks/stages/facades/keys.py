@@ -14,7 +14,7 @@ from facade_core.plan.doors import has_back_door, turns_corner
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.imagery import Imagery
 from tasks.stages.shared.key_parts import bounding_box, digests_between, model_parts, own_texture_parts, pose_numbers
 
@@ -81,7 +81,7 @@ def facade_keys(
             parts["beside"] = [house, plan.scene_objects.digests_in_box(low - MAX_JOINT_M, high + MAX_JOINT_M)]
         else:
             parts["walls"] = run.texture.walls
-        keys.append(parts_key(stage_code("facades"), **parts))
+        keys.append(join_key_parts(stage_code("facades"), **parts))
     return tuple(keys)
 
 

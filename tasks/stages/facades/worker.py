@@ -38,11 +38,11 @@ from facade_core.imagery.privacy import apply_privacy
 from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
-from tasks.engine.context import plan_of_run, worker_name
-from tasks.engine.outcome import failure, machine_fault, reason_of, refusal, refusing
+from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.outcome import failed_record, is_machine_fault, error_reason, describe_rejections, collect_rejections
 from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.unit import UnitGroup, Unit
 from tasks.stages.exemplars.worker import read_exemplar
 from tasks.stages.facades.evidence import Before, Evidence, Fit, evidence_of
 from tasks.stages.facades.wall_colour import colour_of_pictured
@@ -74,7 +74,7 @@ class _Made(NamedTuple):
     before: Before | None = None
 
 
-def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def facade_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """All facades of one house that are due, which may share chunks. Arguments: the pictures of the facade, the textures that
     the block brings, and the other facades of the house that there are pictures of.
 
@@ -92,13 +92,13 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     def done(unit: Unit, make: Callable[[], _Made | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
-        about: dict[str, Any] = {"worker": worker_name(), "started": start}
+        about: dict[str, Any] = {"worker": current_worker(), "started": start}
         try:
             made = make()
         except Exception as error:
-            if machine_fault(error):
+            if is_machine_fault(error):
                 raise
-            records[unit.index] = failure(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
+            records[unit.index] = failed_record(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
         else:
             if made is None:
                 start = prepared = time.time()
@@ -135,7 +135,7 @@ def _written(
     about: dict[str, Any] = {"source": made.source, "capture_date": made.captured}
     if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
         about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
-    about |= refusal(refused, _told(imagery, made.depth, made.source))
+    about |= describe_rejections(refused, _told(imagery, made.depth, made.source))
     stages = result.seconds if result is not None else {}
     seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
     if result is not None:
@@ -186,7 +186,7 @@ def _all_of(errors: Sequence[Exception]) -> Exception:
     """Why no source of a facade could be used, as one error."""
     if len(errors) == 1:
         return errors[0]
-    joined = FacadeError("; ".join(map(reason_of, errors)))
+    joined = FacadeError("; ".join(map(error_reason, errors)))
     joined.__cause__ = errors[0]
     return joined
 
@@ -203,7 +203,7 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
     said = imagery.corrected
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
-        with refusing(refused):
+        with collect_rejections(refused):
             evidence = evidence_of(source, plan, chart, size, imagery, textures, refused, run.models.parser)
             if evidence is not None:
                 try:

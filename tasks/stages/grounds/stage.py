@@ -12,11 +12,11 @@ from facade_core.geometry.charts import CORNER_SHARES
 from facade_core.imagery.poses.panorama_camera import GROUND_REACH_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage, same_name
+from tasks.engine.stage import Change, Stage, match_by_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.grounds.worker import ground_unit
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.camera_forecast import forecast_after_poses
@@ -70,7 +70,7 @@ def _over_ground(record: PoseRecord | None) -> bool:
 def _again(change: Change) -> dict[int, int]:
     """Pieces that stay where they are; those that no panorama shows any more stay no longer, nor do those that moved."""
     names, charts = names_of_ground(change.after), change.after.ground_near_cameras().tolist()
-    same = same_name(change.records["grounds"], names)
+    same = match_by_name(change.records["grounds"], names)
     again = {new: old for new, old in same.items() if charts[new] in change.stays}
     shown = set(names)
     of_chart = {_name(number): chart for chart, number in enumerate(change.after.ids.tolist())}
@@ -82,7 +82,7 @@ def _again(change: Change) -> dict[int, int]:
 
 def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[PosedPanorama]) -> str:
     """Of a piece of ground that some panoramas are near."""
-    return parts_key(
+    return join_key_parts(
         stage_code("grounds"),
         settings=run.texture.texels_per_metre,
         geometry=f"{plan.ids[chart]:016x}",

@@ -9,15 +9,15 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
-from tasks.engine.context import plan_of_run, worker_name
-from tasks.engine.outcome import refusal
+from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.grounds.record import GroundRecord
 from tasks.stages.shared.panorama_cameras import cameras_of, write_shown
 
 
-def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def ground_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write what panoramas show of one piece of ground through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
@@ -34,9 +34,9 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         "status": "done",
         "digests": digests,
         "cameras": told,
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"read": round(read - start, 4), "ground": round(time.time() - read, 4)},
     }
-    record |= cast(GroundRecord, refusal(refused, "without it"))
+    record |= cast(GroundRecord, describe_rejections(refused, "without it"))
     return fork, {unit.index: record}

@@ -26,11 +26,11 @@ from facade_core.plan.identity import ParallelMap, map_in_process
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, write_plan
 from tasks.engine.outline import Outline
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.store.carry_over import carry_over, counts, has_all_stages, last_ingest, made_for, why_anew
-from tasks.engine.store.disk_space import require_room, room_for
+from tasks.engine.store.carry_over import carry_over, unit_counts, has_all_stages, read_last_ingest, store_settings, restart_reason
+from tasks.engine.store.disk_space import require_disk_space, store_bytes
 from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
 from tasks.stages.shared.facade_corrections import corrected_of, facades_by_place
 
@@ -55,13 +55,13 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
     if skipped:
         plan = read_plan(session)
     else:
-        last = last_ingest(run, repository)
+        last = read_last_ingest(run, repository)
         standing = plan_key(block)
         same = last is not None and root.attrs.get("plan") == standing
         plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None, each)
-        require_room(run.local, room_for(plan, run.texture.panorama_width, stored=run.local == run.folder))
+        require_disk_space(run.local, store_bytes(plan, run.texture.panorama_width, stored=run.local == run.folder))
         if last is None:
-            anew = why_anew(run, root)
+            anew = restart_reason(run, root)
             root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.rejected_buildings]
@@ -71,7 +71,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
             block=run.block,
             key=run.key,
             plan=standing,
-            made_for=made_for(run),
+            made_for=store_settings(run),
             ingested_by=stage_code("ingest"),
             published_by=stage_code("publish"),
             crs=run.crs,
@@ -92,14 +92,14 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
             create_arrays(
                 root,
                 plan.scene.spec,
-                counts(block, plan),
+                unit_counts(block, plan),
                 crs=run.crs,
                 panorama_width=run.texture.panorama_width,
             )
         else:
             carry_over(root, last, run, block, plan)
         commit(session, f"ingest {run.block}")
-    advance("ingest", 1)
+    report_progress("ingest", 1)
     return replace(_outline(plan, root, skipped), anew=anew)
 
 

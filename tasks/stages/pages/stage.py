@@ -13,10 +13,10 @@ from facade_core.atlas.stored_files import delete_stored_files
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, same_name
+from tasks.engine.stage import Change, Records, Stage, match_by_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.pages.record import page_files
 from tasks.stages.pages.worker import page_unit
 from tasks.stages.shared.key_parts import all_chart_ids
@@ -55,14 +55,14 @@ def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
         by_page[placement.page[chart]].append(chart)
     code, names = stage_code("pages"), all_chart_ids(plan)
     place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
-    return [parts_key(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page]
+    return [join_key_parts(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page]
 
 
 PAGES = Stage(
     "pages",
     "page",
     count=lambda block, plan: plan.scene.spec.pages,
-    match_previous=lambda change: same_name(change.records["pages"], _names(change.after)),
+    match_previous=lambda change: match_by_name(change.records["pages"], _names(change.after)),
     units=page_units,
     function=page_unit,
     reads=("surfaces",),

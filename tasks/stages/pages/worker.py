@@ -12,16 +12,16 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import page_path, stored_file_digest, write_stored_file
 from facade_core.export.models.pages import fill_between_charts
-from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.context import plan_of_run, current_worker
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.pages.record import PageRecord
 
 # Exports cut their pictures from published pages: as little as can be is lost to being encoded twice.
 QUALITY = 95
 
 
-def page_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def page_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write the JPEG of one page through the fork; returns the fork and the journal record."""
     from PIL import Image
 
@@ -40,7 +40,7 @@ def page_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "status": "done",
         "bytes": len(data),
         "digest": stored_file_digest(data),
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"page": round(time.time() - start, 4)},
     }

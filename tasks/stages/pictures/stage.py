@@ -27,7 +27,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Change, Records, Stage
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pictures.record import picture_files
 from tasks.stages.pictures.worker import pictures_unit
@@ -124,7 +124,7 @@ def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping
         sight = np.flatnonzero(camera.may_show(corners))
         things = plan.scene_objects.digest[np.unique(plan.scene_objects.chart_object[sight])]
         keys.append(
-            parts_key(
+            join_key_parts(
                 code,
                 settings=[camera.position.tolist(), camera.target.tolist(), camera.field_of_view, camera.size],
                 geometry=sorted(f"{digest:016x}" for digest in things.tolist()),
@@ -138,7 +138,7 @@ def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping
 def facade_pictures_key(record: Record | None, staged: bool) -> str:
     """The key of the pictures of a facade. staged: whether every stage is shown, or the texture alone."""
     made = [record["key"], record["status"], record.get("digests")] if record else None
-    return parts_key(stage_code("pictures"), settings=staged, facade=made)
+    return join_key_parts(stage_code("pictures"), settings=staged, facade=made)
 
 
 PICTURES = Stage(

@@ -30,10 +30,10 @@ from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
-from tasks.engine.context import plan_of_run, worker_name
-from tasks.engine.outcome import failure, machine_fault, store_fault
+from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.outcome import failed_record, is_machine_fault, is_store_fault
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.unit import UnitGroup, Unit
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pages.record import PageRecord
 from tasks.stages.tiles.record import TileRecord
@@ -46,7 +46,7 @@ DECODED = 32
 BARE = np.full((1, 1, 3), 176, np.uint8)
 
 
-def pictures_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def pictures_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write a view, or the pictures of some facades, through the fork: a file for each unit. Arguments: of a view its name and
     camera; of a facade the name of its file, its number, and whether it is shown stage by stage.
 
@@ -59,14 +59,14 @@ def pictures_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         try:
             data, drawn = (_view if isinstance(unit.arguments[1], PerspectiveCamera) else _facade)(plan, group, unit)
         except Exception as error:
-            if machine_fault(error) and not store_fault(error):
+            if is_machine_fault(error) and not is_store_fault(error):
                 raise
-            about = failure(unit.name, unit.key, error)
-            about["unread"] = store_fault(error)
+            about = failed_record(unit.name, unit.key, error)
+            about["unread"] = is_store_fault(error)
         else:
             about = {"unit": unit.name, "key": unit.key, "status": "done"}
             about |= drawn | _written(group, unit, data)
-        about |= {"worker": worker_name(), "started": start, "seconds": {"pictures": round(time.time() - start, 4)}}
+        about |= {"worker": current_worker(), "started": start, "seconds": {"pictures": round(time.time() - start, 4)}}
         records[unit.index] = about
     return fork, records
 

@@ -13,10 +13,10 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.imagery.poses.outlines import MAX_OUTLINE_DISTANCE_M
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Stage, same_key_or_name
+from tasks.engine.stage import Change, Stage, match_by_key_or_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.poses.worker import pose_unit
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
 from tasks.stages.shared.memory import LIBRARY_BYTES, decoding_bytes, kept_pixels
@@ -46,13 +46,13 @@ def heights_carried(block: Block) -> list[bool]:
 
 def _again(change: Change) -> dict[int, int]:
     units = pose_units(change.run, change.block, change.after, change.group)
-    return same_key_or_name(change.records["poses"], units)
+    return match_by_key_or_name(change.records["poses"], units)
 
 
 def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> str:
     pose = plan.poses[panorama]
     place = np.array([pose.x, pose.y, pose.z])
-    return parts_key(
+    return join_key_parts(
         stage_code("poses"),
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],

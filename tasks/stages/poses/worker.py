@@ -13,9 +13,9 @@ from facade_core.imagery.poses.misplaced import explain_misplacement
 from facade_core.imagery.poses.outlines import sample_outline
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
-from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.context import plan_of_run, current_worker
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.images import read_panorama
 
@@ -23,7 +23,7 @@ from tasks.stages.shared.images import read_panorama
 PLACED = 0.5
 
 
-def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def pose_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Refine the pose of one panorama against the block; returns the fork, to which nothing is written, and its record.
 
     Raises ImageError for a picture that is no panorama, or that was not taken as its pose says.
@@ -56,7 +56,7 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
         "squares": ground.squares,
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"refine": round(time.time() - start, 4)},
     }

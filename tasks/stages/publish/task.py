@@ -31,10 +31,10 @@ from catalogs.published.upload import upload_snapshot
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.store import BRANCH, commit, expire_snapshots, open_repository, open_root
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.store.integrity import suspect
+from tasks.engine.store.integrity import mark_suspect
 from tasks.published.aside import Aside
 from tasks.published.attribution import attribution_of
 from tasks.published.catalogue_facts import block_facts, models_used, run_facts, street_facts
@@ -62,7 +62,7 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
 
     block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
     earlier version, and files that it has of the same are linked. What could not be published, each with its reason, is in the
-    summary as `unpublished`; the rest is, and the next run tries again.
+    summary as `unpublished_reason`; the rest is, and the next run tries again.
     """
     _stand_by_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
@@ -78,16 +78,16 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
         made = SnapshotFiles(temporary, last.folder if last else None, verify_digests=last == final)
         aside = _write(run, session, made, block_file, predecessor, final.folder.parent)
         if aside.suspect:
-            suspect(out)
+            mark_suspect(out)
         _put_in_place(temporary, final.folder, made)
         if withheld := over_limit(run, open_root(session)):
-            advance("publish", 1)
+            report_progress("publish", 1)
             return final.read_outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
         set_current_snapshot(final, over)
         _forget_history(run, last)
-        advance("publish", 1)
+        report_progress("publish", 1)
     else:
-        advance("publish", STEPS)
+        report_progress("publish", STEPS)
     with aside.trying("catalog.json"):
         write_catalog(out)  # also where a run ended between the two
     told = [{"unit": what, "reason": why} for what, why in aside.failed.items()]
@@ -155,34 +155,34 @@ def _write(
     write_items(snapshot.items, rows.every, run.crs)
     write_masked(snapshot.masked_file, block.records)
     summary = write_summary(snapshot.summary, block, rows)
-    advance("publish", 1)
+    report_progress("publish", 1)
     with aside.trying("pages"):
         write_pages(snapshot, block, made, aside)
-    advance("publish", 1)
+    report_progress("publish", 1)
     sources = block_sources(block_file) if block_file else ()
     attribution = attribution_of(sources)
     tiles: list[WrittenTile] = []
     with aside.trying("tiles"):
         tiles = write_tiles(snapshot, block, made, aside, attribution)
-    advance("publish", 1)
+    report_progress("publish", 1)
     with aside.trying("block.glb"):
         if not write_model(snapshot, block, tiles, made, attribution):
             log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
     with aside.trying("overview.glb"):
         write_overview(snapshot, block, tiles, made, aside, attribution)
-    advance("publish", 1)
+    report_progress("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
     images = Images((), (), {}, frozenset(), {}, {})
     with aside.trying("pictures"):
         images = write_images(snapshot, block, made, aside)
-    advance("publish", 1)
+    report_progress("publish", 1)
     with aside.trying("report"):
         models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]
         names = [path.relative_to(snapshot.folder).as_posix() for path in models]
         write_block_report(snapshot.report, run, block, rows, summary, images, names)
-    advance("publish", 1)
+    report_progress("publish", 1)
     with aside.trying("stac"):
-        work = run_facts(block.journals, block.ingested)
+        work = run_facts(block.records_by_stage, block.ingested)
         write_stac(
             snapshot.folder,
             rows=rows.every,
@@ -193,7 +193,9 @@ def _write(
             predecessor=predecessor,
             published=published,
         )
-    advance("publish", 1)
+    report_progress("publish", 1)
     tags = street_tags(block.group)
-    write_file_list(snapshot.folder, predecessor, tags, source_digests=made.source_digests, known=made.linked, failures=aside.failed)
+    write_file_list(
+        snapshot.folder, predecessor, tags, source_digests=made.source_digests, known=made.linked, failures=aside.failed
+    )
     return aside

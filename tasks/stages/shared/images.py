@@ -14,7 +14,7 @@ from catalogs.readers.pictures.decoding import MIN_SIDE_PX, Picture, open_pictur
 from catalogs.readers.pictures.folders import label_map_path
 from facade_core.core.errors import ImageError
 from facade_core.core.labels import CLASSES, UNKNOWN
-from tasks.engine.outcome import refusing
+from tasks.engine.outcome import collect_rejections
 
 # Of a frame of 35 mm film, 36 x 24 mm.
 DIAGONAL_35MM = math.hypot(36, 24)
@@ -56,7 +56,7 @@ def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Excepti
     """
     found = {}
     for index in np.unique(used[used >= 0]).tolist():
-        with refusing(refused):
+        with collect_rejections(refused):
             found[index] = read_image(paths[index])[0]
     return found
 

@@ -19,7 +19,7 @@ from facade_core.imagery.cameras.exposure import typical_ground_colour
 from facade_core.imagery.detect.detection import detect_on_panorama
 from facade_core.imagery.poses.panorama_camera import camera_position
 from facade_core.plan.plan import Plan
-from tasks.engine.outcome import refusing
+from tasks.engine.outcome import collect_rejections
 from tasks.stages.shared.images import read_panorama
 from tasks.stages.shared.surface_panorama import PosedPanorama
 
@@ -40,7 +40,7 @@ def cameras_of(
 
 def camera_of(one: PosedPanorama, hides: Hides, refused: list[Exception]) -> PanoramaCamera | None:
     """A panorama as a camera; where it cannot be opened None, and why is added to `rejected_buildings`."""
-    with refusing(refused):
+    with collect_rejections(refused):
         image = read_panorama(one.path)
         return PanoramaCamera(
             image, one.pose, _hidden(one, image, hides), np.array(one.factor), typical_ground_colour(one.squares)

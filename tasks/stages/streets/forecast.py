@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.atlas.journal import read_journal
 from tasks.engine.pending_reasons import NEW, NOT_DONE, READS_AGAIN, REASONS, STREETS_CHANGED, VIEW_CHANGED
 from tasks.engine.stage import ForecastInputs, StageForecast
-from tasks.engine.unit_key import changed_parts
+from tasks.engine.unit_key import differing_parts
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
 
@@ -34,7 +34,7 @@ def forecast_streets(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
         record = records[street]
         if record is None:
             pending[street] = NEW
-        elif "views" in (changed := changed_parts(record["key"], key)):
+        elif "views" in (changed := differing_parts(record["key"], key)):
             pending[street] = VIEW_CHANGED
         elif part := next((part for part in ("settings", "code") if part in changed), None):
             pending[street] = REASONS[part]

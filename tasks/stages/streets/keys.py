@@ -15,7 +15,7 @@ from facade_core.core.zarr_types import StoreGroup
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import material_digests
 
 # The records of some units (n,) of a stage, in that order.
@@ -72,7 +72,7 @@ def street_keys(
         keys.append(key)
     photographed = [one["digests"] for one in shown if one and one.get("digests")]
     return StreetKeys(
-        parts_key(
+        join_key_parts(
             code,
             settings=settings,
             views=views,

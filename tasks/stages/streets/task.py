@@ -20,11 +20,11 @@ from facade_core.core.errors import StoreError
 from facade_core.plan.plan import Plan
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
-from tasks.engine.progress import advance
+from tasks.engine.outcome import Outcome, failed_record, is_done, log_units, machine_error, is_machine_fault
+from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
-from tasks.engine.store.carry_over import forget_units
-from tasks.engine.store.commits import begin, finish
+from tasks.engine.store.carry_over import delete_units
+from tasks.engine.store.commits import fork_store, commit_units
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
 from tasks.stages.streets.redo import street_chunks
@@ -63,7 +63,7 @@ def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]
         held = [journals["viewpoints"][viewpoint.id] for viewpoint in plan.street_viewpoints(street)]
         if is_done(records[street], keys.street) and all(map(is_done, held, keys.viewpoints)):
             found[street] = Outcome(skipped=len(held) + 1)
-            advance("viewpoints", earlier=len(held))
+            report_progress("viewpoints", earlier=len(held))
     return found
 
 
@@ -85,11 +85,11 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     due = [k for k in range(len(own)) if not is_done(held[k], keys[k])]
     done = is_done(read_records(group, "streets", np.array([street]))[0], street_key)
     outcome = Outcome(skipped=len(own) - len(due) + done)
-    advance("viewpoints", earlier=len(own) - len(due))
+    report_progress("viewpoints", earlier=len(own) - len(due))
     if done and not due:
         return outcome
     # who reads them later must not take them for what this street shows now
-    forget_units(run, plan, "viewpoints", {own[k]: [] for k in due if held[k]})
+    delete_units(run, plan, "viewpoints", {own[k]: [] for k in due if held[k]})
     at = ""
     commits: list[float] = []
     try:
@@ -99,39 +99,39 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
         ):
             while due:
                 at = f"viewpoint {due[0]}"
-                session, fork = begin(run.store)
+                session, fork = fork_store(run.store)
                 fork, made = compute.submit(viewpoints_unit, run, fork, street, due, street_key, worker=worker).result()
                 records = {
                     own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
                     for k, record in zip(due, made, strict=False)
                 }
                 started = time.perf_counter()
-                finish(session, fork, "viewpoints", records, f"{len(records)} viewpoints from {name}/{due[0]} on")
+                commit_units(session, fork, "viewpoints", records, f"{len(records)} viewpoints from {name}/{due[0]} on")
                 commits.append(round(time.perf_counter() - started, 4))
                 log_units("viewpoints", records.values())
                 outcome = outcome.add(records.values())
-                advance("viewpoints", len(records))
+                report_progress("viewpoints", len(records))
                 due = due[len(records) :]
             if done:
                 return outcome
             at = "end of the street"
-            session, fork = begin(run.store)
+            session, fork = fork_store(run.store)
             fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
             record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
             record["chain"] = found.chain
-            snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
+            snapshot = commit_units(session, fork, "streets", {street: record}, f"street {name}")
     except Exception as error:
-        if machine_fault(error):
+        if is_machine_fault(error):
             raise machine_error(f"street {name}", error) from error
-        session, fork = begin(run.store)
+        session, fork = fork_store(run.store)
         if done and due:  # the street's texels stand on no panorama: they stay
-            record = failure(f"{name}/{due[0]}", keys[due[0]], error)
-            finish(session, fork, "viewpoints", {own[due[0]]: record}, f"viewpoint {name}/{due[0]} failed")
+            record = failed_record(f"{name}/{due[0]}", keys[due[0]], error)
+            commit_units(session, fork, "viewpoints", {own[due[0]]: record}, f"viewpoint {name}/{due[0]} failed")
             log_units("viewpoints", [record])
             return outcome.add([record])
-        record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
+        record = failed_record(name, street_key, error) | {"wave": wave, "digests": {}}
         record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
-        finish(session, fork, "streets", {street: record}, f"street {name} failed")
+        commit_units(session, fork, "streets", {street: record}, f"street {name} failed")
         clear_failed_street(run, plan, street)
         log_units("streets", [record])
         return outcome.add([record])

@@ -26,7 +26,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
-from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.context import plan_of_run, current_worker
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import own_grains, roof_material
 from tasks.stages.streets.record import StreetRecord
@@ -136,7 +136,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
         # what of a field others see is told by the looks of viewpoints
         "passes": _passes(here.plan, panorama.chart, rgb) if here.field is None else "",
         "panorama": picture_digest(rgb),
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
@@ -164,7 +164,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     return fork, {
         "digests": chart_digests(colour, views, scene.placement, rasters, here.plan.ids),
         "texels": int((views > 0).sum()),
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"write": round(time.time() - start, 4)},
     }

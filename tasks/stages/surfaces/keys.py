@@ -14,7 +14,7 @@ from facade_core.plan.plan import Plan
 from facade_core.street.lighting.sun import MAX_SHADOW_REACH_M as SHADOWS_M
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import material_digests
 
 
@@ -46,7 +46,7 @@ def surface_key(
         parts["lines"] = plan.ground_digests(charts)
         if run.aerial is not None:
             parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
-    return parts_key(stage_code("surfaces"), **parts)
+    return join_key_parts(stage_code("surfaces"), **parts)
 
 
 def _settings(run: Run) -> list[Any]:

@@ -20,9 +20,9 @@ from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, TranslatedViews, finish_chart
-from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.context import plan_of_run, current_worker
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.shared.materials import materials, sampler
 from tasks.stages.surfaces.record import SurfaceRecord
 
@@ -32,7 +32,7 @@ def _field(run: Run) -> MaterialField:
     return materials(plan_of_run(run), run.seed, run.roof_material, run.materials)
 
 
-def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def surface_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write colour and provenance of the charts of one building, or of one piece of ground, through the fork. Arguments: these
     charts; those that facades or textures seeded, those that streets wrote, and those of walls and roofs that cameras show,
     among them and beside them."""
@@ -76,7 +76,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         "status": "done",
         "digests": digests,
         "texels": rasters.total,
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {step: round(s, 4) for step, s in seconds.items()},
     }

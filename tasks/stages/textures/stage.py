@@ -15,7 +15,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Change, Stage
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import OFF_PLANE_M, bounding_box, own_texture_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES, PICTURE_PIXEL, decoding_bytes, kept_pixels
 from tasks.stages.textures.worker import texture_unit
@@ -79,7 +79,7 @@ def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -
         low, high = bounding_box(plan, charts)
         high[2] = np.inf
         parts["above"] = plan.scene_objects.digests_in_box(low - OFF_PLANE_M, high + OFF_PLANE_M)
-    return parts_key(stage_code("textures"), **parts)
+    return join_key_parts(stage_code("textures"), **parts)
 
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:

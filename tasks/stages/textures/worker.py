@@ -14,16 +14,16 @@ from facade_core.atlas.store import open_root
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.overhead_view import render_from_above, roofs_seen_from_above
 from facade_core.imagery.rectify.model_texture import render_model_texture
-from tasks.engine.context import plan_of_run, worker_name
-from tasks.engine.outcome import refusal
+from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.shared.images import read_textures
 from tasks.stages.shared.materials import sampler
 from tasks.stages.textures.record import TextureRecord
 
 
-def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def texture_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write the textured charts of one building through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
@@ -53,9 +53,9 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         "status": "done",
         "charts": len(charts),
         "digests": digests,
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"texture": round(time.time() - start, 4)},
     }
-    record |= cast(TextureRecord, refusal(refused, "without it"))
+    record |= cast(TextureRecord, describe_rejections(refused, "without it"))
     return fork, {unit.index: record}

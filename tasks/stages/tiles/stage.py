@@ -15,10 +15,10 @@ from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.stage import Change, Records, Stage, same_name
+from tasks.engine.stage import Change, Records, Stage, match_by_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.tiles.record import tile_files
 from tasks.stages.tiles.worker import tile_unit
@@ -72,7 +72,7 @@ def tile_key(
     """The key of the tile with some charts (k,) of some buildings (b,), around a place in the world."""
     things = np.unique(plan.scene_objects.chart_object[charts])
     ids = [f"{number:016x}" for number in plan.ids[charts].tolist()]
-    return parts_key(
+    return join_key_parts(
         stage_code("tiles"),
         settings=[run.crs, run.texture.texels_per_metre, list(origin)],
         geometry=[f"{digest:016x}" for digest in plan.scene_objects.digest[things].tolist()],
@@ -92,7 +92,7 @@ TILES = Stage(
     "tiles",
     "tile",
     count=lambda block, plan: len(plan_block_tiles(plan)),
-    match_previous=lambda change: same_name(
+    match_previous=lambda change: match_by_name(
         change.records["tiles"], [tile.path for tile in plan_block_tiles(change.after)]
     ),
     units=tile_units,

@@ -22,13 +22,13 @@ from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
 from facade_core.export.tiles.tile_model import EarlierTile, build_tile_model
-from tasks.engine.context import plan_of_run, worker_name
+from tasks.engine.context import plan_of_run, current_worker
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.unit import UnitGroup, Unit
 from tasks.stages.tiles.record import TileRecord
 
 
-def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def tile_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write the model of one tile and its coarse rasters through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
@@ -72,7 +72,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "digest": stored_file_digest(tile.glb),
         "box": tile.box.round(3).tolist(),
         "coarse": stored_file_digest(tile.coarse.tobytes()),
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"tile": round(time.time() - start, 4)},
     }

@@ -18,7 +18,7 @@ from tasks.engine.stage import Change, Stage
 from tasks.engine.stage_code import stage_code
 from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import parts_key
+from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.camera_forecast import forecast_after_poses
 from tasks.stages.shared.key_parts import chart_ids, panorama_parts
 from tasks.stages.shared.memory import (
@@ -87,7 +87,7 @@ def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequen
     for chart, of_chart in zip(charts, taken, strict=True):
         for one in of_chart:
             charts_of.setdefault(one, []).append(chart)
-    return parts_key(
+    return join_key_parts(
         stage_code("walls"),
         settings=run.texture.texels_per_metre,
         geometry=chart_ids(plan, charts),

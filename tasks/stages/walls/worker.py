@@ -15,16 +15,16 @@ from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
-from tasks.engine.context import plan_of_run, worker_name
-from tasks.engine.outcome import refusal
+from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
-from tasks.engine.unit import Piece
+from tasks.engine.unit import UnitGroup
 from tasks.stages.shared.panorama_cameras import KEPT, camera_of, shown_in_turn, write_shown
 from tasks.stages.shared.surface_panorama import PosedPanorama
 from tasks.stages.walls.record import WallRecord
 
 
-def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+def wall_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write what panoramas show of one building's walls and roofs through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
@@ -50,11 +50,11 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "status": "done",
         "digests": digests,
         "cameras": told,
-        "worker": worker_name(),
+        "worker": current_worker(),
         "started": start,
         "seconds": {"read": round(read, 4), "walls": round(time.time() - start - read, 4)},
     }
-    record |= cast(WallRecord, refusal(refused, "without it"))
+    record |= cast(WallRecord, describe_rejections(refused, "without it"))
     return fork, {unit.index: record}
 
 

@@ -17,7 +17,7 @@ from flows.cli.endings import ending
 from flows.log_file import log_of, log_to
 from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.outcome import log_units
-from tasks.engine.progress import advance, begin_stage
+from tasks.engine.progress import report_progress, begin_stage
 
 
 def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,9 +28,9 @@ def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytes
         begin_stage("facades", 200, 100)
         for unit in range(100):
             now[0] += 30.0
-            advance("facades", 1, 1 if unit == 3 else 0)
+            report_progress("facades", 1, 1 if unit == 3 else 0)
         begin_stage("publish", 1)
-        advance("publish", 1)
+        report_progress("publish", 1)
     assert lines == [
         "facades: 200, 100 of them done before",
         "facades: 120 of 200, 1 failed, about 40 min left",

@@ -21,10 +21,10 @@ from hypothesis import strategies as st
 from facade_core.core.errors import FacadeError
 from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone
-from tasks.engine.compute.connect import Serial, connect
-from tasks.engine.fan_out import AT_ONCE, LARGEST, batches, memory_of, process_batch
+from tasks.engine.compute.connect import SerialCompute, connect
+from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, piece_memory, process_batch
 from tasks.engine.pending import PendingUnits
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.unit import UnitGroup, Unit
 from tasks.stages.poses.stage import POSES
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -39,7 +39,7 @@ class Room:
 
 
 @st.composite
-def pieces(draw: st.DrawFn) -> list[Piece]:
+def pieces(draw: st.DrawFn) -> list[UnitGroup]:
     sizes = draw(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 1000)), max_size=60))
     return [
         tuple(Unit(1000 * i + k, f"{i}/{k}", ("",), memory=memory) for k in range(n))
@@ -48,18 +48,18 @@ def pieces(draw: st.DrawFn) -> list[Piece]:
 
 
 @given(pieces(), st.integers(1, 3000), st.integers(1, 40))
-def test_batches_keep_order_lose_nothing_and_fit(work: list[Piece], memory: int, threads: int) -> None:
-    made = list(batches(work, Room(memory, threads)))  # type: ignore[arg-type]
+def test_batches_keep_order_lose_nothing_and_fit(work: list[UnitGroup], memory: int, threads: int) -> None:
+    made = list(make_batches(work, Room(memory, threads)))  # type: ignore[arg-type]
     assert [piece for batch in made for piece in batch] == work
-    most = max(LARGEST, threads)
+    most = max(MAX_BATCH_PIECES, threads)
     for batch in made:
         assert batch
         if len(batch) > 1:
-            assert AT_ONCE * sum(memory_of(piece) for piece in batch) <= memory
+            assert BATCHES_AT_ONCE * sum(piece_memory(piece) for piece in batch) <= memory
             assert len(batch) <= most
     for batch, following in zip(made[:-1], made[1:], strict=True):  # and none is smaller than it need be
         joined = [*batch, following[0]]
-        assert sum(memory_of(piece) for piece in joined) > memory // AT_ONCE or len(joined) > most
+        assert sum(piece_memory(piece) for piece in joined) > memory // BATCHES_AT_ONCE or len(joined) > most
 
 
 def test_a_stage_counts_units_not_pieces() -> None:
@@ -72,17 +72,17 @@ def test_a_stage_counts_units_not_pieces() -> None:
 def commits(monkeypatch: pytest.MonkeyPatch) -> list[dict[int, dict[str, Any]]]:
     """The records of each commit, in order; no store."""
     made: list[dict[int, dict[str, Any]]] = []
-    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
-    monkeypatch.setattr(fan_out, "finish", lambda session, fork, stage, records, message: made.append(records))
+    monkeypatch.setattr(fan_out, "fork_store", lambda store: ("session", "fork"))
+    monkeypatch.setattr(fan_out, "commit_units", lambda session, fork, stage, records, message: made.append(records))
     return made
 
 
-def big(run: Any, fork: Any, units: Piece) -> tuple[bytes, dict[int, dict[str, Any]]]:
+def big(run: Any, fork: Any, units: UnitGroup) -> tuple[bytes, dict[int, dict[str, Any]]]:
     index = units[0].index
     return os.urandom(RESULT), {index: {"unit": str(index), "status": "done"}}
 
 
-def counted(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
+def counted(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Leaves a line in a file of its own each time that it runs."""
     index, (folder,) = units[0].index, units[0].arguments
     with (Path(folder) / str(index)).open("a") as file:
@@ -92,7 +92,7 @@ def counted(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str,
     return fork, {index: {"unit": str(index), "status": "done"}}
 
 
-def batch(count: int, folder: Path) -> list[Piece]:
+def batch(count: int, folder: Path) -> list[UnitGroup]:
     return [(Unit(i, str(i), (f"key {i}",), (str(folder),), 10**6),) for i in range(count)]
 
 
@@ -114,7 +114,7 @@ def test_results_leave_the_cluster_one_by_one(
             held.append(client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)))
             grown.append(own.memory_info().rss)
 
-        monkeypatch.setattr(fan_out, "finish", finish)
+        monkeypatch.setattr(fan_out, "commit_units", finish)
         outcome = process_batch.fn(RUN, "big", "1 of 1", big, batch(24, tmp_path), compute)
         assert outcome.done == 24
         assert held == sorted(held, reverse=True)
@@ -133,7 +133,7 @@ def _soon(holds: Callable[[], bool]) -> bool:
 
 
 def test_a_unit_runs_once_and_one_that_raises_is_recorded(tmp_path: Path, commits: list[dict[int, dict]]) -> None:
-    outcome = process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), Serial())
+    outcome = process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), SerialCompute())
     assert outcome.done == 5
     assert outcome.failed == (("3", "ValueError: three is bad"),)
     assert [list(records) for records in commits] == [[i] for i in range(6)]
@@ -153,15 +153,15 @@ def test_in_this_process_a_unit_is_committed_before_the_next_starts(
             raise KeyboardInterrupt
         made.extend(records)
 
-    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
-    monkeypatch.setattr(fan_out, "finish", finish)
+    monkeypatch.setattr(fan_out, "fork_store", lambda store: ("session", "fork"))
+    monkeypatch.setattr(fan_out, "commit_units", finish)
     with pytest.raises(KeyboardInterrupt):
-        process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), Serial())
+        process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), SerialCompute())
     assert made == [0, 1]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["0", "1", "2"]
 
 
-class Gone(Serial):
+class Gone(SerialCompute):
     def completed(self, started: Any) -> Any:
         yield from list(started)[:2]
         raise ClusterGone("away")

@@ -21,8 +21,8 @@ from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone, WorkersDied
 from tasks.engine.compute.connect import connect
 from tasks.engine.fan_out import process_batch
-from tasks.engine.outcome import failure, machine_error, machine_fault
-from tasks.engine.unit import Piece, Unit
+from tasks.engine.outcome import failed_record, machine_error, is_machine_fault
+from tasks.engine.unit import UnitGroup, Unit
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -98,21 +98,21 @@ INPUTS: dict[str, BaseException] = {
 @pytest.mark.parametrize("name", MACHINES)
 def test_the_machines_fault_says_its_cause_and_the_remedy_in_one_line(name: str) -> None:
     error, says = MACHINES[name]
-    assert machine_fault(error)
+    assert is_machine_fault(error)
     told = machine_error("facades a/1", error)
     assert isinstance(told, MachineError)
     assert says in str(told)
     assert "\n" not in str(told)
-    assert machine_fault(wrapped(error, FacadeError("another")))
+    assert is_machine_fault(wrapped(error, FacadeError("another")))
 
 
 @pytest.mark.parametrize("name", INPUTS)
 def test_the_inputs_fault_sets_a_unit_aside(name: str) -> None:
-    assert not machine_fault(INPUTS[name])
+    assert not is_machine_fault(INPUTS[name])
 
 
 def test_a_failed_unit_keeps_where_it_failed() -> None:
-    record = failure("a/1", "key", wrapped(KeyError("inner"), ValueError("outer\nline")))  # type: ignore[arg-type]
+    record = failed_record("a/1", "key", wrapped(KeyError("inner"), ValueError("outer\nline")))  # type: ignore[arg-type]
     assert record["reason"] == "ValueError: outer line"
     assert "KeyError: 'inner'" in record["traceback"]
     assert "raise outer from error" in record["traceback"]
@@ -126,7 +126,7 @@ class Odd(Exception):
         self.two = two
 
 
-def unit(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
+def unit(run: Any, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, dict[str, Any]]]:
     index = units[0].index
     if index == 1:
         raise Odd("input", 2)
@@ -140,11 +140,11 @@ def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
     workers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: dict[int, dict[str, Any]] = {}
-    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
-    monkeypatch.setattr(fan_out, "finish", lambda session, fork, stage, records, message: made.update(records))
+    monkeypatch.setattr(fan_out, "fork_store", lambda store: ("session", "fork"))
+    monkeypatch.setattr(fan_out, "commit_units", lambda session, fork, stage, records, message: made.update(records))
     run: Any = SimpleNamespace(store=None)
 
-    def batch(*indices: int) -> list[Piece]:
+    def batch(*indices: int) -> list[UnitGroup]:
         return [(Unit(i, f"a/{i}", (f"key {i}",), memory=10**6),) for i in indices]
 
     with connect(workers, None, str(tmp_path)) as compute:

@@ -11,8 +11,8 @@ from PIL import Image
 from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
-from tasks.engine.outcome import Outcome, failure, is_done
-from tasks.engine.progress import StageProgress, advance, begin_stage, listen
+from tasks.engine.outcome import Outcome, failed_record, is_done
+from tasks.engine.progress import StageProgress, report_progress, begin_stage, add_listener
 from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
 from tasks.stages.exemplars.stage import exemplar_key
@@ -30,14 +30,14 @@ def test_outcomes_add_up() -> None:
 def test_failed_units_are_tried_again_and_others_only_when_their_key_changes() -> None:
     assert is_done({"status": "done", "key": "k"}, "k")
     assert not is_done({"status": "done", "key": "k"}, "other")
-    assert not is_done(failure("u", "k", FacadeError("no")), "k")
+    assert not is_done(failed_record("u", "k", FacadeError("no")), "k")
     assert not is_done(None, "k")
 
 
 def test_reasons_are_one_line() -> None:
-    assert failure("u", "k", KeyError("a\nb"))["reason"].startswith("KeyError:")
-    assert "\n" not in failure("u", "k", ValueError("a\nb"))["reason"]
-    assert failure("u", "k", ImageError("x.jpg: broken"))["reason"] == "x.jpg: broken"
+    assert failed_record("u", "k", KeyError("a\nb"))["reason"].startswith("KeyError:")
+    assert "\n" not in failed_record("u", "k", ValueError("a\nb"))["reason"]
+    assert failed_record("u", "k", ImageError("x.jpg: broken"))["reason"] == "x.jpg: broken"
 
 
 def test_seeds_differ_by_unit_and_stage_and_repeat() -> None:
@@ -48,12 +48,12 @@ def test_seeds_differ_by_unit_and_stage_and_repeat() -> None:
 
 def test_progress_tells_listeners_until_they_stop() -> None:
     seen: list[StageProgress] = []
-    stop = listen(seen.append)
+    stop = add_listener(seen.append)
     begin_stage("s", 4, 1)
-    advance("s", 2, 1)
-    advance("s", earlier=1)
+    report_progress("s", 2, 1)
+    report_progress("s", earlier=1)
     stop()
-    advance("s", 1)
+    report_progress("s", 1)
     assert seen == [StageProgress("s", 1, 4, 0, 1), StageProgress("s", 3, 4, 1, 1), StageProgress("s", 4, 4, 1, 2)]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tasks.engine import stage_code as module
-from tasks.engine.stage_code import HOUSE, ROOT, code_version, module_of, stage_code
+from tasks.engine.stage_code import CODE_PACKAGES, ROOT, code_version, worker_module, stage_code
 from tasks.stages.order import CODE_STAGES
 
 Codes = Callable[[], dict[str, str]]
@@ -21,11 +21,11 @@ Codes = Callable[[], dict[str, str]]
 @pytest.fixture
 def codes(tmp_path: Path) -> Codes:
     """The code of every stage of a copy of the house in tmp_path, as it is there when asked for."""
-    for package in HOUSE:
+    for package in CODE_PACKAGES:
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
 
     def now() -> dict[str, str]:
-        for cached in (stage_code, module._module, module._content):
+        for cached in (stage_code, module._load_module, module._content_digest):
             cached.cache_clear()
         found = {stage: stage_code(stage, root=tmp_path) for stage in CODE_STAGES}
         return found | {"swatches": stage_code("streets", neural=False, root=tmp_path)}
@@ -77,7 +77,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
 
 def test_comments_layout_and_docstrings_do_not_count(codes: Codes, tmp_path: Path) -> None:
     before = codes()
-    for path in [path for package in HOUSE for path in (tmp_path / package).rglob("*.py")]:
+    for path in [path for package in CODE_PACKAGES for path in (tmp_path / package).rglob("*.py")]:
         text = ast.unparse(ast.parse(path.read_text()))  # neither comments nor the layout are in a tree
         lines = text.replace('"""', '"""Told otherwise. ', 1) if text.startswith('"""') else text
         path.write_text(f"# all new\n{lines}\n")
@@ -96,13 +96,13 @@ def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None
     }.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
-    found = module.reached(["tasks.stages.publish.task"], (), tmp_path)
+    found = module.collect_modules(["tasks.stages.publish.task"], (), tmp_path)
     assert set(found) == {"tasks.stages.publish.task", "facade_core.shapes.square"}
 
 
 def test_what_orders_and_runs_units_is_in_no_stage() -> None:
     for stage in CODE_STAGES:
-        reached = module.reached([module_of(stage)], module.APART, ROOT)
+        reached = module.collect_modules([worker_module(stage)], module.EXCLUDED_MODULES, ROOT)
         assert not reached.keys() & {
             f"tasks.{name}"
             for name in ("compute.cluster", "compute.connect", "compute.workers", "stages.fan_out", "stages.streets")
@@ -117,9 +117,9 @@ def test_two_processes_agree_and_every_library_is_known() -> None:
     libraries = {
         name.partition(".")[0]
         for stage in CODE_STAGES
-        for one in module.reached([module_of(stage)], module.APART, ROOT).values()
+        for one in module.collect_modules([worker_module(stage)], module.EXCLUDED_MODULES, ROOT).values()
         for name, _ in one.imports
     }
-    libraries -= {*sys.stdlib_module_names, *HOUSE, *module.LIBRARIES_APART}
+    libraries -= {*sys.stdlib_module_names, *CODE_PACKAGES, *module.EXCLUDED_LIBRARIES}
     assert {"numpy", "cv2", "onnxruntime", "maxflow", "shapely"} <= libraries
-    assert [library for library in libraries if module._version(library) == "none"] == []
+    assert [library for library in libraries if module._library_version(library) == "none"] == []

@@ -26,7 +26,7 @@ from facade_core.imagery.poses.joint_refinement import PriorPose
 from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
-from tasks.engine.unit_key import changed_parts, parts_key, parts_of
+from tasks.engine.unit_key import differing_parts, join_key_parts, split_key
 from tasks.stages.bundles.stage import bundle_key
 from tasks.stages.bundles.worker import Member
 from tasks.stages.exemplars.stage import exemplar_key
@@ -292,13 +292,13 @@ def test_exactly_what_changed_is_told(tmp_path_factory: pytest.TempPathFactory, 
     expected = {part for name in chosen for part in changes[name][1]}
     assert len(now) == len(before)
     for key, other in zip(before, now, strict=True):
-        there = parts_of(key).keys() | parts_of(other).keys()
-        assert set(changed_parts(key, other)) == expected & there
+        there = split_key(key).keys() | split_key(other).keys()
+        assert set(differing_parts(key, other)) == expected & there
 
 
 def test_every_part_of_a_facade_is_changed_by_something(tmp_path: Path) -> None:
     for kind, (keys_of, changes) in CHANGES.items():
-        parts = {part for key in keys_of(Inputs(tmp_path)) for part in parts_of(key)}
+        parts = {part for key in keys_of(Inputs(tmp_path)) for part in split_key(key)}
         assert parts - {"code"} <= {part for _, told in changes.values() for part in told}, kind
 
 
@@ -313,13 +313,13 @@ def test_every_part_of_a_facade_is_changed_by_something(tmp_path: Path) -> None:
 )
 def test_parts_of_a_key_are_told_apart(parts: dict[str, Any], code: str, data: st.DataObject) -> None:
     parts.pop("code", None)
-    key = parts_key(code, **parts)
-    assert key == parts_key(code, **dict(parts.items()))
-    assert parts_of(key).keys() == {"code", *parts}
+    key = join_key_parts(code, **parts)
+    assert key == join_key_parts(code, **dict(parts.items()))
+    assert split_key(key).keys() == {"code", *parts}
     others = data.draw(st.sets(st.sampled_from(sorted(parts)))) if parts else set()
     changed = parts | {name: [parts[name]] for name in others}
-    assert changed_parts(key, parts_key(code, **changed)) == sorted(others)
-    assert changed_parts(key, parts_key(code + "0", **changed)) == sorted({"code", *others})
+    assert differing_parts(key, join_key_parts(code, **changed)) == sorted(others)
+    assert differing_parts(key, join_key_parts(code + "0", **changed)) == sorted({"code", *others})
 
 
 def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) -> Any:
@@ -359,13 +359,13 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
     now = street_keys(run, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
     seen = [(viewpoint, chart) in pairs for viewpoint in own]
-    assert changed_parts(before.street, now.street) == ["seeds"] * (any(seen) and blends)
+    assert differing_parts(before.street, now.street) == ["seeds"] * (any(seen) and blends)
     assert other_viewpoints(before, now) == ([any(seen[: k + 1]) for k in range(len(own))] if blends else seen)
 
     looked = data.draw(st.integers(0, len(own) - 1))
     looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.view_digests))
-    now = street_keys(run, replace(plan, looks=looks), group, street)
-    assert changed_parts(before.street, now.street) == ["views"]
+    now = street_keys(run, replace(plan, view_digests=looks), group, street)
+    assert differing_parts(before.street, now.street) == ["views"]
     assert other_viewpoints(before, now) == [k >= looked if blends else k == looked for k in range(len(own))]
 
     name, value = data.draw(
@@ -375,7 +375,7 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_bl
     )
     now = street_keys(changed(run, {name: value}), plan, group, street)
     of_streets = name in {"seed", *SETTINGS}
-    assert changed_parts(before.street, now.street) == (["settings"] if of_streets else [])
+    assert differing_parts(before.street, now.street) == (["settings"] if of_streets else [])
     assert (now == before) == (not of_streets)
 
 
@@ -391,7 +391,7 @@ def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
             shown = plan.views[plan.views[:, 0] == viewpoint.id, 1]
             shares = np.isin(shown, mine) & plan.writable[shown]
             earlier = bool(plan.wave[viewpoint.street] < plan.wave[street] and shares.any())
-            assert changed_parts(before.street, now.street) == ["earlier"] * earlier
+            assert differing_parts(before.street, now.street) == ["earlier"] * earlier
             told.add(earlier)
         assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
 
@@ -409,7 +409,7 @@ def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_pa
     plain, once, wider = keys(), keys(MaterialPicture("slabs", path, 1.0)), keys(MaterialPicture("slabs", path, 2.0))
     for before, now in ((plain, once), (once, wider)):
         for one, other in zip(before, now, strict=True):
-            assert changed_parts(one, other) == ["settings"]
+            assert differing_parts(one, other) == ["settings"]
 
 
 def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:
@@ -419,7 +419,7 @@ def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() 
         return surface_key(run, plan, charts, [], {}, {})
 
     sunny = changed(RUN, {"sun": SunSettings(200.0, 30.0)})
-    assert {"settings"} <= set(changed_parts(key(RUN), key(sunny))) <= {"settings", "around"}
+    assert {"settings"} <= set(differing_parts(key(RUN), key(sunny))) <= {"settings", "around"}
     assert key(sunny) != key(changed(RUN, {"sun": SunSettings(200.0, 31.0)}))
     assert key(RUN) == key(RUN, "far")
     assert key(sunny) == key(sunny, "far")

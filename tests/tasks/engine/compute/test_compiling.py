@@ -11,7 +11,7 @@ import pytest
 
 from facade_core import kernel_warmup
 from facade_core.core import numba_cache
-from tasks.engine.compute.kernel_compilation import compile_together
+from tasks.engine.compute.kernel_compilation import compile_kernels_once
 
 
 @pytest.fixture
@@ -31,15 +31,15 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_each_part_is_gone_through_once_and_not_again(parts: list[str]) -> None:
-    compile_together()
-    compile_together()
+    compile_kernels_once()
+    compile_kernels_once()
     assert parts == ["one", "two"]
 
 
 def test_a_part_that_another_process_is_at_is_waited_for_at_the_end(parts: list[str], tmp_path: Path) -> None:
     with (tmp_path / "one.lock").open("a") as other:
         fcntl.flock(other, fcntl.LOCK_EX)
-        waiting = threading.Thread(target=compile_together)
+        waiting = threading.Thread(target=compile_kernels_once)
         waiting.start()
         while parts != ["two"]:
             time.sleep(0.01)
@@ -51,7 +51,7 @@ def test_a_part_that_another_process_is_at_is_waited_for_at_the_end(parts: list[
 
 def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba_cache, "CACHE", None)
-    compile_together()
+    compile_kernels_once()
     assert parts == []
 
 

@@ -21,8 +21,8 @@ from facade_core.core.errors import InputError
 from tasks.engine.compute import connect as compute
 from tasks.engine.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
 from tasks.engine.compute.connect import connect
-from tasks.engine.compute.scheduler_view import View, Worker
-from tasks.engine.compute.timeouts import Patience
+from tasks.engine.compute.scheduler_view import SchedulerView, Worker
+from tasks.engine.compute.timeouts import Timeouts
 from tests.pipeline.runs import ROOT, environment
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -64,9 +64,9 @@ def where(request: pytest.FixtureRequest, tmp_path: Path):
 
 def test_units_complete_with_their_results(where: compute.Compute) -> None:
     units = [where.submit(square, i) for i in range(5)]
-    results = [unit.result() for unit in where.completed(units)]
+    results = [unit.result() for unit in where.iterate_completed(units)]
     assert sorted(square for square, _ in results) == [0, 1, 4, 9, 16]
-    assert ({pid for _, pid in results} == {os.getpid()}) == isinstance(where, compute.Serial)
+    assert ({pid for _, pid in results} == {os.getpid()}) == isinstance(where, compute.SerialCompute)
 
 
 def test_a_failing_unit_fails_alone(where: compute.Compute) -> None:
@@ -89,7 +89,7 @@ def test_libraries_keep_to_one_thread_where_units_run(where: compute.Compute) ->
 
 def test_memory_of_workers_is_shared_out(where: compute.Compute) -> None:
     assert 1e8 < where.memory < 1e13
-    assert where.threads == (1 if isinstance(where, compute.Serial) else 2)
+    assert where.threads == (1 if isinstance(where, compute.SerialCompute) else 2)
 
 
 def test_serial_units_of_two_tasks_take_turns_with_their_commits() -> None:
@@ -98,12 +98,12 @@ def test_serial_units_of_two_tasks_take_turns_with_their_commits() -> None:
 
     def task(name: str) -> None:
         units = [serial.submit(events.append, f"{name} unit") for _ in range(10)]
-        for unit in serial.completed(units):
+        for unit in serial.iterate_completed(units):
             unit.result()
             time.sleep(0.002)
             events.append(f"{name} commit")
 
-    serial = compute.Serial()
+    serial = compute.SerialCompute()
     both = [threading.Thread(target=task, args=(name,)) for name in "ab"]
     for thread in both:
         thread.start()
@@ -122,17 +122,17 @@ class Machines:
         self.workers = workers
         self.silent = False
 
-    def look(self, client: object, timeout: float) -> View:
+    def look(self, client: object, timeout: float) -> SchedulerView:
         if self.silent:
             raise TimeoutError
         named = self.workers.items()
-        return View({n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named})
+        return SchedulerView({n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named})
 
 
 @contextmanager
 def watched(machines: Machines, until: float | None = None, **patience: float) -> Iterator[Cluster]:
     client: Any = machines
-    made = Cluster(client, until, look=machines.look, patience=Patience(look=0.05, **patience))
+    made = Cluster(client, until, poll=machines.look, timeouts=Timeouts(poll_interval=0.05, **patience))
     try:
         yield made
     finally:
@@ -206,7 +206,7 @@ def test_a_run_ends_at_its_time() -> None:
     ):
         pass
     with pytest.raises(RunOverran):
-        compute.Serial(until=time.monotonic()).submit(square, 1)
+        compute.SerialCompute(until=time.monotonic()).submit(square, 1)
 
 
 @pytest.fixture
@@ -242,7 +242,7 @@ MALFORMED = (
 def test_an_address_without_a_scheduler_is_refused_at_once(address: str, tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="no scheduler answers there; start one with") as raised,
-        connect(1, address, str(tmp_path), patience=Patience(greeting=10_000)),  # or the test takes too long
+        connect(1, address, str(tmp_path), patience=Timeouts(connect=10_000)),  # or the test takes too long
     ):
         pass
     assert address in str(raised.value)
@@ -267,7 +267,7 @@ def test_what_is_no_scheduler_is_refused(what: str, request: pytest.FixtureReque
     address = request.getfixturevalue(what)
     with (
         pytest.raises(InputError, match="no scheduler answers there"),
-        connect(1, address, str(tmp_path), patience=Patience(greeting=1, arrival=10_000)),
+        connect(1, address, str(tmp_path), patience=Timeouts(connect=1, first_worker=10_000)),
     ):
         pass
 
@@ -278,7 +278,7 @@ def test_a_scheduler_without_workers_is_refused(tmp_path: Path) -> None:
             n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", processes=False, protocol="tcp"
         ) as empty,
         pytest.raises(InputError, match="the scheduler has no worker"),
-        connect(1, empty.scheduler_address, str(tmp_path), patience=Patience(arrival=1)),
+        connect(1, empty.scheduler_address, str(tmp_path), patience=Timeouts(first_worker=1)),
     ):
         pass
 
@@ -310,11 +310,11 @@ def test_what_a_run_asks_of_workers_leaves_the_scheduler_with_it(workers: LocalC
 
 
 def test_workers_that_cannot_write_where_units_do_are_refused(workers: LocalCluster, tmp_path: Path) -> None:
-    from tasks.engine.compute.worker_setup import standing
+    from tasks.engine.compute.worker_setup import inspect_worker
 
-    assert standing(str(tmp_path / "elsewhere"))[0] is False
+    assert inspect_worker(str(tmp_path / "elsewhere"))[0] is False
     (tmp_path / "token").touch()
-    assert standing(str(tmp_path / "token"))[0] is True
+    assert inspect_worker(str(tmp_path / "token"))[0] is True
 
 
 def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path) -> None:
@@ -323,7 +323,7 @@ def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path
         units = {made.submit(die, memory=190_000_000): None}
         units |= {made.submit(square, i): i for i in range(12)}
         done = set()
-        for unit in made.completed(list(units)):
+        for unit in made.iterate_completed(list(units)):
             number = units.pop(unit)
             if number is None:
                 with pytest.raises(

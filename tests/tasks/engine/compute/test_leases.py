@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from tasks.engine.compute.deadlines import TIMES, Deadlines
+from tasks.engine.compute.deadlines import MAX_MEDIAN_FACTOR, Deadlines
 from tasks.engine.compute.leases import Lease, Leases
-from tasks.engine.compute.scheduler_view import Roll, View, Worker
-from tasks.engine.compute.timeouts import USUAL
+from tasks.engine.compute.scheduler_view import WorkerRegistry, SchedulerView, Worker
+from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS
 
 
 def workers(**named: tuple[int, int]) -> dict[str, Worker]:
@@ -47,13 +47,13 @@ def test_a_lost_workers_lease_waits_for_room() -> None:
 
 
 def test_a_worker_that_gives_no_sign_is_left_out_until_it_does(caplog: pytest.LogCaptureFixture) -> None:
-    def view(one: float, running: bool = True) -> View:
-        return View({"one": Worker("one", 1, running=running, last_seen=one), "two": Worker("two", 1, last_seen=one)})
+    def view(one: float, running: bool = True) -> SchedulerView:
+        return SchedulerView({"one": Worker("one", 1, running=running, last_seen=one), "two": Worker("two", 1, last_seen=one)})
 
-    half = USUAL.worker_silence / 2
-    roll = Roll(view(0), USUAL)
+    half = DEFAULT_TIMEOUTS.worker_silence / 2
+    roll = WorkerRegistry(view(0), DEFAULT_TIMEOUTS)
     for _ in range(7):  # it has just joined
-        roll.call(view(0), half)
+        roll.update(view(0), half)
         assert roll.usable.keys() == {"one", "two"}
     for last_seen, running, names in [
         (1, True, {"one", "two"}),
@@ -64,23 +64,23 @@ def test_a_worker_that_gives_no_sign_is_left_out_until_it_does(caplog: pytest.Lo
         (4, True, set()),  # a scheduler that hears of nobody
         (5, True, {"one", "two"}),
     ]:
-        roll.call(view(last_seen, running), half)
+        roll.update(view(last_seen, running), half)
         assert roll.usable.keys() == names
     assert caplog.messages.count("worker one at one gives no sign; its units are done elsewhere") == 2
     roll.stuck.add("one")
     assert roll.usable.keys() == {"two"}
     roll.stuck.add("two")
-    roll.call(view(6), 10)
+    roll.update(view(6), 10)
     assert roll.empty == 10
 
 
 def test_a_unit_may_take_many_times_the_median_of_its_stage() -> None:
-    known = Deadlines(USUAL)
-    assert known.of("facade_unit") == USUAL.unit_first
+    known = Deadlines(DEFAULT_TIMEOUTS)
+    assert known.limit("facade_unit") == DEFAULT_TIMEOUTS.unit_first
     for seconds in (1.0, 2.0, 90.0):
-        known.note("facade_unit", seconds)
-    assert known.of("facade_unit") == USUAL.unit_least
-    assert known.of("viewpoints_unit") == USUAL.unit_first
+        known.record("facade_unit", seconds)
+    assert known.limit("facade_unit") == DEFAULT_TIMEOUTS.unit_least
+    assert known.limit("viewpoints_unit") == DEFAULT_TIMEOUTS.unit_first
     for seconds in (80.0, 100.0, 120.0, 90.0, 110.0):
-        known.note("facade_unit", seconds)
-    assert known.of("facade_unit") == TIMES * 90
+        known.record("facade_unit", seconds)
+    assert known.limit("facade_unit") == MAX_MEDIAN_FACTOR * 90

@@ -15,7 +15,7 @@ from distributed.security import Security
 
 from facade_core.core.errors import InputError
 from tasks.engine.compute.connect import connect, require_scheduler
-from tasks.engine.compute.timeouts import Patience
+from tasks.engine.compute.timeouts import Timeouts
 from tests.pipeline.runs import ROOT
 
 HERE = {"host": "127.0.0.1", "dashboard_address": None, "threads_per_worker": 1}
@@ -83,4 +83,4 @@ def test_units_run_through_tls(tmp_path: Path, secured: dict[str, str]) -> None:
             dask.config.set({name: None for name in secured}),
             pytest.raises(InputError, match="a certificate is needed"),
         ):
-            require_scheduler(address, Patience().greeting)
+            require_scheduler(address, Timeouts().connect)

@@ -24,8 +24,8 @@ from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan
 from flows.block import _announced
 from tasks.engine.compute.connect import Compute, connect
-from tasks.engine.compute.distributed_map import LEAST_ITEMS, spread
-from tasks.engine.run_key import run_of
+from tasks.engine.compute.distributed_map import MIN_RUN_ITEMS, map_on_workers
+from tasks.engine.run_key import create_run
 from tasks.stages.ingest import task as stage
 from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
 from tasks.stages.ingest.task import ingest_block
@@ -35,7 +35,7 @@ from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
 def ingested(block: Path, out: Path) -> tuple[Block, Plan]:
     out.mkdir(exist_ok=True)
     read = read_block(block)
-    ingest_block.fn(run_of(read, out), read)
+    ingest_block.fn(create_run(read, out), read)
     return read, read_plan(open_repository(out / "store").readonly_session(BRANCH))
 
 
@@ -109,8 +109,8 @@ def test_a_plan_whose_rays_are_cast_by_workers_is_the_same(tmp_path: Path) -> No
     ready: Future[Compute] = Future()
     with connect(2, None, str(out)) as compute:
         ready.set_result(compute)
-        ingest_block.fn(run_of(read, out), read, partial(spread, ready))
-    assert len(alone.viewpoints) > LEAST_ITEMS, "there is more than one run of them"
+        ingest_block.fn(create_run(read, out), read, partial(map_on_workers, ready))
+    assert len(alone.viewpoints) > MIN_RUN_ITEMS, "there is more than one run of them"
     assert_equal(read_plan(open_repository(out / "store").readonly_session(BRANCH)), alone)
 
 

@@ -16,11 +16,11 @@ from facade_core.atlas.journal import clear_record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.core.errors import StoreError
 from facade_core.street.propagation.blend import blend_views
-from tasks.engine.compute.connect import Serial
+from tasks.engine.compute.connect import SerialCompute
 from tasks.engine.context import plan_of_run
 from tasks.engine.run import Run
-from tasks.engine.run_key import run_of
-from tasks.engine.store.commits import begin
+from tasks.engine.run_key import create_run
+from tasks.engine.store.commits import fork_store
 from tasks.stages.ingest.task import ingest_block
 from tasks.stages.streets import task
 from tasks.stages.streets import worker as viewpoint
@@ -77,7 +77,7 @@ def test_a_failure_names_what_failed_and_leaves_no_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
 ) -> None:
     monkeypatch.setattr(task, what, fail)
-    ((_, reason),) = texture_street.fn(ready, 0, "1", 0, Serial()).failed
+    ((_, reason),) = texture_street.fn(ready, 0, "1", 0, SerialCompute()).failed
     assert reason == f"{where}: ValueError: it does not work"
     assert not viewpoint._streets
 
@@ -88,7 +88,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     """A late copy, come back to its worker while the one that was started since is at work there."""
 
     def one() -> None:
-        viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key")
+        viewpoint.viewpoints_unit(ready, fork_store(ready.store)[1], 0, [0], "key")
 
     def kept() -> list[np.ndarray]:
         held = viewpoint._streets[ready, 0, "key"]
@@ -132,7 +132,7 @@ def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run
     commit(session, "one viewpoint is due")
     with monkeypatch.context() as broken:
         broken.setattr(task, "viewpoints_unit", fail)
-        assert texture_street.fn(run, first, "1", 0, Serial()).failed
+        assert texture_street.fn(run, first, "1", 0, SerialCompute()).failed
     texture(block, tmp_path / "out")
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     assert {record["status"] for record in read_journal(group, "viewpoints") if record} == {"done"}
@@ -142,7 +142,7 @@ def test_a_street_waits_for_those_of_earlier_waves_whose_chunks_it_touches(tmp_p
     out = tmp_path / "out"
     out.mkdir()
     block = read_block(write_block(tmp_path / "in", streets=STREETS | {"far": [(400.0, 0.0), (430.0, 0.0)]}))
-    run = run_of(block, out)
+    run = create_run(block, out)
     outline = ingest_block.fn(run, block)
     plan = plan_of_run(replace(run, ingested=outline.ingested))
     chunks = [street_chunks(plan, street) for street in range(len(plan.streets))]

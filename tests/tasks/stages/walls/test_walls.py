@@ -19,7 +19,7 @@ from facade_core.geometry.charts import ChartKind
 from facade_core.plan.ingest import IngestSettings, ingest, replace_panoramas
 from facade_core.plan.plan import Plan
 from tasks.engine.unit import Unit
-from tasks.engine.unit_key import changed_parts
+from tasks.engine.unit_key import differing_parts
 from tasks.stages.shared.nearby_panoramas import CAMERAS, LONG_M
 from tasks.stages.walls.stage import WALLS, names_of_walls, wall_units
 
@@ -102,7 +102,7 @@ def written(plan: Plan, folder: Path) -> Posed:
 
 
 def due(units: dict[str, Unit], first: dict[str, Unit]) -> dict[str, list[str]]:
-    return {name: changed_parts(unit.key, first[name].key) for name, unit in units.items()}
+    return {name: differing_parts(unit.key, first[name].key) for name, unit in units.items()}
 
 
 def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_part_in_none(tmp_path: Path) -> None:
