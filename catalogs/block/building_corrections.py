@@ -36,16 +36,16 @@ def apply_corrections(block: Block, corrections: Corrections) -> Block:
     """
     if not corrections:
         return block
-    known = corrections.rename_targets(match_by_location(block.buildings, corrections, block.crs))
-    buildings, left = correct_buildings(block.buildings, known, block.storey)
+    matched = corrections.rename_targets(match_by_location(block.buildings, corrections, block.crs))
+    buildings, left = correct_buildings(block.buildings, matched, block.storey)
     part = block.part
     if part is not None:
-        distant, _ = correct_buildings(part.distant_buildings, known, block.storey)
+        distant, _ = correct_buildings(part.distant_buildings, matched, block.storey)
         part, known = (
             replace(part, distant_buildings=distant),
-            select_corrections(known, part.buildings, block.buildings, block.crs),
+            select_corrections(matched, part.buildings, block.buildings, block.crs),
         )
-    return replace(block, buildings=buildings, part=part, corrections=known, notes=block.notes + left)
+    return replace(block, buildings=buildings, part=part, corrections=matched, notes=block.notes + notes)
 
 
 def correct_buildings(
@@ -64,67 +64,67 @@ def correct_buildings(
     -------
     Corrected buildings in the given order, and notes.
     """
-    said = corrections.select_kinds(BUILDING_CORRECTION_KINDS)
-    found, left = [], []
+    selected = corrections.select_kinds(BUILDING_CORRECTION_KINDS)
+    corrected, left = [], []
     for building in buildings:
-        if building.id in said:
-            values = {what: one.value for what, one in said[building.id].items()}
+        if building.id in selected:
+            values = {kind: correction.value for kind, correction in selected[building.id].items()}
             building, whole = _correct_building(building, values, storey)
-            left += [] if whole else [building.id]
-        found.append(building)
+            skipped += [] if is_complete else [building.id]
+        corrected.append(building)
     reason = "heights or roofs corrected of models, of roofs that are flat, or of what would end below where it begins"
     reason += ", which stay as given"
-    return tuple(found), notes_by_reason({reason: left})
+    return tuple(corrected), notes_by_reason({reason: skipped})
 
 
-def _correct_building(building: Building, said: Mapping[str, Any], storey: float) -> tuple[Building, bool]:
+def _correct_building(building: Building, values: Mapping[str, Any], storey: float) -> tuple[Building, bool]:
     """Return the corrected building, and whether every correction was applied."""
-    building = replace(building, finish=_correct_finish(building.finish, said))
-    if "levels" in said:
-        building = replace(building, levels=int(said["levels"]))
+    building = replace(building, finish=_correct_finish(building.finish, values))
+    if "levels" in values:
+        building = replace(building, levels=int(values["levels"]))
     if building.shell is not None:
-        return building, said.keys().isdisjoint(("height", "roof_shape", "roof_height"))
+        return building, values.keys().isdisjoint(("height", "roof_shape", "roof_height"))
     height, source = building.height, building.height_source
-    if "height" in said:
-        height, source = round(said["height"], 2), "height"
-    elif "levels" in said and source != "height":
+    if "height" in values:
+        height, source = round(values["height"], 2), "height"
+    elif "levels" in values and source != "height":
         height, source = round(building.raised + building.levels * storey, 2), "levels"  # type: ignore[operator]
-    whole = height >= building.raised + MIN_WALL_HEIGHT_M
-    if whole:
+    is_complete = height >= building.raised + MIN_WALL_HEIGHT_M
+    if is_complete:
         building = replace(building, height=height, height_source=source)
-    roof = _correct_roof(building, said)
-    if "roof_height" in said and "roof_shape" not in said and (roof is None or roof.shape == "flat"):
-        whole = False  # the corrected height belonged to another shape
-    return replace(building, roof=roof), whole
+    roof = _correct_roof(building, values)
+    if "roof_height" in values and "roof_shape" not in values and (roof is None or roof.shape == "flat"):
+        is_complete = False  # the corrected height belonged to another shape
+    return replace(building, roof=roof), is_complete
 
 
-def _correct_roof(building: Building, said: Mapping[str, Any]) -> Roof | None:
-    before, shape, height = building.roof, said.get("roof_shape"), said.get("roof_height")
+def _correct_roof(building: Building, values: Mapping[str, Any]) -> Roof | None:
+    before, shape, height = building.roof, values.get("roof_shape"), values.get("roof_height")
     if shape is None and height is None:
         return before
     shape = shape or (before.shape if before else "flat")
     if shape == "flat":
         return Roof("flat", 0.0)
-    kept = before is not None and before.shape == shape
+    same_shape = before is not None and before.shape == shape
     if height is None:
-        if kept:
+        if same_shape:
             return replace(before, confidence=1.0)  # type: ignore[type-var]
         rise = before.height if before is not None else 0.0
         height = rise if rise > 0 else estimate_roof_height(building.footprint, shape)
-    if kept:
+    if same_shape:
         return replace(before, height=round(height, 2), pitch=None, confidence=1.0)  # type: ignore[type-var]
     return Roof(shape, round(height, 2))
 
 
-def _correct_finish(finish: Finish, said: Mapping[str, Any]) -> Finish:
+def _correct_finish(finish: Finish, values: Mapping[str, Any]) -> Finish:
     """Correct colours and materials; a colour implied by the old material is replaced with it."""
     for part, usual in (("wall", WALL_MATERIAL_COLOURS), ("roof", ROOF_MATERIAL_COLOURS)):
         before, colour = getattr(finish, f"{part}_material"), getattr(finish, f"{part}_colour")
-        material = said.get(f"{part}_material", before)
+        material = values.get(f"{part}_material", before)
         if material != before and colour == usual.get(before or ""):
             colour = usual.get(material)
-        if f"{part}_colour" in said:
-            colour = parse_colour(said[f"{part}_colour"])
+        if f"{part}_colour" in values:
+            colour = parse_colour(values[f"{part}_colour"])
         finish = replace(finish, **{f"{part}_material": material, f"{part}_colour": colour})
     return finish
 
@@ -137,12 +137,16 @@ def match_by_location(buildings: Sequence[Building], corrections: Corrections, c
     Old id -> new id.
     """
     ids = {building.id for building in buildings}
-    lost = {id: said for id, said in corrections.select_kinds(BUILDING_CORRECTION_KINDS).items() if id not in ids}
-    placed = [(id, one) for id, said in lost.items() if (one := _located_correction(said)) is not None]
-    if not placed:
+    missing = {
+        id: by_kind for id, by_kind in corrections.select_kinds(BUILDING_CORRECTION_KINDS).items() if id not in ids
+    }
+    located = [
+        (id, correction) for id, by_kind in missing.items() if (correction := _located_correction(by_kind)) is not None
+    ]
+    if not located:
         return {}
-    near = nearest_buildings([one for _, one in placed], buildings, crs)
-    return {id: buildings[at].id for (id, _), at in zip(placed, near, strict=True) if at >= 0}
+    near = nearest_buildings([correction for _, correction in located], buildings, crs)
+    return {id: buildings[index].id for (id, _), index in zip(located, near, strict=True) if index >= 0}
 
 
 def select_corrections(
@@ -156,10 +160,10 @@ def select_corrections(
     buildings : these buildings and those around them.
     crs : frame of the buildings.
     """
-    mine = set(core_ids)
+    core = set(core_ids)
     owners = correction_owners(corrections, buildings, crs)
-    of = {id: said for id, said in corrections.by_target.items() if owners[id] in mine}
-    return Corrections(of, {id: name for id, name in corrections.new_ids.items() if name in of})
+    selected = {id: by_kind for id, by_kind in corrections.by_target.items() if owners[id] in core}
+    return Corrections(selected, {id: name for id, name in corrections.new_ids.items() if name in selected})
 
 
 def correction_owners(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
@@ -168,20 +172,24 @@ def correction_owners(corrections: Corrections, buildings: Sequence[Building], c
     The building with that id (or the facade's building) is taken if the correction's location is close to it,
     otherwise the nearest building to the location, otherwise the building with that id.
     """
-    at = {building.id: index for index, building in enumerate(buildings)}
-    named = {id: at.get(id, at.get(id.rpartition("-")[0], -1)) for id in corrections.by_target}
-    places = {id: one for id, said in corrections.by_target.items() if (one := _located_correction(said)) is not None}
+    indices = {building.id: index for index, building in enumerate(buildings)}
+    owner = {id: indices.get(id, indices.get(id.rpartition("-")[0], -1)) for id in corrections.by_target}
+    places = {
+        id: correction
+        for id, by_kind in corrections.by_target.items()
+        if (correction := _located_correction(by_kind)) is not None
+    }
     footprints = np.array([building.footprint for building in buildings], dtype=object)
-    away = []
+    distant = []
     for id, point in zip(places, _project_points(list(places.values()), crs), strict=True):
-        index = named[id]
+        index = owner[id]
         if index < 0 or not shapely.dwithin(footprints[index], point, MAX_FACADE_DISTANCE_M):
-            away.append(id)
-    near = nearest_buildings([places[id] for id in away], buildings, crs)
-    for id, index in zip(away, near, strict=True):
+            distant.append(id)
+    near = nearest_buildings([places[id] for id in distant], buildings, crs)
+    for id, index in zip(distant, near, strict=True):
         if index >= 0:
-            named[id] = index
-    return {id: buildings[index].id if index >= 0 else "" for id, index in named.items()}
+            owner[id] = index
+    return {id: buildings[index].id if index >= 0 else "" for id, index in owner.items()}
 
 
 def nearest_buildings(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
@@ -218,6 +226,6 @@ def _project_points(places: Sequence[Correction], crs: CRS | str) -> list[Any]:
     return shapely.points(np.column_stack(coordinate_transform(LONLAT, crs)(*lonlat.T))).tolist()
 
 
-def _located_correction(said: Mapping[str, Correction]) -> Correction | None:
+def _located_correction(by_kind: Mapping[str, Correction]) -> Correction | None:
     """Return the first correction that has a location."""
-    return next((one for one in said.values() if one.place is not None), None)
+    return next((correction for correction in by_kind.values() if correction.place is not None), None)

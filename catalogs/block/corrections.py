@@ -97,25 +97,30 @@ class Corrections:
 
     def select_kinds(self, kinds: Sequence[str]) -> dict[str, dict[str, Correction]]:
         """Return the corrections of some kinds, by id."""
-        chosen = {id: {what: one for what, one in said.items() if what in kinds} for id, said in self.by_target.items()}
-        return {id: said for id, said in chosen.items() if said}
+        chosen = {
+            id: {kind: correction for kind, correction in by_kind.items() if kind in kinds}
+            for id, by_kind in self.by_target.items()
+        }
+        return {id: by_kind for id, by_kind in chosen.items() if by_kind}
 
     def rename_targets(self, names: Mapping[str, str]) -> Corrections:
         """Return corrections with new ids; a correction of the new id wins over one of the old id."""
         if not (known := {id: name for id, name in names.items() if id in self.by_target}):
             return self
-        found: dict[str, dict[str, Correction]] = {}
+        merged: dict[str, dict[str, Correction]] = {}
         for id in (*known, *(id for id in self.by_target if id not in known)):
             name = known.get(id, id)
-            found.setdefault(name, {}).update({what: replace(one, id=name) for what, one in self.by_target[id].items()})
-        return Corrections(found, {**self.new_ids, **known})
+            merged.setdefault(name, {}).update(
+                {kind: replace(correction, id=name) for kind, correction in self.by_target[id].items()}
+            )
+        return Corrections(merged, {**self.new_ids, **known})
 
     def digest_values(self) -> list[list[Any]]:
         """Return the values that a result depends on, without author, time and reason."""
         return [
-            [id, what, one.value, one.place, one.width]
-            for id, said in sorted(self.by_target.items())
-            for what, one in sorted(said.items())
+            [id, kind, correction.value, correction.place, correction.width]
+            for id, by_kind in sorted(self.by_target.items())
+            for kind, correction in sorted(by_kind.items())
         ]
 
 
@@ -151,20 +156,25 @@ def read_corrections(block: Path) -> Corrections:
         return NO_CORRECTIONS
     except (OSError, UnicodeError) as error:
         raise InputError(f"{path} cannot be read ({error}); restore it, or move it away") from error
-    found: dict[str, dict[str, Correction]] = {}
+    newest: dict[str, dict[str, Correction]] = {}
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
-            said = json.loads(line)
-            values = said | {"place": _parse_location(said.get("place"))}
-            one = validate_correction(Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()}))
+            entry = json.loads(line)
+            values = entry | {"place": _parse_location(entry.get("place"))}
+            correction = validate_correction(
+                Correction(**{LINE_KEYS.get(key, key): value for key, value in values.items()})
+            )
         except (ValueError, TypeError, AttributeError, InputError) as error:
             why = " ".join(str(error).split())[:120]
             raise InputError(f"{path}: line {number} is no correction ({why}); mend or remove it") from error
-        found.setdefault(one.id, {})[one.kind] = one
-    counted = {id: {what: one for what, one in said.items() if one.value is not None} for id, said in found.items()}
-    return Corrections({id: said for id, said in counted.items() if said})
+        newest.setdefault(correction.id, {})[correction.kind] = correction
+    active = {
+        id: {kind: correction for kind, correction in entry.items() if correction.value is not None}
+        for id, entry in newest.items()
+    }
+    return Corrections({id: entry for id, entry in active.items() if entry})
 
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
@@ -175,7 +185,8 @@ def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     InputError : a correction is invalid, or holds characters that cannot be encoded.
     """
     lines = [
-        json.dumps(_line_values(validate_correction(one)), ensure_ascii=False, allow_nan=False) for one in corrections
+        json.dumps(_line_values(validate_correction(correction)), ensure_ascii=False, allow_nan=False)
+        for correction in corrections
     ]
     path = corrections_file(block)
     try:
@@ -219,7 +230,7 @@ def _lock_folder(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def validate_correction(one: Correction) -> Correction:
+def validate_correction(correction: Correction) -> Correction:
     """Return a correction with its value normalised.
 
     Raises
@@ -227,16 +238,16 @@ def validate_correction(one: Correction) -> Correction:
     InputError : unknown kind, missing id or invalid value.
     """
     kinds = (*FACADE_CORRECTION_KINDS, *BUILDING_CORRECTION_KINDS)
-    if one.kind not in kinds:
-        raise InputError(f"{one.kind!r} is nothing that can be corrected; there is {', '.join(kinds)}")
-    if not isinstance(one.id, str) or not one.id:
+    if correction.kind not in kinds:
+        raise InputError(f"{correction.kind!r} is nothing that can be corrected; there is {', '.join(kinds)}")
+    if not isinstance(correction.id, str) or not correction.id:
         raise InputError("it names no facade or building")
-    if one.value is None:
-        return one
+    if correction.value is None:
+        return correction
     try:
-        return replace(one, value=_VALUE_PARSERS[one.kind](one.value))
+        return replace(correction, value=_VALUE_PARSERS[correction.kind](correction.value))
     except (TypeError, ValueError, IndexError) as error:
-        raise InputError(f"{one.kind} of {one.id}: {error}") from error
+        raise InputError(f"{correction.kind} of {correction.id}: {error}") from error
 
 
 def _parse_location(value: Any) -> tuple[float, float] | None:
@@ -282,12 +293,14 @@ def _parse_box(value: Any) -> tuple[float, float, float, float]:
 
 def _parse_elements(value: Any) -> tuple[tuple[str, float, float, float, float], ...]:
     found = set()  # duplicates are dropped
-    for one in _require_list(value):
-        label, *box = one if isinstance(one, list | tuple) and one else (one,)
+    for element in _require_list(value):
+        label, *box = element if isinstance(element, list | tuple) and element else (element,)
         if label not in ELEMENT_CLASSES:
             raise ValueError(f"{_quote_value(label)} is no element; there is {', '.join(ELEMENT_CLASSES)}")
         found.add((str(label), *_parse_box(box)))
-    return tuple(sorted(found, key=lambda one: (ELEMENT_CLASSES.index(one[0]), one[2], one[1], one[3:])))
+    return tuple(
+        sorted(found, key=lambda element: (ELEMENT_CLASSES.index(element[0]), element[2], element[1], element[3:]))
+    )
 
 
 def _parse_flag(value: Any) -> bool:

@@ -51,8 +51,8 @@ def read_extract(path: Path) -> dict[str, Any]:
     InputError : one line with the remedy, if the file is missing, damaged or of another format.
     """
     try:
-        with np.load(path, allow_pickle=False) as held:
-            text, blob = held["text"].tobytes(), held["blob"].tobytes()
+        with np.load(path, allow_pickle=False) as arrays:
+            text, blob = arrays["text"].tobytes(), arrays["blob"].tobytes()
         document = json.loads(text.decode(errors="surrogatepass"))
         if document["format"] != EXTRACT_FORMAT:
             raise ValueError(f"format {document['format']}")
@@ -91,35 +91,35 @@ def _encode_value(value: Any, blob: bytearray, folder: Path) -> Any:
     if (schema := SCHEMAS.get(type(value))) is not None:
         return {schema.tag: [_encode_value(getattr(value, attribute), blob, folder) for _, attribute in schema.fields]}
     if isinstance(value, Mapping):
-        return {"map": [[name, _encode_value(one, blob, folder)] for name, one in value.items()]}
+        return {"map": [[name, _encode_value(part, blob, folder)] for name, part in value.items()]}
     if isinstance(value, list | tuple):
-        return [_encode_value(one, blob, folder) for one in value]
+        return [_encode_value(part, blob, folder) for part in value]
     raise TypeError(f"no part of a city holds a {type(value).__name__}")
 
 
-def _decode_value(said: Any, blob: bytes, folder: Path) -> Any:
-    if isinstance(said, list):
-        return tuple(_decode_value(one, blob, folder) for one in said)
-    if not isinstance(said, dict):
-        return said
-    ((kind, held),) = said.items()
+def _decode_value(encoded: Any, blob: bytes, folder: Path) -> Any:
+    if isinstance(encoded, list):
+        return tuple(_decode_value(part, blob, folder) for part in encoded)
+    if not isinstance(encoded, dict):
+        return encoded
+    ((kind, content),) = encoded.items()
     if kind == "path":
-        return Path(os.path.abspath(folder / held))
+        return Path(os.path.abspath(folder / content))
     if kind == "shape":
-        return shapely.from_wkb(blob[held[0] : held[0] + held[1]])
+        return shapely.from_wkb(blob[content[0] : content[0] + content[1]])
     if kind == "array":
-        form, shape, start = np.dtype(held[0]), tuple(held[1]), held[2]
-        if form.hasobject:
+        dtype, shape, start = np.dtype(content[0]), tuple(content[1]), content[2]
+        if dtype.hasobject:
             raise ValueError("an array of objects")
-        return np.frombuffer(blob, form, int(np.prod(shape, dtype=np.int64)), start).reshape(shape).copy()
+        return np.frombuffer(blob, dtype, int(np.prod(shape, dtype=np.int64)), start).reshape(shape).copy()
     if kind == "map":
-        return {name: _decode_value(one, blob, folder) for name, one in held}
+        return {name: _decode_value(part, blob, folder) for name, part in content}
     cls = _CLASSES[kind]
     attributes = [attribute for _, attribute in SCHEMAS[cls].fields]
-    if len(held) > len(attributes):
+    if len(content) > len(attributes):
         raise ValueError(f"{kind} has {len(held)} values")
     # fields with defaults, which older files lack, are the last ones
-    return cls(**dict(zip(attributes, (_decode_value(one, blob, folder) for one in held), strict=False)))
+    return cls(**dict(zip(attributes, (_decode_value(part, blob, folder) for part in content), strict=False)))
 
 
 def _byte_array(blob: bytearray) -> np.ndarray:

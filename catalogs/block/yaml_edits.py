@@ -18,8 +18,8 @@ _INDENTED_LINE = re.compile(r"^( +)\S", re.MULTILINE)
 
 def format_imagery_entry(kind: str, values: Mapping[str, Any]) -> str:
     """Return the line that names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
-    held = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
-    return f"{kind}: {held.strip()}"
+    text = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
+    return f"{kind}: {text.strip()}"
 
 
 def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:

@@ -82,18 +82,18 @@ def partition_city(
         walked[squares[building]].append(segment)
     around, along = shapely.STRtree(footprints), shapely.STRtree(lines)
     cuts = []
-    for square, mine in sorted(own.items()):
+    for square, core in sorted(own.items()):
         ways = walked[square]
-        held = [*(footprints[i] for i in mine), *(lines[i] for i in ways)]
-        near = np.setdiff1d(around.query(held, predicate="dwithin", distance=halo)[1], mine)
-        passing = np.setdiff1d(along.query(held, predicate="dwithin", distance=halo)[1], ways)
+        contents = [*(footprints[i] for i in core), *(lines[i] for i in ways)]
+        nearby_buildings = np.setdiff1d(around.query(contents, predicate="dwithin", distance=halo)[1], core)
+        nearby_streets = np.setdiff1d(along.query(contents, predicate="dwithin", distance=halo)[1], ways)
         cuts.append(
             CityCell(
                 "x{}y{}".format(*square),
-                tuple(buildings[i].id for i in mine),
+                tuple(buildings[i].id for i in core),
                 tuple(segments[i].id for i in ways),
-                tuple(buildings[i].id for i in near.tolist()),
-                tuple(segments[i].id for i in passing.tolist()),
+                tuple(buildings[i].id for i in nearby_buildings.tolist()),
+                tuple(segments[i].id for i in nearby_streets.tolist()),
             )
         )
     return tuple(cuts)

@@ -55,17 +55,17 @@ def _is_stac(index: Path) -> bool:
     if index.suffix.lower() != ".json":
         return False
     try:
-        said = json.loads(index.read_text(encoding="utf-8"))
+        content = json.loads(index.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{index} is no JSON ({error}); give an index of tiles") from error
-    return isinstance(said, dict) and (
-        "stac_version" in said or any("stac_version" in one for one in _feature_list(said))
+    return isinstance(content, dict) and (
+        "stac_version" in content or any("stac_version" in feature for feature in _feature_list(content))
     )
 
 
-def _feature_list(said: dict[str, Any]) -> list[dict[str, Any]]:
-    found = said.get("features")
-    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+def _feature_list(content: dict[str, Any]) -> list[dict[str, Any]]:
+    found = content.get("features")
+    return [feature for feature in found if isinstance(feature, dict)] if isinstance(found, list) else []
 
 
 def _stac_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
@@ -132,7 +132,7 @@ def _table_tiles(index: Path) -> Iterator[tuple[Path, LonLatBox | None]]:
 
 def _local_path(href: str, folder: Path) -> Path:
     """Return the file that a link names. Raises InputError for a link to another machine."""
-    said = urlparse(href)
-    if said.scheme in ("", "file"):
-        return (folder / (unquote(said.path) if said.scheme else href)).resolve()
+    url = urlparse(href)
+    if url.scheme in ("", "file"):
+        return (folder / (unquote(url.path) if url.scheme else href)).resolve()
     raise InputError(f"tile {href[:120]} is not on this machine; bring it here and name the copy")

@@ -42,9 +42,9 @@ class ImageryQuery:
     def __post_init__(self) -> None:
         west, south, east, north = self.box
         if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
-            said = " ".join(f"{value:g}" for value in self.box)
+            text = " ".join(f"{value:g}" for value in self.box)
             raise InputError(
-                f"--bbox {said}: is no box; give WEST SOUTH EAST NORTH in degrees, west < east, south < north"
+                f"--bbox {text}: is no box; give WEST SOUTH EAST NORTH in degrees, west < east, south < north"
             )
         ends = [] if self.dates is None else self.dates.split("/")
         if self.dates is not None and not (
@@ -130,8 +130,8 @@ def resolve_licence(stated: Any, text_url: str | None, user_licence: str | None)
     if licence.lower() in _UNSPECIFIC_LICENCES and not text_url:
         if user_licence:
             return user_licence
-        said = f'says "{licence}" and names no text of a licence' if licence else "states no licence"
-        raise ValueError(f"{said}; ask who took it, and name what they say with --licence")
+        problem = f'says "{licence}" and names no text of a licence' if licence else "states no licence"
+        raise ValueError(f"{problem}; ask who took it, and name what they say with --licence")
     if re.search(r"(?<![a-z])ND(?![a-z])", licence, re.IGNORECASE):
         raise ValueError(
             f"is under {licence}, which forbids changed copies, as textures are; ask who took it for another"

@@ -111,20 +111,24 @@ def folder_service(folder: Path, poses: Path | None) -> ImageryService:
         found = read_panoramas(folder, poses or _default_poses_file(folder), frame)
         yield from found.faults
         # author and licence of pictures that were fetched before
-        told_of = {one.file: one for one in read_fetch_log(folder).pictures.values()} if is_fetched(folder) else {}
+        fetched = (
+            {picture.file: picture for picture in read_fetch_log(folder).pictures.values()}
+            if is_fetched(folder)
+            else {}
+        )
         west, south, east, north = wanted.box
-        for one in found.items:
-            pose = one.pose
+        for picture in found.items:
+            pose = picture.pose
             stated = SourcePose(frame.to_wkt(), pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll)
             place = project_pose(stated, pose.view, lonlat, {})
             if west <= place.x <= east and south <= place.y <= north:
-                told = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
-                before = told_of.get(one.path.name)
+                lonlat_pose = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
+                before = fetched.get(picture.path.name)
                 yield RemotePanorama(
-                    one.id,
-                    str(one.path),
-                    told,
-                    captured=one.captured,
+                    picture.id,
+                    str(picture.path),
+                    lonlat_pose,
+                    captured=picture.captured,
                     author=before.author if before else None,
                     licence=(before.licence if before else None) or wanted.licence,
                     licence_url=before.licence_url if before else None,

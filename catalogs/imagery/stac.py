@@ -130,14 +130,14 @@ def _parse_heading(properties: Mapping[str, Any]) -> Any:
     """Return view:azimuth, which GeoVisio rounds to degrees, or the exact EXIF tag if both agree."""
     heading, exif = properties.get("view:azimuth"), properties.get("exif")
     tag = exif.get("Exif.GPSInfo.GPSImgDirection") if isinstance(exif, Mapping) else None
-    told = finite_number(heading)
+    stated = finite_number(heading)
     try:
         exact = float(Fraction(tag)) if isinstance(tag, str) else None
     except (ValueError, ZeroDivisionError, OverflowError):
         return heading
-    if told is None or exact is None:
+    if stated is None or exact is None:
         return heading
-    return exact if abs((exact - told + 180.0) % 360.0 - 180.0) <= 0.5 else heading
+    return exact if abs((exact - stated + 180.0) % 360.0 - 180.0) <= 0.5 else heading
 
 
 def _image_size(dimensions: Any) -> tuple[int, int] | None:

@@ -300,14 +300,14 @@ def _draw_polygons(
     for polygon in polygons:
         try:
             corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)
-            told = meaning[polygon["category_id"]]
+            label_meaning = meaning[polygon["category_id"]]
         except (KeyError, ValueError, TypeError) as error:
             raise InputError(
                 f"{path}: polygon {polygon.get('id')} has no corners or category; fetch it again"
             ) from error
         inside = cv2.fillPoly(np.zeros(size, np.uint8), [corners], 1) == 1
-        behind = inside & (occluder == 1) if told.occluder is False else np.zeros(size, bool)
-        for layer, value in zip((labels, possible, occluder, outside), told.map_values, strict=True):
+        behind = inside & (occluder == 1) if label_meaning.occluder is False else np.zeros(size, bool)
+        for layer, value in zip((labels, possible, occluder, outside), label_meaning.map_values, strict=True):
             layer[inside] = value
         occluder[behind] = UNKNOWN
     return [labels, possible, occluder, outside]

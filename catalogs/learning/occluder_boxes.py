@@ -26,6 +26,6 @@ def read_occluder_boxes() -> dict[str, OccluderBoxes]:
     """Return the boxes of each examined photo, by set and photo such as "ecp/monge_101"."""
     photos = json.loads(_BOXES_FILE.read_text(encoding="utf-8"))
     return {
-        name: OccluderBoxes(*([tuple(box) for box in told[kind]] for kind in ("found", "doubtful")))
-        for name, told in photos.items()
+        name: OccluderBoxes(*([tuple(box) for box in entry[kind]] for kind in ("found", "doubtful")))
+        for name, entry in photos.items()
     }

@@ -42,8 +42,8 @@ def write_file_list(
         name: list((known or {}).get(name) or (path.stat().st_size, content_digest(path)))
         for name, path in paths.items()
     }
-    held: dict[str, Any] = {"predecessor": predecessor, "tags": sorted(tags), "files": listed}
-    _write_json(folder, held | {"made": dict(source_digests or {}), "failed": dict(failures or {})})
+    content: dict[str, Any] = {"predecessor": predecessor, "tags": sorted(tags), "files": listed}
+    _write_json(folder, content | {"made": dict(source_digests or {}), "failed": dict(failures or {})})
 
 
 def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
@@ -55,17 +55,17 @@ def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
     ----------
     thorough : whether to compare every file's digest, not only those in HASHED_FILES.
     """
-    held = read_file_list(folder)
-    if held is None:
+    content = read_file_list(folder)
+    if content is None:
         return f"{FILE_LIST_NAME} is missing or cannot be read"
-    for what, why in held["failed"].items():
+    for what, why in content["failed"].items():
         return f"{what} could not be published: {why}"
-    there = file_sizes(folder)
-    for name, (size, digest) in held["files"].items():
-        if name not in there:
+    sizes = file_sizes(folder)
+    for name, (size, digest) in content["files"].items():
+        if name not in sizes:
             return f"{name} is missing"
-        if there[name] != size:
-            return f"{name} has {there[name]} bytes of {size}"
+        if sizes[name] != size:
+            return f"{name} has {sizes[name]} bytes of {size}"
         try:
             if (thorough or name in HASHED_FILES) and content_digest(join_path(folder, name)) != digest:
                 return f"{name} is not as it was written"
@@ -76,25 +76,25 @@ def find_damage(folder: Folder, *, thorough: bool = False) -> str | None:
 
 def update_file_list(folder: Folder, names: Iterable[str]) -> None:
     """Update the entries of files, by path, that were changed in a published folder."""
-    held = read_file_list(folder)
-    if held is None:
+    content = read_file_list(folder)
+    if content is None:
         return
-    there = file_sizes(folder)
+    sizes = file_sizes(folder)
     for name in names:
-        held["files"][name] = [there[name], content_digest(join_path(folder, name))]
-    _write_json(folder, held)
+        content["files"][name] = [sizes[name], content_digest(join_path(folder, name))]
+    _write_json(folder, content)
 
 
 def read_street_tags(folder: Folder) -> list[str]:
     """Return the tags of the streets in a published snapshot."""
-    held = read_file_list(folder)
-    return held["tags"] if held else []
+    content = read_file_list(folder)
+    return content["tags"] if content else []
 
 
 def read_predecessor(folder: Folder) -> str | None:
     """Return the snapshot that was published before, or None if unknown."""
-    held = read_file_list(folder)
-    return held["predecessor"] if held else None
+    content = read_file_list(folder)
+    return content["predecessor"] if content else None
 
 
 def read_file_list(folder: Folder) -> dict[str, Any] | None:
@@ -103,20 +103,20 @@ def read_file_list(folder: Folder) -> dict[str, Any] | None:
     `files` is path -> size and digest.
     """
     try:
-        held = json.loads((folder / FILE_LIST_NAME).read_text())
+        content = json.loads((folder / FILE_LIST_NAME).read_text())
         return {
-            "predecessor": held["predecessor"],
-            "tags": list(map(str, held["tags"])),
-            "files": {str(name): (int(size), str(digest)) for name, (size, digest) in held["files"].items()},
+            "predecessor": content["predecessor"],
+            "tags": list(map(str, content["tags"])),
+            "files": {str(name): (int(size), str(digest)) for name, (size, digest) in content["files"].items()},
             # missing in snapshots of older versions
-            **{name: {str(k): str(v) for k, v in held.get(name, {}).items()} for name in ("made", "failed")},
+            **{name: {str(k): str(v) for k, v in content.get(name, {}).items()} for name in ("made", "failed")},
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def _write_json(folder: Folder, held: dict[str, Any]) -> None:
-    write_atomically(folder / FILE_LIST_NAME, json.dumps(held, indent=1).encode())
+def _write_json(folder: Folder, content: dict[str, Any]) -> None:
+    write_atomically(folder / FILE_LIST_NAME, json.dumps(content, indent=1).encode())
 
 
 def content_digest(path: Folder) -> str:

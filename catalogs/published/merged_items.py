@@ -52,7 +52,7 @@ def _read_merged_file(path: Folder) -> MergedItems | None:
     try:
         columns = read_parquet_schema(path)
         runs = json.loads((columns.metadata or {})[RUNS_METADATA_KEY])
-        return MergedItems(path, columns.remove_metadata(), {str(run): str(of) for run, of in runs.items()})
+        return MergedItems(path, columns.remove_metadata(), {str(run): str(snapshot) for run, snapshot in runs.items()})
     except (OSError, ValueError, KeyError, AttributeError, pa.ArrowException):
         return None
 
@@ -79,21 +79,21 @@ def merge_run_items(out: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> No
     """
     if isinstance(out, Path):
         (out / ITEMS_FOLDER).mkdir(exist_ok=True)
-    before = {one.path.name: one.runs for one in read_merged_items(out)}
-    held = {run: file for file, of in before.items() for run in of}
+    before = {member.path.name: member.runs for member in read_merged_items(out)}
+    assigned = {run: file for file, members in before.items() for run in members}
     by_file: dict[str, list[tuple[PublishedRun, str]]] = {file: [] for file in before}
-    for one in runs:
-        if one[0].name in held:
-            by_file[held[one[0].name]].append(one)
+    for member in runs:
+        if member[0].name in assigned:
+            by_file[assigned[member[0].name]].append(member)
     number = 0
-    for one in runs:
-        if one[0].name not in held:
+    for member in runs:
+        if member[0].name not in assigned:
             while len(by_file.setdefault(f"{number:05}.parquet", [])) >= RUNS_PER_FILE:
                 number += 1
-            by_file[f"{number:05}.parquet"].append(one)
-    for file, of in by_file.items():
-        if of and before.get(file) != {run.name: snapshot for run, snapshot in of}:
-            _write_rows(out / ITEMS_FOLDER / file, of)
+            by_file[f"{number:05}.parquet"].append(member)
+    for file, members in by_file.items():
+        if members and before.get(file) != {run.name: snapshot for run, snapshot in members}:
+            _write_rows(out / ITEMS_FOLDER / file, members)
     for path in _merged_files(out):
         if not by_file.get(path.name):
             remove_path(path)
@@ -113,12 +113,12 @@ def _write_rows(path: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> None:
             continue
         names = pa.array([run.name] * len(table), pa.string())
         tables.append(table.append_column("run", names).replace_schema_metadata(None))
-        said[run.name] = snapshot
+        snapshots[run.name] = snapshot
     if not tables:
         remove_path(path)
         return
     rows = pa.concat_tables(tables, promote_options="permissive").replace_schema_metadata(
-        {RUNS_METADATA_KEY: json.dumps(said)}
+        {RUNS_METADATA_KEY: json.dumps(snapshots)}
     )
     written = pa.BufferOutputStream()
     pq.write_table(rows, written, compression="zstd")

@@ -191,10 +191,10 @@ def _open_store(bucket: str, address: str | None, region: str | None) -> S3Store
 def _profile_keys() -> Mapping[str, str] | None:
     """Return the keys of the environment's profile, or None; obstore does not look them up."""
     file = os.environ.get("AWS_SHARED_CREDENTIALS_FILE") or Path.home() / ".aws" / "credentials"
-    held = RawConfigParser()
+    profiles = RawConfigParser()
     try:
-        held.read(file)
-        profile = held[os.environ.get("AWS_PROFILE") or "default"]
+        profiles.read(file)
+        profile = profiles[os.environ.get("AWS_PROFILE") or "default"]
     except (OSError, KeyError, ParsingError):
         return None
     return profile if {"aws_access_key_id", "aws_secret_access_key"} <= profile.keys() else None

@@ -33,8 +33,8 @@ class SnapshotFiles:
     _earlier_digests: dict[str, str] = field(init=False)
 
     def __post_init__(self) -> None:
-        held = read_file_list(self.earlier) if self.earlier else None
-        self._earlier_files, self._earlier_digests = (held["files"], held["made"]) if held else ({}, {})
+        content = read_file_list(self.earlier) if self.earlier else None
+        self._earlier_files, self._earlier_digests = (content["files"], content["made"]) if content else ({}, {})
 
     def add_file(self, path: str, source_digest: str, data: Callable[[], bytes]) -> Path:
         """Add a file: link the earlier one if its inputs are the same, otherwise write `data()`."""

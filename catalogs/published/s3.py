@@ -162,9 +162,9 @@ def translate_errors(folder: S3Folder) -> Iterator[None]:
 
 
 def _unreachable_error(folder: S3Folder, error: OSError) -> InputError:
-    said = " ".join(str(error).split()).partition(" (Request ID")[0]
+    message = " ".join(str(error).split()).partition(" (Request ID")[0]
     return InputError(
-        f"{folder}: cannot be reached ({said[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
+        f"{folder}: cannot be reached ({message[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
     )
 
 

@@ -158,13 +158,13 @@ def _match_merged_files(out: Folder, runs: Sequence[PublishedRun]) -> tuple[Merg
     now = dict(
         zip([run.name for run in asked], map_concurrently(lambda run: _current_id(run.folder), asked, out), strict=True)
     )
-    fresh: set[str] = set()
+    covered: set[str] = set()
     for joined in found:
-        stands = {name for name, of in joined.runs.items() if now.get(name) == of} - fresh
-        if stands:
-            files.append((joined, sorted(joined.runs.keys() - stands)))
-            fresh |= stands
-    return files, [run for run in runs if run.name not in fresh]
+        valid = {name for name, snapshot in joined.runs.items() if now.get(name) == snapshot} - covered
+        if valid:
+            files.append((joined, sorted(joined.runs.keys() - valid)))
+            covered |= valid
+    return files, [run for run in runs if run.name not in covered]
 
 
 def _current_id(folder: Folder) -> str | None:

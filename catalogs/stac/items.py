@@ -208,7 +208,9 @@ def to_json_value(value: Any) -> Any:
 def _add_fields(item: Item, fields: Mapping[str, Any]) -> None:
     """Add the project's own fields to an Item; unknown values are left out."""
     item.properties |= {
-        f"streetloom:{key}": said for key, value in fields.items() if (said := to_json_value(value)) is not None
+        f"streetloom:{key}": json_value
+        for key, value in fields.items()
+        if (json_value := to_json_value(value)) is not None
     }
 
 

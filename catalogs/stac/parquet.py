@@ -49,10 +49,10 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     own = {"encoding": "WKB", "geometry_types": _geometry_types(rows, "proj:geometry"), "crs": crs.to_json_dict()}
     columns = {"geometry": geometry, "proj:geometry": own}
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": columns}
-    said = collection.to_dict(include_self_link=False, transform_hrefs=False)
+    collection_fields = collection.to_dict(include_self_link=False, transform_hrefs=False)
     header = ({"geo": geo} if rows else {}) | {
-        "stac:collection": said,
-        "stac-geoparquet": {"version": "1.0.0", "collections": {collection.id: said}},
+        "stac:collection": collection_fields,
+        "stac-geoparquet": {"version": "1.0.0", "collections": {collection.id: collection_fields}},
     }
     pq.write_table(
         table.replace_schema_metadata({k: json.dumps(v) for k, v in header.items()}), path, compression="zstd"
@@ -70,24 +70,24 @@ def remove_links(mirror: bytes, is_dead: Callable[[dict[str, Any]], bool]) -> by
     header = {key: json.loads(text) for key, text in (table.schema.metadata or {}).items() if key != b"ARROW:schema"}
     found = False
 
-    def living(links: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    def keep_living(links: list[dict[str, Any]]) -> list[dict[str, Any]]:
         nonlocal found
         kept = [link for link in links if not is_dead(link)]
         found = found or len(kept) < len(links)
         return kept
 
-    for said in (header[b"stac:collection"], *header[b"stac-geoparquet"]["collections"].values()):
-        said["links"] = living(said["links"])
+    for collection_fields in (header[b"stac:collection"], *header[b"stac-geoparquet"]["collections"].values()):
+        collection_fields["links"] = keep_living(collection_fields["links"])
     if "links" in table.column_names:
         column = table.column_names.index("links")
-        links = [living(row) for row in table["links"].to_pylist()]
+        links = [keep_living(row) for row in table["links"].to_pylist()]
         table = table.set_column(column, table.schema.field("links"), pa.array(links, table.schema.field("links").type))
     if not found:
         return None
     table = table.replace_schema_metadata({key: json.dumps(value) for key, value in header.items()})
-    made = io.BytesIO()
-    pq.write_table(table, made, compression="zstd")
-    return made.getvalue()
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()
 
 
 def _item_row(href: str, item: Item) -> dict[str, Any]:

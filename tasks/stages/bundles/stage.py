@@ -27,7 +27,7 @@ from tasks.engine.stage import Change, ForecastInputs, Stage, StageForecast, mat
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.bundles.worker import Member, bundle_unit
+from tasks.stages.bundles.worker import BundleMember, process_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
 from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
@@ -42,52 +42,52 @@ def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     """As the journal stands: of each bundle the panoramas that were refined alone, refused ones aside."""
     records = read_journal(group, "poses", PoseRecord)
     units = []
-    for index, (name, bundle) in enumerate(zip(names_of_bundles(plan, block), bundles(plan, block), strict=True)):
+    for index, (name, bundle) in enumerate(zip(bundle_names(plan, block), panorama_bundles(plan, block), strict=True)):
         members = tuple(
-            Member(block.panoramas[i].path, plan.poses[i], _alone(record, plan, i))
+            BundleMember(block.panoramas[i].path, plan.poses[i], _panorama_estimate(record, plan, i))
             for i in bundle
             if (record := records[i]) is not None and record["status"] == "done"
         )
-        surfaces = _surfaces(plan, bundle)
+        surfaces = _bundle_charts(plan, bundle)
         key = bundle_key(run, plan, members, surfaces)
         units.append(Unit(index, name, (key,), (members, surfaces), bundle_memory([one.path for one in members])))
     return units
 
 
-def bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
+def panorama_bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
     """The panoramas that are refined together, by the block and the poses that are given."""
-    days = [_number(parse_day(panorama.captured)) for panorama in block.panoramas]
+    days = [_day_number(parse_day(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
-    seen = _on_streets(plan)
+    seen = _street_sightings(plan)
     return group_bundles(seen.facade, seen.panorama, seen.seen, places, days)
 
 
-def members_of(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
+def bundle_members(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
     """The panoramas of some bundles."""
-    return {panorama for number in some for panorama in bundles(plan, block)[number]}
+    return {panorama for number in some for panorama in panorama_bundles(plan, block)[number]}
 
 
-def names_of_bundles(plan: Plan, block: Block) -> list[str]:
+def bundle_names(plan: Plan, block: Block) -> list[str]:
     """What bundles are called: as their first panoramas."""
-    return [block.panoramas[bundle[0]].path.name for bundle in bundles(plan, block)]
+    return [block.panoramas[bundle[0]].path.name for bundle in panorama_bundles(plan, block)]
 
 
-def _on_streets(plan: Plan) -> Sightings:
+def _street_sightings(plan: Plan) -> Sightings:
     """Of facades on streets, by which poses were measured."""
     seen = plan.sightings
     kept = plan.facades.role[seen.facade] == WallRole.STREET
     return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
 
 
-def _alone(record: PoseRecord, plan: Plan, panorama: int) -> PriorPose:
+def _panorama_estimate(record: PoseRecord, plan: Plan, panorama: int) -> PriorPose:
     """A panorama as it was refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
     return PriorPose(select_pose(plan.poses[panorama], record), None if spread is None else np.array(spread))
 
 
-def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
+def _bundle_charts(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
     """The charts of facades that two panoramas of a bundle show, and of ground that two are near, ascending."""
-    seen = _on_streets(plan)
+    seen = _street_sightings(plan)
     shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= MIN_WALL_SHARE)]
     facade, count = np.unique(shown, return_counts=True)
     ground = plan.ground_near_cameras()
@@ -98,15 +98,15 @@ def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
     return tuple(np.sort(np.concatenate([plan.facades.chart[facade[count > 1]], ground[near]])).tolist())
 
 
-def _number(day: str | None) -> int | None:
+def _day_number(day: str | None) -> int | None:
     return date.fromisoformat(day).toordinal() if day else None
 
 
-def _again(change: Change) -> dict[int, int]:
-    return match_by_name(change.records["bundles"], names_of_bundles(change.after, change.block))
+def _match_previous(change: Change) -> dict[int, int]:
+    return match_by_name(change.records["bundles"], bundle_names(change.after, change.block))
 
 
-def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequence[int]) -> str:
+def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: Sequence[int]) -> str:
     """Of panoramas that are refined together on some charts."""
     places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
     around = (
@@ -120,12 +120,12 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
         stage_code("bundles"),
         settings=run.texture.texels_per_metre,
         pose=[pose_numbers(one.given) for one in members],
-        panoramas=[[one.path.name, file_digest(one.path), *refined_pose_parts(one.alone)] for one in members],
+        panoramas=[[one.path.name, file_digest(one.path), *estimate_parts(one.alone)] for one in members],
         geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
     )
 
 
-def refined_pose_parts(one: PriorPose) -> list[Any]:
+def estimate_parts(one: PriorPose) -> list[Any]:
     return [pose_numbers(one.pose), None if one.covariance is None else one.covariance.tolist()]
 
 
@@ -138,17 +138,17 @@ def bundle_memory(paths: Sequence[Path]) -> int:
 def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Find the pending bundles, with those of panoramas that are refined again."""
     again = inputs.pending["poses"].keys()
-    following = (number for number, bundle in enumerate(bundles(inputs.plan, inputs.block)) if again & set(bundle))
+    following = (number for number, bundle in enumerate(panorama_bundles(inputs.plan, inputs.block)) if again & set(bundle))
     return StageForecast(dict.fromkeys(following, REASONS["panoramas"]) | dict(own))
 
 
 BUNDLES = Stage(
     "bundles",
     "panorama bundle",
-    count=lambda block, plan: len(bundles(plan, block)),
-    match_previous=_again,
+    count=lambda block, plan: len(panorama_bundles(plan, block)),
+    match_previous=_match_previous,
     units=bundle_units,
-    function=bundle_unit,
+    function=process_bundle,
     reads=("poses",),
     forecast=_forecast,
 )

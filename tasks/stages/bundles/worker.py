@@ -21,7 +21,7 @@ from tasks.stages.bundles.record import BundleRecord
 from tasks.stages.shared.images import read_panorama
 
 
-class Member(NamedTuple):
+class BundleMember(NamedTuple):
     """A panorama of a bundle: its file, the pose that its source states, and what it was refined to alone."""
 
     path: Path
@@ -29,7 +29,7 @@ class Member(NamedTuple):
     alone: PriorPose
 
 
-def bundle_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_bundle(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Refine the poses of one bundle together; returns the fork, to which nothing is written, and its record."""
     start = time.time()
     (unit,) = units
@@ -40,7 +40,7 @@ def bundle_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, R
         images = (read_panorama(one.path) for one in members)
         found = refine_jointly(scene, surfaces, images, [one.alone for one in members])
         together = {
-            one.path.name: {"alone": _numbers(one.alone.pose), "found": _found(scene, one, at)}
+            one.path.name: {"alone": _pose_values(one.alone.pose), "found": _refined_fields(scene, one, at)}
             for one, at in zip(members, found, strict=True)
         }
     record: BundleRecord = {
@@ -55,12 +55,12 @@ def bundle_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, R
     return fork, {unit.index: record}
 
 
-def _found(scene: Any, one: Member, found: JointPose) -> dict[str, Any]:
+def _refined_fields(scene: Any, one: BundleMember, found: JointPose) -> dict[str, Any]:
     """What is known of a panorama now, as in the record of its own; of one that keeps its pose how far others are off."""
     told: dict[str, Any] = {
         "shared": found.surfaces,
-        "apart_before_m": _number(found.distance_before),
-        "apart_m": _number(found.distance_after),
+        "apart_before_m": _round_finite(found.distance_before),
+        "apart_m": _round_finite(found.distance_after),
         "kept_alone": found.reason,
     }
     if found.reason:
@@ -68,18 +68,18 @@ def _found(scene: Any, one: Member, found: JointPose) -> dict[str, Any]:
     ground = sample_ground(scene, read_panorama(one.path), found.pose)
     turn = camera_from_world(found.pose) @ camera_from_world(one.given).T
     return told | {
-        "pose": _numbers(found.pose),
-        "moved_m": _number(float(np.linalg.norm(camera_position(found.pose) - camera_position(one.given)))),
-        "turned_deg": _number(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))),
-        "residual_deg": _number(found.residual_degrees),
+        "pose": _pose_values(found.pose),
+        "moved_m": _round_finite(float(np.linalg.norm(camera_position(found.pose) - camera_position(one.given)))),
+        "turned_deg": _round_finite(float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))),
+        "residual_deg": _round_finite(found.residual_degrees),
         "over_ground_m": ground.height,
         "squares": ground.squares,
     }
 
 
-def _numbers(pose: Pose) -> list[Any]:
+def _pose_values(pose: Pose) -> list[Any]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll]
 
 
-def _number(value: float) -> float | None:
+def _round_finite(value: float) -> float | None:
     return round(value, 3) if math.isfinite(value) else None

@@ -16,7 +16,7 @@ from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_re
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.exemplars.worker import exemplar_unit
+from tasks.stages.exemplars.worker import process_exemplar
 from tasks.stages.shared.images import LONGEST_EXEMPLAR
 from tasks.stages.shared.key_parts import model_parts
 from tasks.stages.shared.memory import (
@@ -36,19 +36,19 @@ def exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     ]
 
 
-def _again(change: Change) -> dict[int, int]:
+def _match_previous(change: Change) -> dict[int, int]:
     units = exemplar_units(change.run, change.block, change.after, change.group)
     return match_by_key_or_name(change.records["exemplars"], units)
 
 
-def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
     for new, old in again.items():
         if new != old:
-            _copy(change.group, change.last, new, old)
+            _copy_arrays(change.group, change.last, new, old)
     return records
 
 
-def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
+def _copy_arrays(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
     for name, array in get_subgroup(last, f"exemplars/{old}").arrays():
         group.create_array(
             f"exemplars/{new}/{name}",
@@ -90,11 +90,11 @@ EXEMPLARS = Stage(
     "exemplars",
     "exemplar",
     count=lambda block, plan: len(block.exemplars),
-    match_previous=_again,
+    match_previous=_match_previous,
     units=exemplar_units,
-    function=exemplar_unit,
+    function=process_exemplar,
     in_every_block=True,
-    relocate=_moved,
+    relocate=_relocate,
     unit_folder="exemplars",
     find_lost=_find_lost,
 )

@@ -36,7 +36,7 @@ PREVIEW = ArraySpec(
 LABELS = ArraySpec("labels", ("row", "column"), "uint8", "class id as in facade_core.core.labels, 255 unknown", FLAGS)
 
 
-def exemplar_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_exemplar(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Prepare one exemplar and write its image and labels through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
@@ -67,7 +67,7 @@ def exemplar_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int,
     group = open_root(fork)
     IMAGE.write(group, f"exemplars/{unit.index}", texture)
     LABELS.write(group, f"exemplars/{unit.index}", labels)
-    PREVIEW.write(group, f"exemplars/{unit.index}", _preview(run, picture.rgb, private, prepared))
+    PREVIEW.write(group, f"exemplars/{unit.index}", _draw_preview(run, picture.rgb, private, prepared))
     seconds["write"] = time.time() - begun
     record: ExemplarRecord = {
         "unit": unit.name,
@@ -92,7 +92,7 @@ def exemplar_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int,
     return fork, {unit.index: record}
 
 
-def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
+def _draw_preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
     """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
     x0, y0, x1, y1 = prepared.box
     shown = apply_privacy(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()

@@ -11,7 +11,7 @@ from catalogs.readers.pictures.poses import parse_day
 from facade_core.plan.plan import Plan
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
-VIEWS = 4
+MAX_PANORAMAS = 4
 # Of the capture before, by which is told what changed.
 EARLIER = 2
 # Days without a picture of a facade, at least, between two captures of it.
@@ -36,7 +36,7 @@ def captures_of(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
         capture[one], last = number, day
     newest = [one for one in shown if capture.get(one, 0) == 0]
     before = [one for one in shown if capture.get(one, 0) == 1]
-    return Captures(tuple(newest[:VIEWS]), tuple(before[:EARLIER]))
+    return Captures(tuple(newest[:MAX_PANORAMAS]), tuple(before[:EARLIER]))
 
 
 def panoramas_of(plan: Plan, block: Block) -> list[Captures]:

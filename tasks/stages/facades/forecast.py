@@ -8,7 +8,7 @@ from facade_core.atlas.journal import read_journal
 from tasks.engine.pending_reasons import REASONS
 from tasks.engine.stage import ForecastInputs, StageForecast
 from tasks.engine.unit_key import split_key
-from tasks.stages.bundles.stage import members_of
+from tasks.stages.bundles.stage import bundle_members
 from tasks.stages.facades.captures import panoramas_of
 from tasks.stages.facades.record import FacadeRecord
 
@@ -17,7 +17,7 @@ def forecast_facades(inputs: ForecastInputs, own: Mapping[int, str]) -> StageFor
     """Find the facades that are pending once panoramas and exemplars are done again; their keys do not show that yet."""
     plan, block, exemplars = inputs.plan, inputs.block, inputs.pending["exemplars"]
     records = read_journal(inputs.group, "facades", FacadeRecord)
-    poses = {*inputs.pending["poses"], *members_of(plan, block, sorted(inputs.pending["bundles"]))}
+    poses = {*inputs.pending["poses"], *bundle_members(plan, block, sorted(inputs.pending["bundles"]))}
     sources = {unit.name for unit in inputs.units["exemplars"] if unit.index in exemplars}
     shown = [(*of.newest, *of.before) for of in panoramas_of(plan, block)] if poses else []
     found = {}
