@@ -37,11 +37,11 @@ def apply_corrections(block: Block, corrections: Corrections) -> Block:
     if not corrections:
         return block
     matched = corrections.rename_targets(match_by_location(block.buildings, corrections, block.crs))
-    buildings, left = correct_buildings(block.buildings, matched, block.storey)
+    buildings, notes = correct_buildings(block.buildings, matched, block.storey)
     part = block.part
     if part is not None:
         distant, _ = correct_buildings(part.distant_buildings, matched, block.storey)
-        part, known = (
+        part, matched = (
             replace(part, distant_buildings=distant),
             select_corrections(matched, part.buildings, block.buildings, block.crs),
         )
@@ -65,11 +65,12 @@ def correct_buildings(
     Corrected buildings in the given order, and notes.
     """
     selected = corrections.select_kinds(BUILDING_CORRECTION_KINDS)
-    corrected, left = [], []
+    corrected: list[Building] = []
+    skipped: list[str] = []
     for building in buildings:
         if building.id in selected:
             values = {kind: correction.value for kind, correction in selected[building.id].items()}
-            building, whole = _correct_building(building, values, storey)
+            building, is_complete = _correct_building(building, values, storey)
             skipped += [] if is_complete else [building.id]
         corrected.append(building)
     reason = "heights or roofs corrected of models, of roofs that are flat, or of what would end below where it begins"

@@ -117,7 +117,7 @@ def _decode_value(encoded: Any, blob: bytes, folder: Path) -> Any:
     cls = _CLASSES[kind]
     attributes = [attribute for _, attribute in SCHEMAS[cls].fields]
     if len(content) > len(attributes):
-        raise ValueError(f"{kind} has {len(held)} values")
+        raise ValueError(f"{kind} has {len(content)} values")
     # fields with defaults, which older files lack, are the last ones
     return cls(**dict(zip(attributes, (_decode_value(part, blob, folder) for part in content), strict=False)))
 

@@ -103,7 +103,7 @@ def _write_rows(path: Folder, runs: Sequence[tuple[PublishedRun, str]]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    tables, schema, said = [], pa.schema([]), {}
+    tables, schema, snapshots = [], pa.schema([]), {}
     for (run, snapshot), table in zip(runs, map_concurrently(_read_rows, runs, path), strict=True):
         if table is None:
             continue

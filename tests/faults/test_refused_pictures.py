@@ -19,7 +19,7 @@ from facade_core.core.types import SHIPPED_MODELS, Pose
 from tasks.engine.forecast import describe_set_aside
 from tasks.stages.facades import evidence
 from tasks.stages.facades import worker as facade
-from tasks.stages.facades.evidence import Evidence, evidence_of
+from tasks.stages.facades.evidence import FacadeEvidence, evidence_of
 from tasks.stages.facades.imagery import Imagery
 from tasks.stages.shared.images import read_panorama, read_textures
 
@@ -44,7 +44,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
     def maker(
         imagery: Imagery, shown: dict[str, Any], walls: str = "exemplar"
     ) -> tuple[int, Any, str, list[Exception]]:
-        def evidence_of(source: str, *_: Any) -> Evidence | None:
+        def evidence_of(source: str, *_: Any) -> FacadeEvidence | None:
             if isinstance(shown[source], Exception):
                 raise shown[source]
             return shown[source]
@@ -68,7 +68,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
 
 def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
     broken = ImageError("a-0.png: broken")
-    hidden = Evidence(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.zeros(SIZE), "p")
+    hidden = FacadeEvidence(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.zeros(SIZE), "p")
     both = Imagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=(0, "brick"))
     depth, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
     assert (depth, made, source) == (2, "made", "brick")

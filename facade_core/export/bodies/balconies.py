@@ -1,4 +1,4 @@
-"""Balconies of a layout as bodies before their wall: a floor with a railing on three sides and the wall's own picture on it."""
+"""Balconies of a layout as closed bodies before their wall, textured by the picture of the wall."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ WallFrameFace = tuple[list[np.ndarray], list[np.ndarray], str]
 
 
 def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Polygon]:
-    """The balconies of a wall in its chart's frame, as rectangles within it that are free of each other."""
+    """Place the balconies of a wall as disjoint rectangles in its chart's frame."""
     found: list[Polygon] = []
     wanted = [e for e in elements if e.label == "balcony"]
     for element in sorted(wanted, key=lambda e: (-e.width * e.height, e.x0, e.y0)):
@@ -48,10 +48,10 @@ def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.
 
 
 def extend_windows_behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
-    """Elements of a wall, windows of which a balcony hides the foot gone on to its floor.
+    """Extend windows whose foot is hidden by a balcony down to its floor.
 
-    A picture shows the railing there, and the parse calls it balcony; one steps out through what is behind. Only a window that
-    lies between the railing's ends.
+    The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between the ends of
+    the railing are extended.
     """
     found = []
     for element in elements:
@@ -65,7 +65,7 @@ def extend_windows_behind_railings(elements: Sequence[Element], balconies: Seque
 
 
 def balcony_faces(box: Polygon) -> list[WallFrameFace]:
-    """The closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
+    """Build the closed body of a balcony over a rectangle of its wall: outer sides, rim, inner sides and floor."""
     x0, y0, x1, y1 = box.bounds
     far = BALCONY_DEPTH_M if x1 - x0 >= MIN_WIDE_BALCONY_M else NARROW_BALCONY_DEPTH_M
     floor = y1 - min(FLOOR_THICKNESS_M, (y1 - y0) / 3)
@@ -101,8 +101,8 @@ def balcony_faces(box: Polygon) -> list[WallFrameFace]:
 def _texture_places(
     corners: Sequence[tuple[float, float, float]], side: str, box: tuple[float, float, float, float], floor: float
 ) -> np.ndarray:
-    """Where on the wall corners of a face take their look from: the front from what the wall shows there, sides from its ends,
-    turned in, what is level from the floor's edge."""
+    """Return the places on the wall that a face shows: fronts as they are, sides mirrored at the ends, levels at the floor's edge.
+    """
     x0, _, x1, y1 = box
     x, y, out = np.array(corners, float).T
     deepest = max(float(out.max()), 1e-6)

@@ -1,4 +1,4 @@
-"""The body of a building, a closed shell down to a level ground, out of its surfaces, and what stands out of it."""
+"""Closed body of a building down to a level ground, with the attachments that stand out of it."""
 
 from __future__ import annotations
 
@@ -43,8 +43,14 @@ MAX_ADDED_AREA_SHARE = 0.1
 
 @dataclass(frozen=True)
 class BuildingBody:
-    """shell: the polygons of the body, all of the building where it cannot be closed; closed: whether it can; beside: what
-    stands out of it, in pieces that hang together."""
+    """Body of a building with its attachments.
+
+    Attributes
+    ----------
+    shell : polygons of the body; of the whole building if it cannot be closed.
+    is_closed : True if the shell is watertight.
+    attachments : connected pieces outside of the body.
+    """
 
     shell: PolygonMesh
     is_closed: bool
@@ -54,9 +60,18 @@ class BuildingBody:
 def build_body(
     source: TexturedMesh, triangles: np.ndarray, chart_surfaces: dict[int, int], ground_surface: int, origin: np.ndarray
 ) -> BuildingBody:
-    """The body of one building of the mesh. semantics: chart -> its surface; ground: that of what closes it below, on a level
-    with its lowest corner; origin: of the grid of corners. What of a roof reaches beyond the walls, and what stands beside or
-    on the body (parapets, chimneys, dormers), is beside it."""
+    """Build the body of one building.
+
+    Roof parts beyond the walls, and pieces on or next to the body (parapets, chimneys, dormers), become attachments.
+
+    Parameters
+    ----------
+    source : textured mesh.
+    triangles : (t,) triangles of the building.
+    chart_surfaces : semantic surface of each chart.
+    ground_surface : semantic surface that closes the body at its lowest corner.
+    origin : (3,) origin of the grid of corners, world metres.
+    """
     standing = shapely.union_all(building_footprint(source, triangles)).buffer(WALL_MARGIN_M, join_style="mitre")
     corners = source.mesh.vertices[source.mesh.triangles[triangles]].reshape(-1, 3)
     out = ~shapely.contains_xy(standing, *corners[:, :2].T).reshape(-1, 3).all(axis=1)
@@ -80,7 +95,7 @@ def build_body(
 def _chart_polygons(
     source: TexturedMesh, triangles: np.ndarray, apart: np.ndarray, chart_surfaces: dict[int, int], origin: np.ndarray
 ) -> PolygonMesh:
-    """The charts of a building as polygons; triangles that stand `apart` (t,) bool make up polygons of their own."""
+    """Return the charts of a building as polygons; triangles in `apart` (t,) bool form polygons of their own."""
     charts, mesh = source.charts, source.mesh
     polygons, of = [], []
     chart_of = mesh.chart[triangles]
@@ -110,8 +125,11 @@ def _chart_polygons(
 def _close_shell(
     whole: PolygonMesh, ground: int, origin: np.ndarray, peel: bool
 ) -> tuple[float, PolygonMesh, PolygonMesh] | None:
-    """The body among some polygons as a closed shell, with the area in m2 that was left beside it or closed without a surface
-    there, and what is beside it; None where it cannot be closed. peel: polygons with edges open over the foot are beside."""
+    """Close the main component of some polygons.
+
+    Returns the area in m2 that was left out or added, the shell, and the polygons left out; None if it cannot be closed. With
+    `peel`, polygons with open edges above the foot are left out.
+    """
     pieces = connected_patches(whole.patches)
     if not pieces:
         return None
@@ -142,7 +160,7 @@ def _close_shell(
 
 
 def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[PolygonMesh, list[int]]:
-    """The polygons with holes of the chosen ones closed that are smaller than SMALL_M around, and the chosen with these."""
+    """Close the small holes of the main component; returns the polygons and the main component with the new ones."""
     chosen = whole.subset(main)
     rings = []
     for ring in trace_loops([(b, a) for a, b in open_edges(chosen.patches)]):
@@ -156,7 +174,7 @@ def _close_small_holes(whole: PolygonMesh, main: Sequence[int]) -> tuple[Polygon
 
 
 def _collapse_pinched_edges(shell: PolygonMesh) -> PolygonMesh:
-    """A shell with short edges at which more than two polygons meet drawn together into a corner."""
+    """Collapse short edges at which more than two polygons meet."""
     count = count_edges(shell.patches)
     to: dict[int, int] = {}
     for (a, b), n in sorted(count.items()):
@@ -169,7 +187,7 @@ def _collapse_pinched_edges(shell: PolygonMesh) -> PolygonMesh:
 
 
 def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
-    """The patches left when those with an edge that is open above the foot are taken off, again and again."""
+    """Remove patches with an edge open above the foot until none is left."""
     low = min(whole.points[c, 2] for i in chosen for ring in whole.patches[i].rings for c in ring) + MAX_FOOT_HEIGHT_M
     kept = list(chosen)
     while True:
@@ -185,8 +203,8 @@ def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
 
 
 def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
-    """A shell with its open loops closed by polygons: `ground` where they face down at its foot; None where loops are left
-    that are no plane polygons."""
+    """Close the open loops of a shell by planar polygons; None if a loop is not planar. Level ones at the foot are ground.
+    """
     rings = trace_loops([(b, a) for a, b in open_edges(shell.patches)])
     planes: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
     for ring in rings:
@@ -217,7 +235,8 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
 
 
 def _nest_rings(points: np.ndarray, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
-    """Rings of one plane as polygons with holes: those that run against the largest are holes of the smallest around them."""
+    """Combine the rings of one plane to polygons with holes; rings against the largest are holes of the smallest around them.
+    """
     normal = max((ring_area_vector(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
     axes = plane_axes(normal / np.linalg.norm(normal))
     flat = [shapely.Polygon(points[list(ring)] @ axes.T) for ring in rings]

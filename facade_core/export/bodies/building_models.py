@@ -1,4 +1,4 @@
-"""Buildings of a block as faces: a closed body with a facade's windows and doors set back in it, and what stands out of it."""
+"""Building models of city model formats: closed bodies with recessed openings, balconies, ledges and attachments."""
 
 from __future__ import annotations
 
@@ -41,23 +41,32 @@ MAX_GROUP_GAP_M = 0.05
 
 
 class SemanticSurfaces:
-    """Semantic surfaces of one object, those that are told apart by nothing each once."""
+    """Semantic surfaces of one object; surfaces without attributes are shared by type."""
 
     def __init__(self) -> None:
         self.surfaces: list[dict[str, Any]] = []
         self._shared: dict[str, int] = {}
 
     def add(self, kind: str, **more: Any) -> int:
+        """Add a surface with attributes of its own and return its index."""
         self.surfaces.append({"type": kind, **more})
         return len(self.surfaces) - 1
 
     def get_or_add(self, kind: str) -> int:
+        """Return the index of the shared surface of a type."""
         return self._shared[kind] if kind in self._shared else self._shared.setdefault(kind, self.add(kind))
 
 
 @dataclass(frozen=True)
 class ModelPart:
-    """Faces with the semantic surfaces that they count; solid: whether they are the shell of a body."""
+    """Faces with the semantic surfaces that they index.
+
+    Attributes
+    ----------
+    faces : faces of the part.
+    surfaces : semantic surfaces.
+    is_solid : True if the faces are a closed shell.
+    """
 
     faces: list[ModelFace]
     surfaces: list[dict[str, Any]]
@@ -66,8 +75,15 @@ class ModelPart:
 
 @dataclass(frozen=True)
 class BuildingModel:
-    """A building: its body; what stands out of it (eaves, gutters, dormers ...); its balconies and ledges, each with the
-    facade."""
+    """Model of a building.
+
+    Attributes
+    ----------
+    body : the body.
+    attachments : eaves, gutters, dormers and the like.
+    balconies : balconies with the id of their facade.
+    ledges : ledges with the id of their facade.
+    """
 
     body: ModelPart
     attachments: tuple[ModelPart, ...]
@@ -84,12 +100,19 @@ def build_building_model(
     *,
     has_assumed_roof: bool = False,
 ) -> BuildingModel:
-    """One building, on the grid around `origin` (3,).
+    """Build the model of one building.
 
-    triangles: the building's, of the mesh that is packed. facades: chart -> id of the facade there; layouts: chart -> its
-    elements in metres, y down, of which windows and doors are set back in the wall, balconies and ledges stand before it.
-    What closes the body where the mesh has no surface, the ground below among it, has no texture. has_assumed_roof: the roof is, so
-    that the panes in it are packed and no openings that anybody knows of: they count as roof.
+    Windows and doors are recessed into the wall; balconies and ledges are bodies before it. Faces that close the body without a
+    surface of the mesh, such as the ground, have no texture.
+
+    Parameters
+    ----------
+    packed : charts with their texture pages.
+    triangles : (t,) triangles of the building.
+    facades : id of the facade on a chart.
+    layouts : elements of a chart in metres, y down.
+    origin : (3,) origin of the grid of corners, world metres.
+    has_assumed_roof : True if the roof shape is assumed; its panes are drawn, not known openings, and count as roof.
     """
     source, mesh = packed.source, packed.source.mesh
     surfaces = SemanticSurfaces()
@@ -134,7 +157,16 @@ def make_face(
     chart: int,
     chart_rings: Sequence[np.ndarray] | None = None,
 ) -> ModelFace:
-    """A polygon with the look of a chart (-1: none): at its own corners, or at places in the chart's frame, `flat`."""
+    """Make a face with the texture of a chart.
+
+    Parameters
+    ----------
+    packed : charts with their texture pages.
+    rings : (k, 3) corners of each ring, world metres.
+    semantic : index of its semantic surface.
+    chart : textured chart, -1 for none.
+    chart_rings : (k, 2) places in the chart's frame that the rings show; by default their own.
+    """
     if chart < 0:
         return ModelFace(tuple(rings), semantic)
     places = []
@@ -156,7 +188,7 @@ def _cut_openings(
     surfaces: SemanticSurfaces,
     behind: list[np.ndarray],
 ) -> list[ModelFace]:
-    """A wall's polygon without its openings, these, and their reveals."""
+    """Cut the openings of a wall; returns the wall with holes, the openings and their reveals."""
     charts, chart = packed.source.charts, patch.chart
     rings = [shell.points[list(ring)] for ring in patch.rings]
     wall = _chart_polygon(packed, rings, chart)
@@ -172,7 +204,7 @@ def _cut_openings(
 
 
 def _attach_to_wall(packed: PackedCharts, chart: int, body: Sequence[WallFrameFace]) -> ModelPart:
-    """A closed body before a wall, corners as metres right and down in the chart's frame and out of it."""
+    """Place a closed body before a wall, from metres right, down and outward in the chart's frame."""
     charts, surfaces = packed.source.charts, SemanticSurfaces()
     faces = []
     for rings, looks, kind in body:
@@ -189,13 +221,13 @@ def _chart_polygon(packed: PackedCharts, rings: Sequence[np.ndarray], chart: int
 
 
 def _shell_triangles(shell: PolygonMesh) -> np.ndarray:
-    """A shell as triangles (t, 3, 3)."""
+    """Triangulate a shell to (t, 3, 3)."""
     found = [triangulate_patch(patch, shell.points) for patch in shell.patches]
     return shell.points[np.concatenate(found)] if found else np.zeros((0, 3, 3))
 
 
 def _group_attachments(body: BuildingBody) -> list[list[PolygonMesh]]:
-    """The pieces beside a body in groups whose boxes come within BESIDE_M of each other."""
+    """Group the attachments whose boxes come within MAX_GROUP_GAP_M of each other."""
     if not body.attachments:
         return []
     corners = [
@@ -220,8 +252,14 @@ def _make_attachment(packed: PackedCharts, pieces: Sequence[PolygonMesh], surfac
 
 
 def ground_faces(packed: PackedCharts, triangles: np.ndarray, origin: np.ndarray) -> list[list[ModelFace]]:
-    """The terrain as textured triangles over the grid around `origin` (3,), in pieces that hang together over edges: triangles
-    of the mesh, cut where a corner of a neighbour lies on an edge, without those that fall together."""
+    """Build the terrain as textured triangles in connected pieces, split at T-junctions.
+
+    Parameters
+    ----------
+    packed : charts with their texture pages.
+    triangles : (t,) triangles of the ground.
+    origin : (3,) origin of the grid of corners, world metres.
+    """
     mesh = packed.source.mesh
     corners = [[ring] for ring in mesh.vertices[mesh.triangles[triangles]]]
     whole = weld_polygons(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin)

@@ -1,4 +1,4 @@
-"""Walls below what is open: where models have no party walls, and where a foot lies on a slope."""
+"""Curtain walls below open edges: missing party walls, and plinths on slopes."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ Edge = tuple[np.ndarray, np.ndarray]
 
 
 def add_curtain_walls(shell: PolygonMesh, origin: np.ndarray) -> PolygonMesh:
-    """A shell whose open edges all lie on a level with its lowest corner: walls from those that lie higher down to there.
+    """Add walls from open edges down to the lowest corner of a shell.
 
-    Models without party walls get these, a foot on a slope a plinth; between the top and the foot of a hole is none. origin
-    (3,): of the grid of corners.
+    Between the top and the bottom edge of a hole there is no wall.
+
+    Parameters
+    ----------
+    shell : the shell.
+    origin : (3,) origin of the grid of corners, world metres.
     """
     used = sorted({c for patch in shell.patches for ring in patch.rings for c in ring})
     base = float(shell.points[used, 2].min())
@@ -36,7 +40,7 @@ def add_curtain_walls(shell: PolygonMesh, origin: np.ndarray) -> PolygonMesh:
 
 
 def _group_collinear_edges(edges: Sequence[Edge]) -> list[list[Edge]]:
-    """Edges that lie over one line, seen from above, the longest first."""
+    """Group edges over one line seen from above, longest first."""
     lines: list[list[Edge]] = []
     for edge in sorted(edges, key=lambda edge: -float(np.hypot(*(edge[1] - edge[0])[:2]))):
         for own in lines:
@@ -51,8 +55,7 @@ def _group_collinear_edges(edges: Sequence[Edge]) -> list[list[Edge]]:
 
 
 def _curtain_polygons(edges: Sequence[Edge], base: float) -> list[list[np.ndarray]]:
-    """Walls below edges over one line, the first the longest, down to a height, as polygons: what lies below edges of both
-    directions, as the top and the foot of a hole have them, is none."""
+    """Return the walls below edges over one line down to `base`; areas below edges of both directions cancel."""
     origin, along = edges[0][0][:2], (edges[0][1] - edges[0][0])[:2]
     along = along / np.hypot(*along)
     below: dict[bool, list[shapely.Polygon]] = {True: [], False: []}

@@ -1,4 +1,4 @@
-"""What buildings cover, from the surfaces that are above it."""
+"""Footprints of buildings from the surfaces above them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,15 @@ MIN_PART_M2 = 0.1
 
 
 def building_footprint(source: TexturedMesh, triangles: np.ndarray) -> list[Polygon]:
-    """What the roofs among some triangles of the mesh cover, from above, where no ceiling faces down below them as under eaves;
-    all of it where one does everywhere, and that of all triangles where none is a roof."""
+    """Compute the footprint of a building: the area under its roofs without eaves.
+
+    Eaves have a ceiling below them. If ceilings cover everything, or there is no roof, all surfaces count.
+
+    Parameters
+    ----------
+    source : textured mesh.
+    triangles : (t,) triangles of the building.
+    """
     kind = source.charts.kind[source.mesh.chart[triangles]]
     roof = triangles[kind == ChartKind.ROOF]
     covered = _covered_area(source, roof if len(roof) else triangles)
@@ -38,7 +45,7 @@ def _polygon_parts(covered: shapely.Geometry) -> list[Polygon]:
 
 
 def building_footprints(source: TexturedMesh) -> dict[int, MultiPolygon]:
-    """The footprint of every building that has one."""
+    """Compute the footprint of every building that has one."""
     parts = {
         building: building_footprint(source, triangles)
         for building, triangles in group_rows(source.charts.building[source.mesh.chart]).items()

@@ -1,4 +1,4 @@
-"""Ledges of a facade as bodies before their wall: mouldings of its picture that are lighter than the wall above and below."""
+"""Ledges of a facade as closed bodies: mouldings of its picture that are lighter than the wall around them."""
 
 from __future__ import annotations
 
@@ -28,8 +28,15 @@ LEDGE_LABEL = "ledge"
 
 
 def detect_ledges(image: np.ndarray, labels: np.ndarray, elements: Sequence[Element], density: float) -> list[Element]:
-    """The ledges of a facade, image (h, w, 3) uint8 with labels (h, w), both before light fell on it, and its elements in
-    metres, as elements of its whole width."""
+    """Detect the ledges of a facade as elements of its whole width.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8 base layer of the facade.
+    labels : (h, w) facade classes.
+    elements : elements in metres.
+    density : texels per metre.
+    """
     free = free_wall_mask(labels, [(e.x0, e.y0, e.x1, e.y1) for e in elements], density)
     bands = segment_bands(image, free, density)
     width = image.shape[1] / density
@@ -44,13 +51,13 @@ def detect_ledges(image: np.ndarray, labels: np.ndarray, elements: Sequence[Elem
 
 
 def _is_lighter(band: WallBand, above: WallBand | None, below: WallBand) -> bool:
-    """Whether a band is lighter than what is beside it; at the wall's top below it alone."""
+    """Return True if a band is lighter than its neighbours; the topmost band has one."""
     light = float(band.colour.mean())
     return all(light >= (1 + MIN_LIGHTER_SHARE) * float(one.colour.mean()) for one in (above, below) if one is not None)
 
 
 def place_ledges(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
-    """The ledges of a wall in its chart's frame, as rectangles within it that cross no other element."""
+    """Place the ledges of a wall as rectangles in its chart's frame that cross no other element."""
     west, north, east, south = wall.bounds
     others = [
         shapely.box(
@@ -79,7 +86,7 @@ def place_ledges(wall: Polygon, elements: Sequence[Element]) -> list[Polygon]:
 
 
 def ledge_faces(box: Polygon) -> list[WallFrameFace]:
-    """The closed body of a ledge over a rectangle of its wall."""
+    """Build the closed body of a ledge over a rectangle of its wall."""
     x0, y0, x1, y1 = box.bounds
     out = LEDGE_DEPTH_M
 

@@ -1,4 +1,4 @@
-"""Surfaces of a block as polygons with heights, for what shows a map."""
+"""Surfaces of a block as polygons with heights, for GIS layers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from facade_core.export.models.textured_mesh import TexturedMesh
 
 
 def surface_polygons(source: TexturedMesh, charts: np.ndarray) -> dict[int, MultiPolygon]:
-    """The outline of each of some charts (k,) that has triangles, in world metres with heights."""
+    """Return the outlines of charts (k,) with triangles as 3D polygons in world metres."""
     found = {}
     for chart in charts.tolist():
         parts = []
@@ -25,6 +25,6 @@ def surface_polygons(source: TexturedMesh, charts: np.ndarray) -> dict[int, Mult
 
 
 def height_range(source: TexturedMesh, triangles: np.ndarray) -> tuple[float, float]:
-    """The lowest and the highest corner of some triangles (t,) of the mesh, metres."""
+    """Return the lowest and highest corner of triangles (t,), metres."""
     corners = source.mesh.vertices[source.mesh.triangles[triangles], 2]
     return float(corners.min()), float(corners.max())

@@ -1,4 +1,4 @@
-"""A wall as bands from its top to its foot: what it is of there, and the mouldings between."""
+"""Segmentation of a wall picture into horizontal bands of one material, and mouldings."""
 
 from __future__ import annotations
 
@@ -26,8 +26,15 @@ PROFILE_SAMPLES = 12
 
 @dataclass(frozen=True)
 class WallBand:
-    """Rows from top to foot, metres from the wall's top; whether it is a moulding; its mean colour (3,), linear light; profile
-    (PROFILE, 3), the same from its top to its foot."""
+    """Band of a wall.
+
+    Attributes
+    ----------
+    top, foot : metres from the top of the wall.
+    is_moulding : True for a cornice, a string course or the edge of a plinth.
+    colour : (3,) mean, linear light.
+    profile : (PROFILE_SAMPLES, 3) colours from its top to its foot, linear light.
+    """
 
     top: float
     foot: float
@@ -43,7 +50,18 @@ class WallBand:
 def free_wall_mask(
     labels: np.ndarray, boxes: Sequence[tuple[float, float, float, float]], density: float
 ) -> np.ndarray:
-    """The wall (h, w) bool of labels (h, w) beside boxes (x0, y0, x1, y1), metres."""
+    """Compute the mask of free wall outside of boxes.
+
+    Parameters
+    ----------
+    labels : (h, w) facade classes.
+    boxes : x0, y0, x1, y1 in metres.
+    density : texels per metre.
+
+    Returns
+    -------
+    (h, w) bool.
+    """
     free = np.isin(labels, (FacadeClass.WALL, FacadeClass.ROOF))
     for x0, y0, x1, y1 in boxes:
         left, top = (max(0, int((low - ELEMENT_MARGIN_M) * density)) for low in (x0, y0))
@@ -53,7 +71,14 @@ def free_wall_mask(
 
 
 def segment_bands(image: np.ndarray, free: np.ndarray, density: float) -> list[WallBand]:
-    """The bands of a wall, image (h, w, 3) uint8 of which (h, w) bool is free wall, from its top."""
+    """Segment a wall into bands from its top.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    free : (h, w) bool, free wall.
+    density : texels per metre.
+    """
     rows = _row_colours(image, free)
     cuts = [0, *_find_borders(rows, max(1, round(STEP_WINDOW_M * density))), len(rows)]
     spans: list[list[int]] = []
@@ -67,7 +92,7 @@ def segment_bands(image: np.ndarray, free: np.ndarray, density: float) -> list[W
 
 
 def _find_borders(rows: np.ndarray, reach: int) -> list[int]:
-    """Where the means of so many rows above and below differ most, and by more than STEP; rows (h, 3)."""
+    """Find the rows where the mean colours of `reach` rows above and below differ most; rows (h, 3)."""
     height = len(rows)
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(rows, axis=0)])
     at = np.arange(1, height)
@@ -92,7 +117,8 @@ def _make_band(rows: np.ndarray, top: int, foot: int, moulding: bool, density: f
 
 
 def _row_colours(image: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """The median colour (h, 3) of the free wall of every row, that of the next row where too little is free."""
+    """Return the median colour (h, 3) of the free wall of every row; rows without enough free wall take the nearest.
+    """
     known = np.flatnonzero(free.mean(axis=1) >= MIN_FREE_SHARE)
     if not len(known):
         return np.tile(np.median(image.reshape(-1, 3), axis=0), (len(image), 1))
@@ -102,7 +128,8 @@ def _row_colours(image: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def most_similar_band(band: WallBand, others: Sequence[WallBand]) -> int | None:
-    """The most alike of other bands of its kind, mouldings by their height too; None where there is none."""
+    """Return the index of the most similar band of the same kind; None if there is none. Mouldings compare heights too.
+    """
     cost = {
         k: float(np.abs(np.sqrt(band.profile) - np.sqrt(one.profile)).mean())
         + (0.15 * abs(float(np.log(band.height / one.height))) if band.is_moulding else 0.0)

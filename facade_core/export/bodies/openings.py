@@ -1,4 +1,4 @@
-"""Charts as polygons, and where in them the windows and doors of a layout are cut."""
+"""Outlines of charts, and the windows and doors placed in them."""
 
 from __future__ import annotations
 
@@ -25,9 +25,17 @@ OPENING_ORDER = ("door", "window")
 
 
 def chart_outlines(corners: np.ndarray) -> list[Polygon]:
-    """The polygons that triangles (t, 3, 2) of one chart make up, corners kept; the triangles where they overlap or gape.
+    """Merge the triangles of a chart to polygons with all corners kept.
 
-    Coordinates are the chart's, y down; exterior rings run counter-clockwise as seen from outside.
+    Triangles that overlap or gape stay as they are.
+
+    Parameters
+    ----------
+    corners : (t, 3, 2) in the chart's frame, y down.
+
+    Returns
+    -------
+    Polygons whose exterior is counter-clockwise as seen from outside.
     """
     triangles = shapely.polygons(corners)
     triangles = triangles[shapely.area(triangles) > 0]
@@ -44,9 +52,12 @@ def chart_outlines(corners: np.ndarray) -> list[Polygon]:
 
 
 def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
-    """The doors and windows of a wall in its chart's frame, clipped to lie EDGE_M within it, and APART_M from each other.
+    """Place the doors and windows of a wall, clipped to its inside and apart from each other.
 
-    elements are in metres, y down from the chart's top left. No opening crosses the wall's end, its top or the ground.
+    Parameters
+    ----------
+    wall : outline of the wall in its chart's frame.
+    elements : elements in metres, y down from the chart's top left.
     """
     openings: list[tuple[Element, Polygon]] = []
     free = wall.buffer(-WALL_EDGE_M, join_style="mitre")
@@ -67,6 +78,6 @@ def place_openings(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Ele
 
 
 def _orient_polygons(area: shapely.Geometry) -> list[Polygon]:
-    """Polygons with the exterior counter-clockwise as seen from outside: clockwise where y counts up."""
+    """Orient exteriors counter-clockwise as seen from outside: clockwise where y counts up."""
     parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and not part.is_empty]
     return [shapely.orient_polygons(part, exterior_cw=True) for part in parts]

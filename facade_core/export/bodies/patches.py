@@ -1,4 +1,4 @@
-"""Polygons of one building that share their corners: welded, T-junctions closed, planar; what is open, and what closes it."""
+"""Polygons with shared corners: welding, T-junctions, planarity, open edges and connected components."""
 
 from __future__ import annotations
 
@@ -28,35 +28,49 @@ MIN_NORMAL_COSINE = 0.96
 
 @dataclass(frozen=True)
 class Patch:
-    """A polygon: rings of indices of corners, the first around the others, counter-clockwise seen from outside; chart, the one
-    it shows, -1 without; semantic, an index into the surfaces of its object."""
+    """Polygon of a mesh.
+
+    Attributes
+    ----------
+    rings : corner indices, exterior first, counter-clockwise as seen from outside.
+    chart : chart whose texture it shows, -1 without.
+    semantic : index of its semantic surface, -1 without.
+    """
 
     rings: tuple[tuple[int, ...], ...]
     chart: int = -1
     semantic: int = -1
 
     def edges(self) -> Iterator[tuple[int, int]]:
+        """Iterate over the directed edges."""
         for ring in self.rings:
             yield from zip(ring, ring[1:] + ring[:1], strict=True)
 
 
 @dataclass(frozen=True)
 class PolygonMesh:
-    """The polygons of one object over their corners (n, 3), world metres."""
+    """Polygons of one object over shared corners.
+
+    Attributes
+    ----------
+    points : (n, 3) corners, world metres.
+    patches : the polygons.
+    """
 
     points: np.ndarray
     patches: tuple[Patch, ...]
 
     def subset(self, chosen: Sequence[int]) -> PolygonMesh:
+        """Return the mesh with the chosen patches."""
         return PolygonMesh(self.points, tuple(self.patches[i] for i in chosen))
 
     def area_vector(self, patch: Patch) -> np.ndarray:
-        """The area of a polygon as a vector (3,) to its outside, m2."""
+        """Return the area of a patch as an outward vector (3,), m2."""
         return sum((ring_area_vector(self.points[list(ring)]) for ring in patch.rings), np.zeros(3))
 
 
 def ring_area_vector(points: np.ndarray) -> np.ndarray:
-    """The area of a ring (k, 3) as a vector (3,)."""
+    """Return the area of a ring (k, 3) as a vector (3,)."""
     offset = points - points[0]
     return np.cross(offset[1:-1], offset[2:]).sum(axis=0) / 2
 
@@ -64,8 +78,17 @@ def ring_area_vector(points: np.ndarray) -> np.ndarray:
 def weld_polygons(
     polygons: Sequence[Sequence[np.ndarray]], charts: Sequence[int], semantics: Sequence[int], origin: np.ndarray
 ) -> PolygonMesh:
-    """Polygons, each its rings (k, 3), as patches on the grid around `origin` (3,): corners within WELD_M of each other are
-    one, edges are split where a corner of another lies on them, and rings that fall together are dropped."""
+    """Weld polygons to a mesh on a grid.
+
+    Corners within MAX_WELD_M merge, edges split at corners on them, and collapsed rings are dropped.
+
+    Parameters
+    ----------
+    polygons : rings (k, 3) of each polygon, world metres.
+    charts : chart of each polygon.
+    semantics : semantic surface of each polygon.
+    origin : (3,) origin of the grid, world metres.
+    """
     if not polygons:
         return PolygonMesh(np.zeros((0, 3)), ())
     rings = [ring for polygon in polygons for ring in polygon]
@@ -79,8 +102,17 @@ def weld_polygons(
 
 
 def weld_corners(points: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (n, 3) on the grid around `origin` (3,), those within WELD_M of each other, one by one, as their first: the
-    corners left (k, 3), and which of them each is (n,)."""
+    """Snap corners to the grid and merge those within MAX_WELD_M, transitively.
+
+    Parameters
+    ----------
+    points : (n, 3) world metres.
+    origin : (3,) origin of the grid.
+
+    Returns
+    -------
+    Merged corners (k, 3), and the index (n,) of each corner in them.
+    """
     points = origin + np.rint((points - origin) / GRID_M) * GRID_M
     tree = KDTree(points)
     near = tree.sparse_distance_matrix(tree, MAX_WELD_M, output_type="coo_matrix")
@@ -90,7 +122,7 @@ def weld_corners(points: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np
 
 
 def split_edges(mesh: PolygonMesh) -> PolygonMesh:
-    """Edges split at the corners that lie on them; of each ring the largest part that meets no corner twice."""
+    """Split edges at corners on them and keep the largest simple part of each ring."""
     used = sorted({corner for patch in mesh.patches for ring in patch.rings for corner in ring})
     tree = KDTree(mesh.points[used]) if used else None
     number = np.array(used)
@@ -124,7 +156,7 @@ def split_edges(mesh: PolygonMesh) -> PolygonMesh:
 
 
 def _largest_simple_ring(ring: list[int], points: np.ndarray) -> tuple[int, ...]:
-    """The largest part of a ring that meets no corner twice; empty where no area is left."""
+    """Return the largest part of a ring that visits no corner twice; empty without area."""
     while len(set(ring)) < len(ring):
         seen: dict[int, int] = {}
         for k, corner in enumerate(ring):
@@ -141,24 +173,24 @@ def _ring_area(ring: Sequence[int], points: np.ndarray) -> float:
 
 
 def count_edges(patches: Sequence[Patch]) -> Counter[tuple[int, int]]:
-    """How often each directed edge is there."""
+    """Count the directed edges."""
     return Counter(edge for patch in patches for edge in patch.edges())
 
 
 def open_edges(patches: Sequence[Patch]) -> list[tuple[int, int]]:
-    """Directed edges that are there without as many in the other direction, ascending, each as often as that."""
+    """Return the directed edges without a counterpart, ascending, with multiplicity."""
     count = count_edges(patches)
     return [edge for edge in sorted(count) for _ in range(count[edge] - count[edge[1], edge[0]])]
 
 
 def is_closed(patches: Sequence[Patch]) -> bool:
-    """Whether every edge is there twice, once in each direction: a shell that is watertight, and oriented."""
+    """Return True if every edge occurs once in each direction, that is, the shell is watertight and oriented."""
     count = count_edges(patches)
     return bool(count) and all(n == 1 and count[b, a] == 1 for (a, b), n in count.items())
 
 
 def connected_patches(patches: Sequence[Patch]) -> list[list[int]]:
-    """The patches in groups that hang together over edges, in the order of their first."""
+    """Group patches that are connected by edges, ordered by their first."""
     of: dict[tuple[int, int], int] = {}
     pairs = []
     for i, patch in enumerate(patches):
@@ -173,7 +205,7 @@ def connected_patches(patches: Sequence[Patch]) -> list[list[int]]:
 
 
 def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
-    """Rings along directed edges, each corner once in a ring; edges that end nowhere are left out."""
+    """Trace closed loops along directed edges, each corner once per loop; dead ends are dropped."""
     after: dict[int, list[int]] = {}
     for a, b in edges:
         after.setdefault(a, []).append(b)
@@ -196,7 +228,7 @@ def trace_loops(edges: Sequence[tuple[int, int]]) -> list[tuple[int, ...]]:
 
 
 def make_planar(mesh: PolygonMesh) -> PolygonMesh:
-    """Every polygon that is not planar as the triangles of its plane's Delaunay triangulation, its edges kept."""
+    """Replace polygons that are not planar by their constrained Delaunay triangles."""
     patches: list[Patch] = []
     for patch in mesh.patches:
         patches += _split_nonplanar(patch, mesh.points)
@@ -221,7 +253,7 @@ def _split_nonplanar(patch: Patch, points: np.ndarray) -> list[Patch]:
 
 
 def triangulate_patch(patch: Patch, points: np.ndarray) -> np.ndarray:
-    """A polygon as triangles of its corners (t, 3), all of its edges kept; none where it crosses itself."""
+    """Triangulate a polygon to corner indices (t, 3) with all edges kept; empty if it crosses itself."""
     normal = sum((ring_area_vector(points[list(ring)]) for ring in patch.rings), np.zeros(3))
     size = float(np.linalg.norm(normal))
     if size < 1e-12:
@@ -238,7 +270,7 @@ def triangulate_patch(patch: Patch, points: np.ndarray) -> np.ndarray:
 
 
 def plane_axes(normal: np.ndarray) -> np.ndarray:
-    """Right and up (2, 3) on a plane with a unit normal, as whoever looks against the normal has them."""
+    """Return right and up (2, 3) of a plane as seen against its unit normal."""
     away = np.array([1.0, 0.0, 0.0]) if abs(normal[2]) > 0.9 else np.array([0.0, 0.0, 1.0])
     right = np.cross(away, normal)
     right /= np.linalg.norm(right)

@@ -1,4 +1,4 @@
-"""Windows and doors set back in their wall, with reveals; and whether there is room for that behind it."""
+"""Recessed windows and doors with reveals, as deep as the space behind the wall allows."""
 
 from __future__ import annotations
 
@@ -16,8 +16,15 @@ MIN_CLEARANCE_M = 0.03
 
 
 class RecessedOpening(NamedTuple):
-    """An opening: its ring in the wall (k, 3), counter-clockwise seen from outside, and in the chart's frame (k, 2); how far
-    behind the wall it lies, metres; the way back (3,), a unit vector."""
+    """Opening set back in a wall.
+
+    Attributes
+    ----------
+    ring : (k, 3) outline in the wall, counter-clockwise as seen from outside, world metres.
+    chart_ring : (k, 2) the same in the chart's frame.
+    depth : distance behind the wall, metres.
+    inward : (3,) unit vector into the wall.
+    """
 
     ring: np.ndarray
     chart_ring: np.ndarray
@@ -26,12 +33,16 @@ class RecessedOpening(NamedTuple):
 
     @property
     def pane_ring(self) -> np.ndarray:
-        """The ring of the opening itself, (k, 3)."""
+        """Return the outline (k, 3) of the opening itself."""
         return self.ring + self.depth * self.inward
 
     def reveals(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """The faces between wall and pane: (4, 3) each, and where on the chart (4, 2) their look is taken from, the wall beside
-        the opening turned in."""
+        """Return the faces between wall and opening.
+
+        Returns
+        -------
+        Corners (4, 3), and the places (4, 2) on the chart that a face shows: the wall next to the opening, mirrored.
+        """
         if not self.depth:
             return []
         found = []
@@ -56,10 +67,15 @@ class RecessedOpening(NamedTuple):
 def recess_opening(
     opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]
 ) -> RecessedOpening:
-    """An opening in a chart's frame, set back as far as there is room.
+    """Recess an opening as deep as there is room.
 
-    wall (k, 3): corners of the polygon that it lies in, whose plane it takes; behind: triangles (t, 3, 3) of all other surfaces
-    of the building, which those of the opening join.
+    Parameters
+    ----------
+    opening : outline in the chart's frame.
+    charts : charts of the mesh.
+    chart : chart of the wall.
+    wall : (k, 3) corners of the wall polygon, whose plane the opening takes.
+    behind : triangles (t, 3, 3) of all other surfaces of the building; the new faces are appended.
     """
     flat = np.asarray(opening.exterior.coords)[:-1]
     points = charts.points(chart, *flat.T)
@@ -86,8 +102,22 @@ def _fan(ring: np.ndarray) -> np.ndarray:
 
 
 def intersects_box(triangles: np.ndarray, centre: np.ndarray, half: np.ndarray) -> np.ndarray:
-    """Which triangles (t, 3, 3) meet a box with sides along the axes, (t,) bool: they do where no axis parts them (Akenine-
-    Moeller, "Fast 3D Triangle-Box Overlap Testing", 2001)."""
+    """Test which triangles intersect an axis-aligned box, by separating axes.
+
+    Parameters
+    ----------
+    triangles : (t, 3, 3) corners.
+    centre : (3,) centre of the box.
+    half : (3,) half sides of the box.
+
+    Returns
+    -------
+    (t,) bool.
+
+    References
+    ----------
+    Akenine-Moeller, "Fast 3D Triangle-Box Overlap Testing", 2001.
+    """
     met = ((triangles.min(axis=1) <= centre + half) & (triangles.max(axis=1) >= centre - half)).all(axis=1)
     if not met.any():
         return met

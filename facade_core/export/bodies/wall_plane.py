@@ -1,4 +1,4 @@
-"""The plane of a wall as a frame of its own: metres along it and up it, and where these lie in the world."""
+"""Plane of a wall as a coordinate system: metres along and up, and its pose in the world."""
 
 from __future__ import annotations
 
@@ -19,8 +19,15 @@ PLANE_WKT = (
 
 @dataclass(frozen=True)
 class WallPlane:
-    """Where a wall's raster lies. origin (3,): the left end of the foot in the world, metres; along, up, outward (3,): unit
-    vectors there; height: of the raster's upper edge over the foot, metres; texel: its side, metres, in x and y."""
+    """Pose of a wall's raster.
+
+    Attributes
+    ----------
+    origin : (3,) left end of the foot, world metres.
+    along, up, outward : (3,) unit vectors, world.
+    height : height of the raster's upper edge above the foot, metres.
+    texel_size : width and height of a texel, metres.
+    """
 
     origin: np.ndarray
     along: np.ndarray
@@ -30,22 +37,22 @@ class WallPlane:
     texel_size: tuple[float, float]
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
-        """Points of the plane (n, 2), metres along and up, in the world (n, 3)."""
+        """Convert points (n, 2) of the plane, metres along and up, to world (n, 3)."""
         return self.origin + points[:, :1] * self.along + points[:, 1:] * self.up
 
     @property
     def transform(self) -> tuple[float, float, float, float, float, float]:
-        """From column and row of the raster to the plane, by rows, as GDAL's drivers in Python have it."""
+        """Return the affine transform from column and row to the plane, in GDAL's order for Python."""
         return (self.texel_size[0], 0.0, 0.0, 0.0, -self.texel_size[1], self.height)
 
     def pose(self) -> dict[str, Any]:
-        """The same in numbers by name: world = origin + x * along + y * up."""
+        """Return the pose as numbers by name: world = origin + x * along + y * up."""
         named = {"origin": self.origin, "along": self.along, "up": self.up, "outward": self.outward}
         return {name: (vector.round(6) + 0.0).tolist() for name, vector in named.items()}
 
 
 def wall_plane(source: TexturedMesh, chart: int) -> WallPlane:
-    """The plane of a chart's raster."""
+    """Return the plane of a chart's raster."""
     charts = source.charts
     height = float(charts.size[chart, 1])
     texel = source.extent[chart] / source.texels[chart]
@@ -60,7 +67,7 @@ def wall_plane(source: TexturedMesh, chart: int) -> WallPlane:
 
 
 def wall_outlines(source: TexturedMesh, chart: int) -> list[list[np.ndarray]]:
-    """The polygons of a chart as rings (k, 2) of columns and rows of its raster, the first of each around the others."""
+    """Return the polygons of a chart as rings (k, 2) of raster columns and rows, exterior first."""
     corners = source.coordinates[source.mesh.triangles[source.mesh.chart_triangles(chart)]]
     scale = source.texels[chart] / source.extent[chart]
     return [

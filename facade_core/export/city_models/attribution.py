@@ -1,4 +1,4 @@
-"""Where a block's data are from and under which licences, as every format that is handed on says it."""
+"""Attribution of a block's data with licences, in the form of every export format."""
 
 from __future__ import annotations
 
@@ -13,8 +13,14 @@ _EXTENT = ("startDate", "endDate")
 
 @dataclass(frozen=True, slots=True)
 class DataSource:
-    """What a block was made from. key: of the block file, such as buildings.path; name: of the file or folder; licence: as it
-    is known, with whoever is to be named; None where nobody stated it."""
+    """Source of a block.
+
+    Attributes
+    ----------
+    key : key of the block file, such as buildings.path.
+    name : name of the file or folder.
+    licence : licence with its attribution; None if not stated.
+    """
 
     key: str
     name: str
@@ -23,10 +29,13 @@ class DataSource:
 
 @dataclass(frozen=True, slots=True)
 class Attribution:
-    """sources: in the block file's order, none where they are not known.
+    """Attribution of a block.
 
-    made: the day, ISO 8601, on which the newest of what is shown was made; None in what must be the same bytes whenever it is
-    made. captured: the first and the last day on which its pictures were taken, where their EXIF says so.
+    Attributes
+    ----------
+    sources : sources in the order of the block file; empty if unknown.
+    production_date : ISO 8601 date of the newest content; None where the bytes must not depend on the date.
+    capture_period : first and last day of the pictures by their EXIF data.
     """
 
     sources: tuple[DataSource, ...]
@@ -35,13 +44,13 @@ class Attribution:
 
     @property
     def licences(self) -> list[str]:
-        """Each licence that is stated, once."""
+        """Return each stated licence once."""
         return _unique_names(source.licence for source in self.sources if source.licence)
 
     @property
     def line(self) -> str:
-        """One line, parts apart by "; " as CesiumJS takes glTF's `asset.copyright` apart: each licence once, then the sources
-        that state none."""
+        """Return one line: licences, then sources without a licence, separated by "; " as CesiumJS splits `asset.copyright`.
+        """
         silent = _unique_names(source.name for source in self.sources if not source.licence)
         return "; ".join(
             [
@@ -52,7 +61,7 @@ class Attribution:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """The same for JSON."""
+        """Return the attribution as a JSON value."""
         return {
             "line": self.line,
             "sources": [
@@ -64,11 +73,11 @@ class Attribution:
         }
 
     def tags(self) -> dict[str, str]:
-        """The same as texts by name, for formats that have no more: the line, and the value as JSON."""
+        """Return the attribution as texts by name, for formats without structure."""
         return {"attribution": self.line, "sources": json.dumps(self.to_json(), ensure_ascii=False)}
 
     def iso_metadata(self) -> dict[str, Any]:
-        """The same by ISO 19115's names, as CityJSON's extension MetadataExtended has them."""
+        """Return the attribution by names of ISO 19115, as in CityJSON's extension MetadataExtended."""
         return {
             "lineage": [
                 {
@@ -93,5 +102,5 @@ def _unique_names(values: Iterable[str]) -> list[str]:
 
 
 def merge_attribution_lines(lines: Iterable[str]) -> str:
-    """The lines of several models as one, every part once."""
+    """Merge the attribution lines of several models; every part appears once."""
     return "; ".join(dict.fromkeys(part for line in lines if line for part in line.split("; ")))

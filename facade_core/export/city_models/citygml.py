@@ -1,4 +1,4 @@
-"""CityGML 2.0: faces with rings, semantics and textures as elements of one file, written as they come."""
+"""CityGML 2.0: faces with rings, semantics and textures as elements of one streamed file."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ INVALID_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff
 
 
 def qualified_name(name: str) -> str:
-    """A name with a prefix, such as bldg:Building, as lxml has it; without one it is of the core."""
+    """Return a prefixed name such as bldg:Building in lxml's form; names without prefix belong to the core."""
     prefix, _, local = name.rpartition(":")
     return f"{{{NAMESPACES[prefix or None]}}}{local}"
 
 
 def add_element(parent: Element, name: str, text: object = None, /, **attributes: str) -> Element:
-    """A new child; attributes are named as xlink_href for xlink:href."""
+    """Add a child element; the attribute xlink_href stands for xlink:href."""
     from lxml import etree
 
     child = etree.SubElement(parent, qualified_name(name))
@@ -54,14 +54,23 @@ def add_element(parent: Element, name: str, text: object = None, /, **attributes
 
 
 def xml_id(name: str) -> str:
-    """A name as an id of XML may be: what it cannot have as its code, so that no two names become one."""
+    """Convert a name to a valid XML id; invalid characters become their code, so ids stay distinct."""
     found = "".join(c if re.match(r"[A-Za-z0-9.-]", c) else f"_{ord(c):x}_" for c in name)
     return found if re.match(r"[A-Za-z_]", found) else f"_{found}"
 
 
 @dataclass
 class PolygonWriter:
-    """The polygons of one object as elements, and what of them lies on which page. lod: of its geometry; prefix: of its ids."""
+    """Writer of one object's polygons with their texture targets.
+
+    Attributes
+    ----------
+    prefix : prefix of the ids.
+    pool : grid of the corners.
+    low, high : (3,) bounds of the polygons so far.
+    targets : per page, the ids of polygons with their rings and texture coordinates.
+    count : polygons so far.
+    """
 
     prefix: str
     pool: VertexPool
@@ -71,7 +80,7 @@ class PolygonWriter:
     count: int = 0
 
     def add_polygon(self, parent: Element, face: ModelFace, name: str = "gml:Polygon") -> str | None:
-        """Add a face as a member of `parent`; returns its id, None where it has no area on the grid."""
+        """Add a face as a child of `parent` and return its id; None without area on the grid."""
         rings = []
         for i, points in enumerate(face.rings):
             own = VertexPool(self.pool.origin)
@@ -101,7 +110,7 @@ class PolygonWriter:
         return id
 
     def add_triangles(self, parent: Element, faces: Sequence[ModelFace]) -> None:
-        """Faces of three corners as the patches of a triangulated surface."""
+        """Add faces of three corners as a triangulated surface."""
         surface = add_element(parent, "gml:TriangulatedSurface", gml_id=f"{self.prefix}-tin")
         patches = add_element(surface, "gml:trianglePatches")
         for face in faces:
@@ -114,7 +123,13 @@ class PolygonWriter:
         }
 
     def add_appearance(self, parent: Element, images: Sequence[str]) -> None:
-        """What textures lie on the polygons so far; images: the file of every page."""
+        """Add the textures of the polygons so far.
+
+        Parameters
+        ----------
+        parent : element of the object.
+        images : file of every page.
+        """
         if not self.targets:
             return
         holder = add_element(add_element(parent, "app:appearance"), "app:Appearance")
@@ -136,7 +151,19 @@ class PolygonWriter:
 def boundary_surfaces(
     writer: PolygonWriter, faces: Sequence[ModelFace], surfaces: Sequence[Mapping[str, Any]], lod: str
 ) -> tuple[list[Element], list[str]]:
-    """bldg:boundedBy elements of an object's semantic surfaces, openings in their wall's, and the ids of all polygons."""
+    """Build the bldg:boundedBy elements of an object's semantic surfaces; openings are nested in their wall.
+
+    Parameters
+    ----------
+    writer : writer of the polygons.
+    faces : faces of the object.
+    surfaces : semantic surfaces that the faces index.
+    lod : level of detail of the geometry.
+
+    Returns
+    -------
+    The elements, and the ids of all polygons.
+    """
     from lxml import etree
 
     ids: list[str] = []
@@ -177,7 +204,7 @@ def boundary_surfaces(
 
 
 def solid_element(lod: str, ids: Sequence[str]) -> Element:
-    """bldg:lodNSolid of polygons that are defined elsewhere."""
+    """Build a bldg:lodNSolid of polygons that are defined elsewhere."""
     from lxml import etree
 
     holder = etree.Element(qualified_name(f"bldg:lod{lod}Solid"), nsmap=NAMESPACES)
@@ -188,15 +215,23 @@ def solid_element(lod: str, ids: Sequence[str]) -> Element:
 
 
 def add_attribute(parent: Element, name: str, value: Any) -> None:
-    """A generic attribute of the type that the value has."""
+    """Add a generic attribute of the value's type."""
     kind = {int: "int", float: "double"}.get(type(value), "string")
     add_element(add_element(parent, f"gen:{kind}Attribute", name=name), "gen:value", value)
 
 
 @contextmanager
 def open_city_model(path: Path, title: str, crs: str, extent: np.ndarray, attribution: Attribution) -> Iterator[Any]:
-    """A file's cityObjectMembers, written by the value's `write`, an element at a time. extent (2, 3): least and greatest
-    corner of what comes, metres; whom to name is in its metadata and description."""
+    """Open a CityGML file whose members are written one at a time by `write` of the value.
+
+    Parameters
+    ----------
+    path : file to write.
+    title : name of the model.
+    crs : reference system of the coordinates.
+    extent : (2, 3) bounds of the members, metres.
+    attribution : attribution, in the metadata and the description.
+    """
     from lxml import etree
 
     with etree.xmlfile(str(path), encoding="utf-8") as file:

@@ -1,4 +1,4 @@
-"""CityJSON 2.0: faces with rings, semantics and textures into the tables of a document."""
+"""CityJSON 2.0: faces with rings, semantics and textures as tables of a document."""
 
 from __future__ import annotations
 
@@ -25,9 +25,15 @@ METADATA_EXTENDED = {
 
 @dataclass(frozen=True)
 class ModelFace:
-    """A planar face: rings, the first around the others, each (k, 3) world metres, unclosed, counter-clockwise seen from
-    outside; uv, for each ring its texture coordinates (k, 2), u right and v up, and the page they are on, None without;
-    semantic, an index into the surfaces of its object."""
+    """Planar face.
+
+    Attributes
+    ----------
+    rings : (k, 3) corners, exterior first, unclosed, counter-clockwise as seen from outside, world metres.
+    semantic : index of its semantic surface.
+    uv : (k, 2) texture coordinates of each ring, u right and v up.
+    page : texture page; None without.
+    """
 
     rings: tuple[np.ndarray, ...]
     semantic: int
@@ -37,7 +43,15 @@ class ModelFace:
 
 @dataclass
 class VertexPool:
-    """The vertices and texture vertices of a document, each once."""
+    """Deduplicated vertices and texture vertices of a document.
+
+    Attributes
+    ----------
+    origin : (3,) origin of the grid, world metres.
+    vertices : index of each vertex, in units of the grid.
+    texture_vertices : index of each texture vertex.
+    pages : index of each texture page.
+    """
 
     origin: np.ndarray
     vertices: dict[tuple[int, ...], int] = field(default_factory=dict)
@@ -45,7 +59,13 @@ class VertexPool:
     pages: dict[int, int] = field(default_factory=dict)
 
     def add_ring(self, points: np.ndarray, uv: np.ndarray | None) -> tuple[list[int], list[int]]:
-        """Indices of a ring's vertices and texture vertices, without such that fall together; empty where no area is left."""
+        """Add a ring and return its vertex and texture vertex indices; empty without area on the grid.
+
+        Parameters
+        ----------
+        points : (k, 3) world metres.
+        uv : (k, 2) texture coordinates; None without.
+        """
         grid = np.rint((points - self.origin) / METRES_PER_UNIT).astype(np.int64)
         keep = _largest_loop(grid)
         grid = grid[keep]
@@ -58,10 +78,11 @@ class VertexPool:
         return corners, [self.texture_vertices.setdefault(tuple(p), len(self.texture_vertices)) for p in places]
 
     def add_page(self, page: int) -> int:
+        """Return the index of a texture page."""
         return self.pages.setdefault(page, len(self.pages))
 
     def tables(self, images: Sequence[str]) -> dict[str, Any]:
-        """The document's `vertices` and `appearance`; images: the file of every page."""
+        """Return `vertices` and `appearance` of the document; `images` has the file of every page."""
         tables: dict[str, Any] = {"vertices": [list(vertex) for vertex in self.vertices]}
         if self.pages:
             tables["appearance"] = {
@@ -72,13 +93,14 @@ class VertexPool:
         return tables
 
     def extent(self) -> list[float]:
-        """Least and greatest x, y, z of the vertices, world metres."""
+        """Return the least and greatest x, y, z of the vertices, world metres."""
         points = np.array(list(self.vertices)) * METRES_PER_UNIT + self.origin
         return np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
 
 
 def _largest_loop(grid: np.ndarray) -> np.ndarray:
-    """The corners of a ring on the grid (k, 3) that make up its largest part without a corner met twice; none without area."""
+    """Return the corners of a grid ring (k, 3) in its largest part that visits no corner twice; empty without area.
+    """
     keep = np.flatnonzero((grid != np.roll(grid, 1, axis=0)).any(axis=1))
     _, place = np.unique(grid[keep], axis=0, return_inverse=True)
     place = place.reshape(-1)
@@ -94,7 +116,7 @@ def _largest_loop(grid: np.ndarray) -> np.ndarray:
 
 
 def _grid_area(grid: np.ndarray) -> float:
-    """Of a ring (k, 3), in units of the grid."""
+    """Return the area of a ring (k, 3) in units of the grid."""
     if len(grid) < 3:
         return 0.0
     offset = (grid - grid[0]).astype(np.float64)
@@ -108,8 +130,16 @@ def build_geometry(
     lod: str,
     kind: str = "MultiSurface",
 ) -> dict[str, Any]:
-    """A geometry of faces, its vertices put into the pool. surfaces: what the faces' `semantic` counts; those without a face
-    left are dropped. `kind` is MultiSurface; Solid, of faces that close; or CompositeSurface, which has no semantics here."""
+    """Build a geometry of faces and add its vertices to the pool.
+
+    Parameters
+    ----------
+    faces : faces of the geometry.
+    surfaces : semantic surfaces that the faces index; unused ones are dropped.
+    pool : vertices of the document; changed in place.
+    lod : level of detail.
+    kind : "MultiSurface", "Solid" of a closed shell, or "CompositeSurface" without semantics.
+    """
     boundaries: list[Any] = []
     values: list[Any] = []
     textures: list[Any] = []
@@ -139,7 +169,7 @@ def build_geometry(
 
 
 def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The surfaces that faces use, with those they are part of, and children beside parents."""
+    """Build the semantics of faces from the used surfaces and their parents, with children."""
     used = set(values)
     used |= {surfaces[i]["parent"] for i in used if "parent" in surfaces[i]}
     index = {old: new for new, old in enumerate(sorted(used))}
@@ -154,8 +184,17 @@ def _build_semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]
 def empty_document(
     title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution
 ) -> dict[str, Any]:
-    """An empty CityJSON 2.0 document. reference_system: the URL of its CRS. Whom to name is in the extension for it: the core
-    has no place but a point of contact with an address."""
+    """Return a CityJSON 2.0 document without objects.
+
+    The attribution uses an extension, because the core has only a point of contact with an address.
+
+    Parameters
+    ----------
+    title : name of the model.
+    origin : (3,) origin of the grid, world metres.
+    reference_system : URL of the reference system; None if unknown.
+    attribution : attribution of the data.
+    """
     return {
         "type": "CityJSON",
         "version": "2.0",

@@ -1,1 +1,1 @@
-"""Facade models of few pictures: tiling wall material and one picture per element type."""
+"""Factored models: walls of repeated grain textures and shared element types."""

@@ -1,4 +1,4 @@
-"""A factored model as GLB: textures that are repeated, vertex colours that multiply them, parts that answer."""
+"""GLB of a factored model: repeated textures, vertex colours that multiply them, and feature ids."""
 
 from __future__ import annotations
 
@@ -21,8 +21,16 @@ REPEAT_WRAP = 10497
 
 @dataclass(frozen=True, eq=False)
 class FactoredPart:
-    """Triangles (t, 3) of one node that show one texture, in glTF's frame (y up): position, normal (v, 3), uv (v, 2), colour
-    (v, 3) linear, 0 to 1, that multiplies it; chart (v,)."""
+    """Triangles of one node with one texture, in glTF's frame (y up).
+
+    Attributes
+    ----------
+    position, normal : (v, 3).
+    uv : (v, 2) texture coordinates.
+    colour : (v, 3) linear factor on the texture, 0 to 1.
+    triangles : (t, 3) vertex indices.
+    chart : (v,) chart of each vertex.
+    """
 
     position: np.ndarray
     normal: np.ndarray
@@ -42,8 +50,18 @@ def encode_factored_glb(
     extras: Mapping[str, Any],
     copyright: str,
 ) -> bytes:
-    """nodes: name -> texture -> what shows it there; pictures of all textures, encoded, or where they lie beside the model,
-    of which those that are shown are named. Surfaces are unlit: their colours hold the light of the day."""
+    """Encode a factored model as GLB with unlit materials, whose colours contain the light of the day.
+
+    Parameters
+    ----------
+    nodes : parts by node name and texture.
+    pictures : encoded image of each texture, or its URI relative to the model; unused ones are left out.
+    repeated : True for textures that repeat.
+    encoder : encoder of the images.
+    features : feature table of the block.
+    extras : extras of the scene.
+    copyright : attribution.
+    """
     buffer = GlbBuffer()
     every = [part for parts in nodes.values() for part in parts.values()]
     chart = np.concatenate([part.chart for part in every])

@@ -1,5 +1,4 @@
-"""Which grains look alike: they are told by how strong their light and dark is by its size and direction, and by their
-colours."""
+"""Similarity of grains by the contrast of their octaves and directions, and by their colours."""
 
 from __future__ import annotations
 
@@ -22,8 +21,10 @@ EVENNESS_PARTS = 8
 
 
 def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
-    """Of every grain the number of the one that stands for it: among those that look alike the evenest of those with most
-    pixels a metre, so that no mark of one wall is on others."""
+    """Group similar grains and return the representative of each.
+
+    The representative is the most even grain of those with the finest resolution, so that no mark of one wall repeats on others.
+    """
     told = [_grain_descriptor(grain) for grain in grains]
     fine = [grain.relative_light.shape[0] / grain.width_m for grain in grains]
     coarse = [-round(np.log2(density)) for density in fine]
@@ -41,7 +42,7 @@ def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
 
 
 def _unevenness(grain: WallGrain) -> float:
-    """How much stronger a grain is in its strongest part than in most."""
+    """Return the contrast of a grain's strongest part relative to the median part."""
     light = np.sqrt(grain.relative_light).mean(axis=2)
     step = len(light) // EVENNESS_PARTS
     if step == 0:  # plain colour
@@ -54,7 +55,7 @@ def _unevenness(grain: WallGrain) -> float:
 
 
 def _grain_descriptor(grain: WallGrain) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitudes (octaves, DIRECTIONS) of a grain's light, and of how its red and blue (2,) differ from that."""
+    """Return amplitudes (octaves, DIRECTIONS) of a grain's light, and the deviation (2,) of red and blue from it."""
     root = np.sqrt(grain.relative_light)
     light = root.mean(axis=2)
     side = len(light)
@@ -70,7 +71,7 @@ def _grain_descriptor(grain: WallGrain) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _descriptor_distance(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
-    """How far two grains are apart, 1 and less where they look alike."""
+    """Return the distance of two grains; 1 or less means similar."""
     off = np.sqrt(sum(float(np.square(a - b).sum()) for a, b in zip(one, other, strict=True)))
     weaker = min(np.sqrt(float(np.square(amplitudes).sum())) for amplitudes, _ in (one, other))
     return float(off / max(MIN_GRAIN_DISTANCE, MAX_DISTANCE_SHARE * weaker))

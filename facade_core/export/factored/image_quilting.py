@@ -1,8 +1,11 @@
-"""A picture that goes on into itself, made of pieces of a wall's free area: image quilting on a torus.
+"""Tileable grain textures by image quilting on a torus.
 
-Blocks are cut from the example where it is free and laid with an overlap, each along the path of least difference (Efros and
-Freeman, "Image Quilting for Texture Synthesis and Transfer", 2001); the last ones of a row and column meet the first. What is
-larger than SHADE_M is taken out before and after: that is shade, and would show as a pattern where the picture is repeated.
+Overlapping blocks of the free wall are joined along paths of least error; the last ones of a row and column meet the first.
+Structures larger than SHADE_M are removed before and after, because repeated shade would be visible as a pattern.
+
+References
+----------
+Efros and Freeman, "Image Quilting for Texture Synthesis and Transfer", 2001.
 """
 
 from __future__ import annotations
@@ -35,15 +38,28 @@ MAX_CONTRAST = 3.0
 
 @dataclass(frozen=True, eq=False)
 class WallGrain:
-    """shares (s, s, 3) float32 of the mean light, s of SIDES, that go on into themselves on all sides; metres wide and high."""
+    """Tileable grain of a wall.
+
+    Attributes
+    ----------
+    relative_light : (s, s, 3) float32 factor on the mean light.
+    width_m : width and height on the wall, metres.
+    """
 
     relative_light: np.ndarray
     width_m: float
 
 
 def synthesise_grain(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> WallGrain:
-    """The grain of a picture (h, w, 3) uint8 where it is free (h, w) bool, at its own pixels; all ones where no block of it
-    is."""
+    """Synthesise the grain of a picture; all ones if no block of it is free.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    free : (h, w) bool, free wall.
+    pixels_per_metre : resolution of the picture.
+    seed : random seed.
+    """
     import cv2
 
     side = min(TEXTURE_SIDES_PX, key=lambda side: abs(np.log(side / (REPEAT_M * pixels_per_metre))))
@@ -70,7 +86,7 @@ def synthesise_grain(image: np.ndarray, free: np.ndarray, pixels_per_metre: floa
 
 
 def _quilt_torus(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
-    """Blocks (n, b, b, 3) laid on a torus of a side."""
+    """Quilt blocks (n, b, b, 3) on a torus of `side` pixels."""
     block = patches.shape[1]
     count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
     starts = [k * side // count for k in range(count)]
@@ -94,7 +110,7 @@ def _quilt_torus(patches: np.ndarray, side: int, rng: np.random.Generator) -> np
 
 
 def _new_side_mask(error: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Where a block shows itself: beyond the path of least error through what lies there already, at each of its sides."""
+    """Return where a new block replaces the old: beyond the path of least error on each side."""
     own = np.ones(known.shape, bool)
     for turn in range(4):
         turned, laid = np.rot90(error, turn), np.rot90(known, turn)
@@ -106,7 +122,7 @@ def _new_side_mask(error: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _min_error_path(error: np.ndarray) -> np.ndarray:
-    """The column (h,) of the cheapest way down errors (h, w), by steps to the next column at most."""
+    """Return the column (h,) of the path of least error down (h, w), with steps of at most one column."""
     height = len(error)
     cost = error.astype(np.float64).copy()
     for row in range(1, height):

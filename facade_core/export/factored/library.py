@@ -1,4 +1,4 @@
-"""What walls of one exemplar, or one photo, share: types of elements with a picture each, grains of walls, mouldings."""
+"""Library of an exemplar or photo: element types with a picture each, grains and mouldings."""
 
 from __future__ import annotations
 
@@ -34,9 +34,17 @@ WALL_SMOOTHING_M = 0.35
 
 @dataclass(frozen=True, eq=False)
 class ElementType:
-    """A type of elements: the picture (h, w, 3) uint8 of the one that stands for it, with its surround; box: where in it the
-    element itself lies, pixels; panes: what of it lies back; wall (3,): linear light of the wall around; pixels_per_metre of
-    the picture, as it was given."""
+    """Type of element with the picture of its representative.
+
+    Attributes
+    ----------
+    kind : label of the element.
+    picture : (h, w, 3) uint8, with its surround.
+    box : the element in the picture, pixels.
+    panes : recessed parts, pixels.
+    wall_light : (3,) linear light of the wall around it.
+    pixels_per_metre : resolution of the picture.
+    """
 
     kind: str
     picture: np.ndarray
@@ -48,7 +56,14 @@ class ElementType:
 
 @dataclass(frozen=True, eq=False)
 class MouldingTexture:
-    """A picture (h, w, 3) uint8 that goes on into itself to the right, metres wide."""
+    """Texture of a moulding that tiles horizontally.
+
+    Attributes
+    ----------
+    picture : (h, w, 3) uint8.
+    width_m : width on the wall, metres.
+    colour : (3,) mean linear light.
+    """
 
     picture: np.ndarray
     width_m: float
@@ -57,9 +72,19 @@ class MouldingTexture:
 
 @dataclass(frozen=True, eq=False)
 class FacadeLibrary:
-    """units of the picture, each of a type at every level of the variations, of (levels, units) int; looks (units, LOOK, LOOK,
-    3); walls (units, 3): the wall around them, linear light; bands, and by their numbers the grain of what is laid, or
-    the moulding."""
+    """Units, types, grains and mouldings of one picture.
+
+    Attributes
+    ----------
+    units : units of the picture.
+    unit_types : (levels, units) type of each unit at each level of the variations.
+    descriptors : (units, DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3).
+    wall_light : (units, 3) linear light of the wall around each unit.
+    types : types by number.
+    bands : bands of the wall.
+    grains : grain of each band that is no moulding.
+    mouldings : texture of each moulding.
+    """
 
     units: tuple[FacadeUnit, ...]
     unit_types: np.ndarray
@@ -71,8 +96,14 @@ class FacadeLibrary:
     mouldings: dict[int, MouldingTexture]
 
     def find_similar_unit(self, unit: FacadeUnit, look: np.ndarray, wall: np.ndarray) -> int | None:
-        """The unit that is most like another of the same kind, with its look (LOOK, LOOK, 3) and the light (3,) of the wall
-        around; None where none is."""
+        """Find the most similar unit of the same kind; None if there is none.
+
+        Parameters
+        ----------
+        unit : the unit to match.
+        look : its descriptor.
+        wall : (3,) linear light of the wall around it.
+        """
         wide, high = unit.size
         best: tuple[float, int] | None = None
         for k, own in enumerate(self.units):
@@ -86,12 +117,23 @@ class FacadeLibrary:
         return None if best is None else best[1]
 
     def unit_type(self, unit: int, level: int) -> int:
-        """The type of a unit at a level, the last where there are fewer."""
+        """Return the type of a unit at a level, or at the last level."""
         return int(self.unit_types[min(level, len(self.unit_types) - 1), unit])
 
 
 def unit_descriptor(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
-    """What a box of an image (h, w, 3) uint8 shows, (LOOK, LOOK, 3) float32, its mean light taken out by half."""
+    """Compute the descriptor of a box: a thumbnail with half of its mean light removed.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    box : x0, y0, x1, y1 in metres.
+    density : pixels per metre.
+
+    Returns
+    -------
+    (DESCRIPTOR_SIDE_PX, DESCRIPTOR_SIDE_PX, 3) float32.
+    """
     import cv2
 
     x0, y0, x1, y1 = (round(side * density) for side in box)
@@ -103,7 +145,7 @@ def unit_descriptor(image: np.ndarray, box: Rectangle, density: float) -> np.nda
 
 
 def mean_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
-    """The mean of light (h, w, 3) over a box in metres, (3,)."""
+    """Return the mean (3,) of light (h, w, 3) over a box in metres."""
     height, width = light.shape[:2]
     x0, y0, x1, y1 = (round(side * density) for side in box)
     left, top = min(max(x0, 0), width - 1), min(max(y0, 0), height - 1)
@@ -111,12 +153,11 @@ def mean_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
 
 
 def _expand_box(box: Rectangle) -> Rectangle:
-    """A box with AROUND_M on all sides."""
     return box[0] - WALL_SMOOTHING_M, box[1] - WALL_SMOOTHING_M, box[2] + WALL_SMOOTHING_M, box[3] + WALL_SMOOTHING_M
 
 
 def surrounding_wall_light(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
-    """The light (3,) of the wall around a box, from that of the wall everywhere (h, w, 3)."""
+    """Return the light (3,) of the wall around a box, from the wall light (h, w, 3)."""
     return mean_light(light, _expand_box(box), density)
 
 
@@ -129,8 +170,17 @@ def build_library(
     *,
     seed: int,
 ) -> FacadeLibrary:
-    """Of a picture (h, w, 3) uint8 with labels (h, w) and elements, of `density` pixels a metre; fine: the same picture with
-    more pixels, where there is one, from which all that is shown is taken."""
+    """Build the library of a picture.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    labels : (h, w) facade classes.
+    elements : elements in pixels.
+    density : pixels per metre.
+    fine : the same picture with more pixels, from which textures are taken.
+    seed : random seed of the grains.
+    """
     units = group_units(elements, density)
     fine = image if fine is None else fine
     times = fine.shape[0] / image.shape[0]
@@ -159,14 +209,14 @@ def build_library(
 
 
 def find_similar_band(library: FacadeLibrary, band: WallBand) -> int | None:
-    """The number of the band of a library that a wall's band shows."""
+    """Return the number of the library's band that is most similar."""
     return most_similar_band(band, library.bands)
 
 
 def _synthesise_grains(
     fine: np.ndarray, free: np.ndarray, bands: Sequence[WallBand], density: float, seed: int
 ) -> dict[int, WallGrain]:
-    """The grain of every band that is no moulding; those of nearly one colour are of one material."""
+    """Synthesise the grain of every band that is no moulding; bands of nearly one colour share it."""
     groups: list[list[int]] = []
     for number, band in enumerate(bands):
         if band.is_moulding:
@@ -197,7 +247,7 @@ def _band_mask(free: np.ndarray, band: WallBand, density: float) -> np.ndarray:
 def _surround_reaches(
     image: np.ndarray, units: Sequence[FacadeUnit], wall: np.ndarray, density: float
 ) -> list[tuple[float, float, float, float]]:
-    """How far the surround of each unit reaches. Units of one kind and size have the same."""
+    """Return the reach of each unit's surround."""
     number = np.full(image.shape[:2], -1)
     for k, unit in enumerate(units):
         x0, y0, x1, y1 = (max(0, round(side * density)) for side in unit.box)
@@ -211,8 +261,10 @@ def _surround_reaches(
 def _assign_types(
     image: np.ndarray, units: Sequence[FacadeUnit], walls: np.ndarray, density: float
 ) -> tuple[np.ndarray, dict[int, int]]:
-    """The type of every unit at every level (levels, units), and the unit that stands for each type. Those in walls (units, 3)
-    of another material are of another type: their surrounds are."""
+    """Return the type of every unit at every level (levels, units), and the representative unit of each type.
+
+    Units in walls of different materials have different types, because their surrounds differ.
+    """
     if not units:
         return np.zeros((1, 0), np.int64), {}
     materials: list[np.ndarray] = []
@@ -241,7 +293,7 @@ def _assign_types(
 def _assign_material_types(
     image: np.ndarray, units: Sequence[FacadeUnit], density: float
 ) -> tuple[np.ndarray, dict[int, int]]:
-    """The same of units in walls of one material."""
+    """Return types and representatives of units in walls of one material."""
     shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
     hierarchy = encode(image, shown)
     boxes = np.array([box for group in hierarchy.groups for box in group.boxes], float).reshape(-1, 4)
@@ -284,7 +336,7 @@ def _make_type(
 
 
 def _make_moulding(fine: np.ndarray, free: np.ndarray, band: WallBand, density: float) -> MouldingTexture:
-    """The longest run of a band that no element crosses, its end faded into its beginning."""
+    """Cut the longest free run of a band and blend its end into its start."""
     top, foot = round(band.top * density), max(round(band.top * density) + 1, round(band.foot * density))
     clear = free[top:foot].mean(axis=0) > 0.98
     edges = np.flatnonzero(np.diff(np.pad(clear.astype(np.int8), 1)))

@@ -1,4 +1,4 @@
-"""A factored model's parts: what was laid of facades, by texture, and pages of all that is none."""
+"""Parts of a factored model: walls by texture, and pages of the unfactored charts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MIN_DENSITY = 2.0
 
 
 def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:
-    """What was laid of all buildings, by picture."""
+    """Merge the pieces of several buildings by picture."""
     whole = WallPieces()
     for pieces in every:
         for key, own in pieces.by_picture.items():
@@ -40,7 +40,7 @@ def merge_pieces(every: Iterable[WallPieces]) -> WallPieces:
 
 
 def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame) -> dict[int, FactoredPart]:
-    """What was laid of a building, by texture."""
+    """Build the parts of wall pieces by texture."""
     by_texture: dict[int, list[tuple[WallPiece, np.ndarray, np.ndarray]]] = {}
     for key, own in sorted(pieces.by_picture.items()):
         for piece in own:
@@ -56,7 +56,7 @@ def build_parts(pieces: WallPieces, pictures: PackedTextures, frame: ModelFrame)
 
 
 def merge_parts(every: Iterable[Mapping[int, FactoredPart]]) -> dict[int, FactoredPart]:
-    """Parts of several buildings as one, by texture."""
+    """Merge the parts of several buildings by texture."""
     of: dict[int, list[FactoredPart]] = {}
     for parts in every:
         for texture, part in parts.items():
@@ -77,7 +77,7 @@ def _concatenate_parts(own: Sequence[FactoredPart]) -> FactoredPart:
 
 
 def _make_part(rows: Sequence[tuple[Any, ...]], frame: ModelFrame) -> FactoredPart:
-    """One part of rows of position, normal, texture coordinates, colour, triangles and charts."""
+    """Build a part of rows of position, normal, texture coordinates, colour, triangles and chart."""
     position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
     first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
     return FactoredPart(
@@ -93,8 +93,20 @@ def _make_part(rows: Sequence[tuple[Any, ...]], frame: ModelFrame) -> FactoredPa
 def pack_unfactored_charts(
     source: TexturedMesh, triangles_of: RowIndex, charts: np.ndarray, before: int, frame: ModelFrame
 ) -> tuple[list[np.ndarray], dict[int, dict[int, FactoredPart]]]:
-    """The pages of charts that are not factored, before which are so many other pictures; and their parts, by building.
-    triangles_of: the mesh's by chart."""
+    """Pack the charts that are not factored on pages of their own.
+
+    Parameters
+    ----------
+    source : textured mesh of the block.
+    triangles_of : triangles of the mesh by chart.
+    charts : (k,) chart ids, ascending.
+    before : number of pictures before these pages.
+    frame : frame of the model.
+
+    Returns
+    -------
+    The pages, and their parts by building and texture.
+    """
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
     share, most = np.where(

@@ -1,4 +1,4 @@
-"""The pictures of a factored model: grains that are repeated, each a texture, and all else together on pages."""
+"""Textures of a factored model: one per repeated grain, and all other pictures on pages."""
 
 from __future__ import annotations
 
@@ -28,9 +28,16 @@ PLAIN_GRAIN = WallGrain(np.ones((CELL_TEXELS, CELL_TEXELS, 3), np.float32), 1.0)
 
 @dataclass(frozen=True, eq=False)
 class PackedTextures:
-    """Pictures (h, w, 3) uint8, which of them are repeated, and where each key's picture lies: its texture, then the corner
-    and the size of its place there, shares of it; gain: how much lighter it is than it was; scale, of types: what share of its
-    pixels a side of it has kept."""
+    """Textures with the placement of every picture.
+
+    Attributes
+    ----------
+    pictures : (h, w, 3) uint8 textures.
+    is_repeated : True for textures that repeat.
+    placement : per picture its texture, and its corner and size there as shares.
+    gain : brightness factor of each picture over its source.
+    scale : scale of each type's picture.
+    """
 
     pictures: list[np.ndarray]
     is_repeated: list[bool]
@@ -39,13 +46,13 @@ class PackedTextures:
     scale: dict[TextureKey, float]
 
     def texture_lookup(self, key: TextureKey, piece: WallPiece) -> tuple[int, np.ndarray, np.ndarray]:
-        """Of a piece: its texture, its texture coordinates (v, 2) and vertex colours (v, 3), 0 to 1."""
+        """Return the texture, texture coordinates (v, 2) and vertex colours (v, 3) 0 to 1 of a piece."""
         texture, corner, size = self.placement[key]
         return texture, corner + piece.place * size, np.clip(piece.light / self.gain[key], 0, 1)
 
 
 def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> PackedTextures:
-    """The pictures of all that was laid; grains that look alike are one picture."""
+    """Pack the pictures of all pieces; similar grains share a texture."""
     gain: dict[TextureKey, float] = {}
     laid = [key for key in sorted(pieces.by_picture) if key[0] == "grain"]
     flat = [key for key in sorted(pieces.by_picture) if key[0] != "grain"]
@@ -80,7 +87,7 @@ def pack_textures(pieces: WallPieces, libraries: Sequence[FacadeLibrary]) -> Pac
 
 
 def _type_scales(pieces: WallPieces) -> dict[TextureKey, float]:
-    """Of every type the share of its pixels a side that leaves MOST_DENSITY where it is largest."""
+    """Return the scale per type that leaves MAX_TYPE_DENSITY where it is largest."""
     least: dict[TextureKey, float] = {}
     for key, density in pieces.elements:
         least[key] = min(density, least.get(key, density))
@@ -101,7 +108,7 @@ def _source_picture(libraries: Sequence[FacadeLibrary], key: TextureKey) -> np.n
 def _pack_on_pages(
     rasters: Sequence[np.ndarray], before: Sequence[int]
 ) -> tuple[list[np.ndarray], list[tuple[int, np.ndarray, np.ndarray]]]:
-    """Rasters on pages with their borders repeated around them; and where each lies, half a texel within it."""
+    """Pack rasters with repeated borders on pages; returns the pages and the placements."""
     if not rasters:
         return [], []
     size = np.array([raster.shape[1::-1] for raster in rasters], np.int64)
@@ -125,5 +132,5 @@ def _pack_on_pages(
 
 
 def texture_memory_bytes(pictures: Sequence[np.ndarray]) -> float:
-    """Bytes that pictures take of a graphics card: four a texel, and a third more for their mipmaps."""
+    """Return the graphics memory of pictures with mipmaps, at four bytes per texel."""
     return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAP_FACTOR

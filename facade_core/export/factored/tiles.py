@@ -1,5 +1,5 @@
-"""Leaves of a tileset as factored models: near, and from farther off with fewer types and nothing set back. Their pictures lie
-beside the tiles, and all of them share those of walls and elements."""
+"""Leaves of a tileset as factored models at two levels of detail; their textures are shared files next to the tiles.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +26,23 @@ MIN_RECESS_PIXELS = 2.0
 
 @dataclass(eq=False)
 class FactoredLeaves:
-    """What the leaves of a block share: levels, name -> building -> what was laid of it, the coarsest first; pictures of all,
-    which `names` lie beside the tiles; charts that are not factored; write, a file by its path from the tileset.
-    texture_bytes: what the pictures of leaves so far take of a graphics card; triangles of their nearest levels."""
+    """Shared state of a block's factored leaves.
+
+    Attributes
+    ----------
+    levels : wall pieces by level name and building, coarsest first.
+    pictures : textures of all walls.
+    picture_names : files of the textures.
+    source : textured mesh of the block.
+    unfactored_charts : charts that are not factored.
+    frame : frame of the tileset.
+    features : feature table of the block.
+    encoder : encoder of the textures.
+    copyright : attribution.
+    write : receives the path, relative to the tileset, and the bytes of a file.
+    texture_bytes : graphics memory of the unfactored pages so far.
+    triangles : triangles of the finest levels so far.
+    """
 
     levels: Mapping[str, Mapping[int, WallPieces]]
     pictures: PackedTextures
@@ -48,7 +62,7 @@ class FactoredLeaves:
         self.triangles_of = RowIndex(self.source.mesh.chart)
 
     def detail_levels(self, cell: QuadtreeCell) -> list[DetailLevel]:
-        """The levels of a cell, the coarsest first; one where nothing is factored, as they would be the same."""
+        """Build the levels of detail of a cell, coarsest first; one if nothing is factored."""
         mine = np.intersect1d(cell_charts(self.source, cell), self.unfactored_charts)
         before = len(self.picture_names)
         pages, parts = pack_unfactored_charts(self.source, self.triangles_of, mine, before, self.frame)
@@ -83,5 +97,5 @@ class FactoredLeaves:
         return found
 
     def is_unfactored(self, cell: QuadtreeCell) -> bool:
-        """Whether nothing of a cell is factored."""
+        """Return True if no building of a cell is factored."""
         return not any(building in laid for laid in self.levels.values() for building in cell.buildings.tolist())

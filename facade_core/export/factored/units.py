@@ -1,4 +1,4 @@
-"""Elements that are one thing to the eye, such as a window with its balcony, and how far what adorns them reaches."""
+"""Units of a facade: elements that belong together, such as a window with its balcony, and their surrounds."""
 
 from __future__ import annotations
 
@@ -29,7 +29,14 @@ MIN_GREY_DIFFERENCE = 14.0
 
 @dataclass(frozen=True)
 class FacadeUnit:
-    """kind: the label that tells most; box: metres, y down; panes: rectangles in it that lie back in the wall."""
+    """Unit of a facade.
+
+    Attributes
+    ----------
+    kind : most significant label.
+    box : x0, y0, x1, y1 in metres, y down.
+    panes : recessed rectangles in it.
+    """
 
     kind: str
     box: Rectangle
@@ -41,7 +48,13 @@ class FacadeUnit:
 
 
 def group_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]:
-    """The units of a layout, elements in pixels of so many a metre; by rows from the top, then from the left."""
+    """Group elements to units, sorted by rows from the top, then from the left.
+
+    Parameters
+    ----------
+    elements : elements in pixels.
+    density : pixels per metre.
+    """
     kept = [e for e in elements if e.label in ELEMENT_CLASSES and min(e.width, e.height) / density > 0.2]
     boxes = np.array([(e.x0, e.y0, e.x1, e.y1) for e in kept]).reshape(-1, 4) / density
     balcony = np.array([e.label == "balcony" for e in kept], bool)
@@ -62,7 +75,7 @@ def group_units(elements: Sequence[Element], density: float) -> list[FacadeUnit]
 
 
 def _uncovered_panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
-    """What of windows, doors and shops a balcony does not stand before."""
+    """Return the parts of windows, doors and shops that no balcony covers."""
     found = []
     for x0, y0, x1, y1 in boxes[~balcony].tolist():
         for _, top, _, foot in boxes[balcony].tolist():
@@ -76,10 +89,19 @@ def _uncovered_panes(boxes: np.ndarray, balcony: np.ndarray) -> list[Rectangle]:
 def surround_reach(
     image: np.ndarray, others: np.ndarray, wall: np.ndarray, box: Rectangle, density: float
 ) -> tuple[float, float, float, float]:
-    """How far, metres, a unit's surround reaches beyond its box to the left, up, right and down.
+    """Measure how far the surround of a unit reaches beyond its box.
 
-    image (h, w, 3) uint8 of so many pixels a metre; others (h, w) bool: what is of other units; wall (h, w, 3) float32: the
-    colour that the wall has around each pixel, grey levels.
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    others : (h, w) bool, other units.
+    wall : (h, w, 3) float32 colour of the wall around each pixel, grey levels.
+    box : x0, y0, x1, y1 in metres.
+    density : pixels per metre.
+
+    Returns
+    -------
+    Reach to the left, up, right and down, metres.
     """
     height, width = others.shape
     x0, y0, x1, y1 = (round(side * density) for side in box)

@@ -1,4 +1,4 @@
-"""What a wall shows of a library: its units, its bands, and the light on them."""
+"""Decomposition of a wall into units and bands of its library, with the light on them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,17 @@ SHADE_SMOOTHING_M = 0.4
 
 @dataclass(frozen=True, eq=False)
 class FactoredFacade:
-    """A wall as it is stored: chart; seed and shown (h, w, 3) uint8, before light fell on it and after; labels (h, w);
-    elements in texels, of which there are `density` a metre."""
+    """Stored wall of a facade.
+
+    Attributes
+    ----------
+    chart : chart of the wall.
+    base_layer : (h, w, 3) uint8 before lighting.
+    colour : (h, w, 3) uint8 after lighting.
+    labels : (h, w) facade classes.
+    elements : elements in texels.
+    density : texels per metre.
+    """
 
     chart: int
     base_layer: np.ndarray
@@ -36,8 +45,16 @@ class FactoredFacade:
 
 
 class WallDecomposition:
-    """What a wall shows: its units, the largest first, with the library's unit that each is most like; its bands from the top,
-    each with the library's band that it shows and the light on it."""
+    """Units and bands of a wall with their match in the library.
+
+    Attributes
+    ----------
+    units : units with the most similar unit of the library, largest first.
+    bands : bands from the top, each with its match and the light on it.
+    free : (h, w) bool, free wall.
+    light : (h, w, 3) linear light.
+    wall_light : (h, w, 3) linear light of the free wall, smoothed.
+    """
 
     def __init__(self, facade: FactoredFacade, library: FacadeLibrary) -> None:
         self.facade, self.library, density = facade, library, facade.density
@@ -61,7 +78,7 @@ class WallDecomposition:
         self.units = [(unit, own) for unit, own in named if own is not None]
 
     def _band_light(self, band: WallBand) -> np.ndarray:
-        """The light (h, w, 3) of the rows of a band, each band for itself; along a moulding that of all its rows."""
+        """Return the light (h, w, 3) on a band; on a moulding one row, averaged over its height."""
         density = self.facade.density
         top = min(round(band.top * density), len(self.light) - 1)
         foot = max(top + 1, round(band.foot * density))
@@ -75,7 +92,7 @@ class WallDecomposition:
         return smooth_known(light, free, SHADE_SMOOTHING_M * density)
 
     def nearest_grain(self, y: float) -> tuple[int, np.ndarray, WallBand] | None:
-        """The laid band nearest to a height: the library's, its light, and itself."""
+        """Return match, light and band of the grain band nearest to a height; None if there is none."""
         laid = [
             (max(band.top - y, y - band.foot, 0.0), own, shade, band)
             for band, own, shade in self.bands

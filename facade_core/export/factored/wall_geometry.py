@@ -1,4 +1,4 @@
-"""One wall as triangles: cells of its material between its units, these set back in it, each with its light."""
+"""Geometry of a factored wall: cells of grain between its units, recessed panes, and light per vertex."""
 
 from __future__ import annotations
 
@@ -35,8 +35,17 @@ TextureKey = tuple[str, int, int]
 
 
 class WallPiece(NamedTuple):
-    """Triangles (t, 3) of vertices (v, ...): position in the world, metres; normal; place on the picture, shares of it, of a
-    grain metres, v down; light, what multiplies the picture, linear; rows: of the chart."""
+    """Triangles with one picture.
+
+    Attributes
+    ----------
+    position : (v, 3) world metres.
+    normal : (v, 3) unit vectors.
+    place : (v, 2) position on the picture, v down: shares of it, metres for grains.
+    light : (v, 3) linear factor on the picture.
+    triangles : (t, 3) vertex indices.
+    chart : chart of the wall.
+    """
 
     position: np.ndarray
     normal: np.ndarray
@@ -48,7 +57,13 @@ class WallPiece(NamedTuple):
 
 @dataclass(eq=False)
 class WallPieces:
-    """What was laid so far, by picture; elements: metres across and pixels across of every one that was set."""
+    """Pieces by picture.
+
+    Attributes
+    ----------
+    by_picture : the pieces.
+    elements : picture and pixels per metre of every inserted unit.
+    """
 
     by_picture: dict[TextureKey, list[WallPiece]] = field(default_factory=dict)
     elements: list[tuple[TextureKey, float]] = field(default_factory=list)
@@ -59,22 +74,34 @@ class WallPieces:
 
 
 class WallPolygon(NamedTuple):
-    """A polygon of a wall: its outline in the chart's frame and its corners (k, 3) in the world."""
+    """Polygon of a wall.
+
+    Attributes
+    ----------
+    outline : outline in the chart's frame.
+    corners : (k, 3) corners, world metres.
+    """
 
     outline: Polygon
     corners: np.ndarray
 
 
 def is_planar(plane: WallPolygon) -> bool:
-    """Whether a polygon is plane enough to be laid anew."""
+    """Return True if a polygon is planar and valid."""
     middle = plane.corners.mean(axis=0)
     _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)
     return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= MAX_OFF_WALL_PLANE_M) and plane.outline.is_valid
 
 
 class WallDetail(NamedTuple):
-    """How closely walls are shown: the level of the variations whose types they have, the last where there are fewer; sides of
-    a wall's cells, metres; whether panes lie back in it."""
+    """Level of detail of a wall.
+
+    Attributes
+    ----------
+    level : level of the variations that selects types.
+    cell_m : side of the wall's cells, metres.
+    has_recesses : True if panes are recessed.
+    """
 
     level: int
     cell_m: float
@@ -96,7 +123,18 @@ def build_wall(
     behind: list[np.ndarray],
     pieces: WallPieces,
 ) -> None:
-    """Lay a wall of plane polygons as pieces of its library, the number-th; behind as in `bodies.recess.cut`."""
+    """Build the pieces of a wall from its library.
+
+    Parameters
+    ----------
+    decomposition : units and bands of the wall.
+    planes : polygons of the wall.
+    charts : charts of the mesh.
+    library_index : number of the library.
+    detail : level of detail.
+    behind : triangles behind the wall, as in `bodies.recess.recess_opening`; changed in place.
+    pieces : pieces of the building; changed in place.
+    """
     offset = REPEAT_M * np.random.default_rng(decomposition.facade.chart).random(2)
     for plane in planes:
         wall = _WallBuilder(charts, plane, decomposition, library_index, detail, offset, pieces)
@@ -109,7 +147,7 @@ def build_wall(
 
 @dataclass(frozen=True, eq=False)
 class _WallBuilder:
-    """A polygon of a wall that is laid."""
+    """Builder of one polygon of a wall."""
 
     charts: Charts
     plane: WallPolygon
@@ -124,7 +162,7 @@ class _WallBuilder:
         return self.decomposition.facade.chart
 
     def points(self, places: np.ndarray) -> np.ndarray:
-        """Places (n, 2) of the chart's frame on the polygon's plane, (n, 3)."""
+        """Project places (n, 2) of the chart's frame on the plane of the polygon, (n, 3)."""
         corners = self.plane.corners
         points, out = self.charts.points(self.chart, *places.T), self.charts.normals()[self.chart]
         middle = corners.mean(axis=0)
@@ -132,7 +170,7 @@ class _WallBuilder:
         return points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
 
     def fill_band(self, band: WallBand, own: int | None, shade: np.ndarray, free: shapely.Geometry) -> None:
-        """Lay what is free of a band."""
+        """Fill the free part of a band."""
         x0, y0, x1, y1 = free.bounds
         last = band is self.decomposition.bands[-1][0]
         # a raster ends at most a texel before or behind its wall
@@ -167,7 +205,7 @@ class _WallBuilder:
     def insert_unit(
         self, unit: FacadeUnit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]
     ) -> shapely.Geometry:
-        """Set a unit into what is free of the wall; what is left free."""
+        """Insert a unit into the free part of the wall and return the rest."""
         kind, density = self.decomposition.library.types[shown], self.decomposition.facade.density
         x0, y0, x1, y1 = unit.box
         a, b, c, d = kind.box
@@ -232,7 +270,7 @@ class _WallBuilder:
             self.pieces.add(("grain", self.library_index, own), piece)
 
     def _sample_light(self, shade: np.ndarray, band: WallBand, places: np.ndarray) -> np.ndarray:
-        """A band's light at places (n, 2), (n, 3)."""
+        """Sample the light of a band at places (n, 2), (n, 3)."""
         import cv2
 
         density = self.decomposition.facade.density
@@ -246,8 +284,7 @@ class _WallBuilder:
     def _add_piece(
         self, key: TextureKey, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0
     ) -> None:
-        """Triangles with corners (t, 3, 2) in the chart's frame, places on their picture (t, 3, 2) and light (3,) or (3 t, 3);
-        corners that have all the same are one."""
+        """Add triangles (t, 3, 2) with places (t, 3, 2) and light (3,) or (3 t, 3); identical corners are merged."""
         if not len(corners):
             return
         rows = np.concatenate([corners.reshape(-1, 2), place.reshape(-1, 2)], axis=1)
@@ -279,7 +316,7 @@ def _largest_polygon(area: shapely.Geometry) -> Polygon | None:
 
 
 def _triangulate_areas(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Areas (n,) as triangles (t, 3, 2), counter-clockwise as decomposition where y runs down, and which area each is of."""
+    """Triangulate areas (n,) to (t, 3, 2), counter-clockwise with y down, and return the area of each triangle."""
     parts, of = shapely.get_parts(areas, return_index=True)
     plane = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > 1e-6)
     cut_up, part = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[plane]), return_index=True)

@@ -1,1 +1,1 @@
-"""Material maps of lit models: albedo, normals, roughness, panes."""
+"""Relighting maps: base colour without light, normals, occlusion, roughness and emission of charts."""

@@ -1,4 +1,4 @@
-"""Light taken out of pictures at low frequency: a wall that is dark at one end and bright at the other is lit so."""
+"""Removal of low-frequency shading from wall pictures."""
 
 from __future__ import annotations
 
@@ -25,10 +25,20 @@ MAX_ALBEDO = 242
 
 
 def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> np.ndarray | None:
-    """How brightly a wall (h, w, 3) uint8 with labels (h, w) is lit along it, (h, w) float32 around 1: a parabola through the
-    logarithm of its brightness beside its row's, by reweighted least squares; None where too little wall shows.
+    """Estimate the shading of a wall along its width.
 
-    Down a wall light and material cannot be told apart: what is darker below is a plinth as often as it is shade.
+    A parabola is fitted to the log brightness of cells, relative to the mean of their row, by iteratively reweighted least
+    squares. Only the horizontal direction is used: vertically, a dark plinth cannot be separated from shade.
+
+    Parameters
+    ----------
+    colour : (h, w, 3) uint8.
+    labels : (h, w) facade classes.
+    density : texels per metre.
+
+    Returns
+    -------
+    (h, w) float32 around 1; None where too little wall is visible.
     """
     side = max(1, round(CELL_M * density))
     rows, columns = labels.shape[0] // side, labels.shape[1] // side
@@ -58,7 +68,17 @@ def estimate_shading(colour: np.ndarray, labels: np.ndarray, density: float) -> 
 
 
 def divide_light(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """A colour (h, w, 3) uint8 with the light (h, w) or (h, w, 3) that it holds divided out, (h, w, 3) uint8."""
+    """Divide the light out of a colour.
+
+    Parameters
+    ----------
+    colour : (h, w, 3) uint8.
+    light : (h, w) or (h, w, 3) factor.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
+    """
     wide = light if light.ndim == 3 else light[..., None]
     return (np.minimum(colour / np.maximum(wide, np.float32(0.05)) + np.float32(0.5), max(MAX_ALBEDO, 1))).astype(
         np.uint8

@@ -1,4 +1,4 @@
-"""What the ground is of, texel by texel, as its map says."""
+"""Surface materials of ground charts from the map."""
 
 from __future__ import annotations
 
@@ -16,13 +16,24 @@ FIXED_POINT_BITS = 4
 
 
 class GroundMaterials:
-    """A block's ground as outlines of substances, what lies over what last: areas, pavements, paths, roads by their rank."""
+    """Outlines of a block's ground materials in painting order: areas, pavements, paths, roads by rank."""
 
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
 
     def rasterise(self, charts: Charts, chart: int, shape: tuple[int, int]) -> np.ndarray:
-        """The substances (h, w) uint8 of a piece of ground."""
+        """Rasterise the materials of a ground chart.
+
+        Parameters
+        ----------
+        charts : charts of the block.
+        chart : id of the ground chart.
+        shape : (h, w) of the raster.
+
+        Returns
+        -------
+        (h, w) uint8 PbrMaterial.
+        """
         import cv2
 
         out = np.full(shape, PbrMaterial.GRAVEL, np.uint8)

@@ -1,4 +1,4 @@
-"""Heights of a surface by labels and materials, and what follows from them for light: normals and occlusion."""
+"""Height maps of charts from labels and materials, with the normals and occlusion that follow from them."""
 
 from __future__ import annotations
 
@@ -27,9 +27,20 @@ MIN_CAVITY_VISIBILITY = 0.55
 def estimate_heights(
     labels: np.ndarray | None, material: np.ndarray, grey: np.ndarray, frames: np.ndarray, density: float
 ) -> np.ndarray:
-    """Metres (h, w) float32 that texels stand out: openings, slabs and sills by labels (h, w), as shadows fall on them;
-    frames (h, w) bool; and joints and pores of each material (h, w), by how much darker than around them they are drawn, grey
-    (h, w) float32."""
+    """Estimate the relief of a chart: openings, slabs and sills by label, joints and pores by brightness.
+
+    Parameters
+    ----------
+    labels : (h, w) facade classes; None for charts that are no facade.
+    material : (h, w) PbrMaterial.
+    grey : (h, w) float32 brightness; darker than its surroundings means lower.
+    frames : (h, w) bool, window frames and bars.
+    density : texels per metre.
+
+    Returns
+    -------
+    (h, w) float32 metres outward.
+    """
     import cv2
 
     side = 2 * max(1, round(CONTRAST_WINDOW_M * density / 2)) + 1
@@ -45,8 +56,18 @@ def estimate_heights(
 
 
 def normals_from_heights(height: np.ndarray, density: float, slope_offset: np.ndarray | None = None) -> np.ndarray:
-    """Unit normals (h, w, 3) float32 of heights (h, w) metres, x right, y up, z out; by differences across each texel; slope_offset
-    (h, w, 2): slopes to the right and up that are added, as panes lean."""
+    """Compute normals of a height map by central differences.
+
+    Parameters
+    ----------
+    height : (h, w) metres.
+    density : texels per metre.
+    slope_offset : (h, w, 2) slopes to the right and up that are added, for tilted panes.
+
+    Returns
+    -------
+    (h, w, 3) float32 unit vectors, x right, y up, z out.
+    """
     padded = np.pad(height, 1, mode="edge")
     right = (padded[1:-1, 2:] - padded[1:-1, :-2]) * np.float32(density / 2)
     up = (padded[:-2, 1:-1] - padded[2:, 1:-1]) * np.float32(density / 2)
@@ -58,7 +79,17 @@ def normals_from_heights(height: np.ndarray, density: float, slope_offset: np.nd
 
 
 def cavity_visibility(height: np.ndarray, density: float) -> np.ndarray:
-    """The share of the sky (h, w) float32 that what lies around a texel leaves it, 1 where it does not lie lower."""
+    """Compute the share of the sky that a texel sees past its surroundings, from the mean height around it.
+
+    Parameters
+    ----------
+    height : (h, w) metres.
+    density : texels per metre.
+
+    Returns
+    -------
+    (h, w) float32, 1 where the texel is not lower than its surroundings.
+    """
     import cv2
 
     side = 2 * max(1, round(CAVITY_WINDOW_M * density)) + 1

@@ -1,4 +1,4 @@
-"""Glass and bars of windows and shops in a facade's picture, and which are lit at night, as by people who live there."""
+"""Glass panes of windows and shops in a facade picture, and their light at night."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ BLIND_SHARE = 0.15
 
 @dataclass(frozen=True)
 class FacadeOpening:
-    """A window or a shop on a raster: its box in texels, half-open."""
+    """Window or shop on a raster, a half-open box in texels."""
 
     label: int
     left: int
@@ -91,9 +91,19 @@ class FacadeOpening:
 
 
 def snap_to_boxes(labels: np.ndarray) -> np.ndarray:
-    """Labels (h, w) of a facade in which each element is its box, whatever its rim: a ragged one would glitter by day and be
-    cut out of the light at night. What a shop hangs together with, windows and doors, is of the kind that most of it is: on
-    glass a parser cannot tell them apart. What is too small to be an element stays as it is."""
+    """Replace each element of a label map by its bounding box.
+
+    Ragged borders would glitter by day and cut the light at night. A shop merges with the windows and doors connected to it
+    and takes their majority class, because a parser cannot separate them on glass. Elements that are too small stay.
+
+    Parameters
+    ----------
+    labels : (h, w) facade classes.
+
+    Returns
+    -------
+    (h, w) facade classes.
+    """
     import cv2
 
     found = labels.copy()
@@ -119,7 +129,7 @@ def snap_to_boxes(labels: np.ndarray) -> np.ndarray:
 
 
 def find_openings(labels: np.ndarray) -> Iterator[FacadeOpening]:
-    """The windows and shops of `snap_to_boxes` labels (h, w)."""
+    """Find the windows and shops in labels (h, w) of `snap_to_boxes`."""
     import cv2
 
     taken = np.zeros(labels.shape, bool)
@@ -136,7 +146,18 @@ def find_openings(labels: np.ndarray) -> Iterator[FacadeOpening]:
 
 
 def glass_mask(opening: FacadeOpening, grey: np.ndarray, density: float) -> np.ndarray:
-    """Where an opening's box (h, w) is glass, bool: within a frame, between the bars that the grey (h, w) uint8 shows."""
+    """Compute the mask of glass in an opening: inside its frame, between the bars visible in the picture.
+
+    Parameters
+    ----------
+    opening : the window or shop.
+    grey : (h, w) uint8 picture of the facade.
+    density : texels per metre.
+
+    Returns
+    -------
+    (h, w) bool over the box of the opening.
+    """
     import cv2
 
     inside = np.ones(opening.shape, bool)
@@ -160,13 +181,13 @@ def glass_mask(opening: FacadeOpening, grey: np.ndarray, density: float) -> np.n
 
 
 def _shop_pane_rows(height: int) -> slice:
-    """The rows of a shop so high that are panes."""
+    """Return the rows of a shop's panes, below its sign and above its plinth."""
     top = round(SHOP_SIGN_SHARE * height)
     return slice(top, max(top + 1, height - round(SHOP_PLINTH_SHARE * height)))
 
 
 class SeededRandom:
-    """Numbers 0..1 by chance for whole numbers: of a building and a wall, and what else is asked for."""
+    """Uniform numbers 0 to 1 for integer keys, seeded by building and wall."""
 
     def __init__(self, building: int, wall: int) -> None:
         self._building, self._wall = building, wall
@@ -179,7 +200,7 @@ class SeededRandom:
 
 
 def _hash_splitmix64(*numbers: int) -> float:
-    """Numbers mixed after splitmix64."""
+    """Hash integers to 0 to 1 with splitmix64."""
     h = 0x9E3779B97F4A7C15
     for number in numbers:
         h = (h ^ (number & 0xFFFFFFFFFFFFFFFF)) * 0xBF58476D1CE4E5B9 & 0xFFFFFFFFFFFFFFFF
@@ -189,20 +210,32 @@ def _hash_splitmix64(*numbers: int) -> float:
 
 
 def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> np.ndarray:
-    """The slopes (2,) float32, to the right and up, that an opening's panes lean by."""
+    """Return the slopes (2,) float32 to the right and up of an opening's panes."""
     at = _opening_place(opening, density)
     return np.array([MAX_PANE_SLOPE * (2 * random.per_wall(*at, turn) - 1) for turn in (1, 2)], np.float32)
 
 
 def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
-    """The steps right and down of an opening's middle, the same at other densities but at the border of a step."""
+    """Return the position of an opening's centre in steps right and down, stable across densities except at step borders.
+    """
     across, down = opening.left + opening.right, opening.top + opening.bottom
     return int(across / (2 * density * PLACE_STEP_M)), int(down / (2 * density * PLACE_STEP_M))
 
 
 def emitted_light(opening: FacadeOpening, density: float, height_m: float, random: SeededRandom) -> np.ndarray | None:
-    """Linear light (h, w, 3) float32, 0 to 1, of an opening's box at night; None where it is dark. height_m: of the wall, whose
-    foot is the ground floor's."""
+    """Compute the light of an opening at night.
+
+    Parameters
+    ----------
+    opening : the window or shop.
+    density : texels per metre.
+    height_m : height of the wall, whose foot is at the ground floor.
+    random : numbers of the building and wall.
+
+    Returns
+    -------
+    (h, w, 3) float32 linear 0 to 1 over the box of the opening; None where dark.
+    """
     at = _opening_place(opening, density)
     over = height_m - (opening.top + opening.bottom) / (2 * density)
     storey = int(over / FLOOR_HEIGHT_M)
@@ -235,7 +268,7 @@ def emitted_light(opening: FacadeOpening, density: float, height_m: float, rando
 
 
 def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], random: SeededRandom) -> np.ndarray:
-    """The same of a shop: its panes, as bright as its lamps are and what they fall on."""
+    """Return the light of a shop's panes."""
     high, wide = opening.shape
     shop = int(at[0] * PLACE_STEP_M / (2 * FLAT_WIDTH_M))  # windows of one shop side by side
     level = (
@@ -253,8 +286,19 @@ def _shop_light(opening: FacadeOpening, density: float, at: tuple[int, int], ran
 
 
 def modulate_by_picture(opening: FacadeOpening, light: np.ndarray, grey: np.ndarray, clear: np.ndarray) -> np.ndarray:
-    """A light (h, w, 3) of an opening's box as what hangs and stands behind its panes lets it through: by the grey (h, w) of
-    the raster, of the mean where it is `clear` (h, w)."""
+    """Modulate the light of an opening by the picture behind its panes.
+
+    Parameters
+    ----------
+    opening : the window or shop.
+    light : (h, w, 3) light over the box of the opening.
+    grey : (h, w) picture of the facade.
+    clear : (h, w) bool glass in the box; its mean brightness is the reference.
+
+    Returns
+    -------
+    (h, w, 3) float32.
+    """
     if not clear.any():
         return light
     part = grey[opening.box].astype(np.float32)

@@ -1,4 +1,4 @@
-"""What a texel is of, by its label or by its chart's material, and how rough that is: for every model that is lit."""
+"""Materials of surfaces with their roughness and relief, from facade labels and chart materials."""
 
 from __future__ import annotations
 
@@ -106,7 +106,18 @@ GROUND_MATERIALS = (
 
 
 def classify_facade(labels: np.ndarray, wall: int, panes: np.ndarray) -> np.ndarray:
-    """The substances (h, w) uint8 of a facade with labels (h, w), a wall of substance `wall`, and panes (h, w) bool."""
+    """Classify the surface materials of a facade.
+
+    Parameters
+    ----------
+    labels : (h, w) facade classes.
+    wall : material of the wall.
+    panes : (h, w) bool, glass.
+
+    Returns
+    -------
+    (h, w) uint8 PbrMaterial.
+    """
     table = np.full(256, wall, np.uint8)
     for label, material in LABEL_MATERIALS.items():
         table[label] = material

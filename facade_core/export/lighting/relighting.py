@@ -1,4 +1,4 @@
-"""Charts for models that are lit: their colour without the light that it holds, and maps of how they take light and give it."""
+"""Relighting of charts: base colour without baked light, and the maps of a physically based material."""
 
 from __future__ import annotations
 
@@ -44,8 +44,14 @@ MAX_CACHED_CHARTS = 64
 
 
 class ChartTexels(NamedTuple):
-    """What a store knows of a chart: provenance (h, w), base_layer (h, w, 3) from the facade stages, labels (h, w) of a facade; all
-    uint8, the last two None of what is none."""
+    """Stored texels of a chart, uint8.
+
+    Attributes
+    ----------
+    provenance : (h, w) Provenance.
+    base_layer : (h, w, 3) texture of the facade stages; None for charts that are no facade.
+    labels : (h, w) facade classes; None for charts that are no facade.
+    """
 
     provenance: np.ndarray
     base_layer: np.ndarray | None
@@ -54,9 +60,18 @@ class ChartTexels(NamedTuple):
 
 @dataclass(frozen=True)
 class RelightingInputs:
-    """What is inputs of a block beside its colours. made (charts,): of what, as `GltfMaterials.field.charts` has it; textured
-    (charts,) bool: by pictures of the source's own; numbers (charts,) of charts, that chance is seeded by; sun: that lights
-    the colours, None where none does; texels: of a chart."""
+    """Facts about a block that relighting needs.
+
+    Attributes
+    ----------
+    scene : scene of the block.
+    ground : ground of the map.
+    chart_materials : (charts,) material of each chart, as in the charts of the material field.
+    has_source_texture : (charts,) bool, charts with a texture of the input model.
+    chart_numbers : (charts,) stable numbers that seed random choices.
+    sun : sun in the colours; None if there is none.
+    texels : returns the stored texels of a chart.
+    """
 
     scene: Scene
     ground: Ground
@@ -68,7 +83,7 @@ class RelightingInputs:
 
 
 def relight(source: TexturedMesh, inputs: RelightingInputs) -> TexturedMesh:
-    """The source with colours without light, and `maps`."""
+    """Return the mesh with base colours without light, and with maps."""
     charts, grounds = _ChartRelighter(source, inputs), GroundMaterials(inputs.ground)
     albedo = lru_cache(maxsize=MAX_CACHED_CHARTS)(charts.albedo)
     maps = lru_cache(maxsize=MAX_CACHED_CHARTS)(lambda chart: charts.maps(chart, albedo(chart), grounds))
@@ -80,10 +95,10 @@ class _ChartRelighter:
         self.source, self.inputs, self.scene = source, inputs, inputs.scene
 
     def albedo(self, chart: int) -> np.ndarray:
-        """The colour (h, w, 3) uint8 of a chart as light without a direction or a place would show it.
+        """Compute the base colour (h, w, 3) uint8 of a chart.
 
-        What a facade stage made of an exemplar is there without light. What the block's sun and sky added to materials is
-        worked out again and divided out; of a picture a smooth field, the wall's own.
+        The base layer of synthesised texels has no light. For materials, the sun and sky of the block are computed again and
+        divided out; for photos, a smooth shading of the wall is divided out.
         """
         inputs, (provenance, base_layer, labels) = self.inputs, self.inputs.texels(chart)
         colour, shape = self.source.raster(chart), provenance.shape
@@ -113,7 +128,7 @@ class _ChartRelighter:
         return float(self.scene.placement.texels_per_metre[chart])
 
     def sky_visibility(self, chart: int, shape: tuple[int, ...]) -> np.ndarray:
-        """How much of the sky that a chart could see its places do, (h, w) float32: 1 where nothing stands."""
+        """Return the share of the sky that texels see, relative to an unobstructed chart, (h, w) float32."""
         daylight = self.scene.daylight
         daylight.compute([chart])
         rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.start[chart])
@@ -176,8 +191,12 @@ class _ChartRelighter:
     def pane_maps(
         self, chart: int, colour: np.ndarray, labels: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Of a facade: where its panes are (h, w) bool, the slopes (h, w, 2) that they lean by, and their light at night
-        (h, w, 3), None where all is dark."""
+        """Return the maps of a facade's panes.
+
+        Returns
+        -------
+        Mask (h, w) bool of panes, their slopes (h, w, 2), and their light at night (h, w, 3); None where all is dark.
+        """
         import cv2
 
         grey, density = cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_RGB2GRAY), self.density(chart)
@@ -200,7 +219,8 @@ def _to_uint8(values: np.ndarray) -> np.ndarray:
 
 
 def _interpolate_axis(grid: np.ndarray, axis: int, texels: int) -> np.ndarray:
-    """A grid from border to border, linear between its places, at the middles of so many texels."""
+    """Interpolate a grid linearly along an axis at the centres of `texels` texels; the grid spans border to border.
+    """
     at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (grid.shape[axis] - 1)
     below = np.minimum(at.astype(np.int64), grid.shape[axis] - 2)
     part = (at - below)[:, None] if axis == 0 else at - below

@@ -1,5 +1,4 @@
-"""What a lit shop shows at night: lamps under its ceiling, a wall behind that darkens towards the floor, goods on shelves or a
-table before it."""
+"""Light of a shop at night: ceiling lamps, a back wall that darkens downwards, and shelves or a table."""
 
 from __future__ import annotations
 
@@ -59,9 +58,21 @@ FLOOR_LIGHT = 0.6
 def shop_interior_light(
     shape: tuple[int, int], density: float, kind: float, uniform: Callable[..., float]
 ) -> np.ndarray:
-    """Light (h, w, 3) float32 of a shop's pane of so many texels (h, w), shares of its lamps' light. kind: 0..1, what the shop
-    is; uniform: a number 0..1 for whole numbers, the pane's own. The same at any density, but for what is smaller than a
-    texel."""
+    """Compute the light of a shop pane relative to its lamps.
+
+    The result is the same at any density, except for details below one texel.
+
+    Parameters
+    ----------
+    shape : (h, w) texels of the pane.
+    density : texels per metre.
+    kind : 0 to 1, selects shelves or a table.
+    uniform : returns a number 0 to 1 for integer keys, seeded by the pane.
+
+    Returns
+    -------
+    (h, w, 3) float32 linear.
+    """
     high, wide = shape
     x, y = (np.arange(wide, dtype=np.float32) + 0.5) / density, (np.arange(high, dtype=np.float32) + 0.5) / high
     light = (WALL_LIGHT_FLOOR + (WALL_LIGHT_TOP - WALL_LIGHT_FLOOR) * np.exp(-np.square(y / WALL_FALLOFF)))[
@@ -85,7 +96,7 @@ def shop_interior_light(
 
 
 def _draw_shelves(shown: np.ndarray, x: np.ndarray, y: np.ndarray, uniform: Callable[..., float]) -> None:
-    """Draw shelves and what stands on them into the light (h, w, 3) of places x (w,) metres and y (h,) of the height."""
+    """Draw shelves and goods into the light (h, w, 3); x (w,) in metres, y (h,) as share of the height."""
     goods = np.floor(x / GOODS_WIDTH_M).astype(int)
     step = BOARD_HEIGHTS[1] - BOARD_HEIGHTS[0]
     for row, board in enumerate(BOARD_HEIGHTS):

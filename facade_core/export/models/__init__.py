@@ -1,1 +1,1 @@
-"""GLB and OpenUSD models of textured parts."""
+"""GLB and OpenUSD models of textured meshes."""

@@ -1,4 +1,4 @@
-"""The one buffer of a GLB, as it is put together: views of it, and accessors of what lies in them."""
+"""Binary buffer of a GLB with its buffer views and accessors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,15 @@ ELEMENT_ARRAY_BUFFER = 34963
 
 @dataclass
 class GlbBuffer:
-    """bufferViews and accessors of a glTF document, and the bytes that they are of; each part begins at a multiple of eight."""
+    """Growing binary chunk of a glTF document; each view starts at a multiple of eight bytes.
+
+    Attributes
+    ----------
+    views : bufferViews of the document.
+    accessors : accessors of the document.
+    chunks : bytes of the views in their order, padded.
+    length : bytes so far.
+    """
 
     views: list[dict[str, Any]] = field(default_factory=list)
     accessors: list[dict[str, Any]] = field(default_factory=list)
@@ -27,7 +35,7 @@ class GlbBuffer:
     length: int = 0
 
     def add_view(self, data: bytes, **more: Any) -> int:
-        """Index of a view of some bytes."""
+        """Append bytes as a buffer view and return its index."""
         self.views.append({"buffer": 0, "byteOffset": self.length, "byteLength": len(data), **more})
         self.chunks.append(data + b"\0" * (-len(data) % 8))
         self.length += len(self.chunks[-1])
@@ -36,7 +44,16 @@ class GlbBuffer:
     def add_accessor(
         self, values: np.ndarray, component: int, kind: str, *, target: int = ARRAY_BUFFER, **more: Any
     ) -> int:
-        """Index of an accessor of values (n, k), whose rows are padded to four bytes where they are a vertex'."""
+        """Append an array as an accessor with a view of its own and return its index.
+
+        Parameters
+        ----------
+        values : (n, k) one row per element; rows of vertices are padded to multiples of four bytes.
+        component : glTF component type, such as FLOAT.
+        kind : glTF accessor type, such as "VEC3".
+        target : ARRAY_BUFFER for vertices, ELEMENT_ARRAY_BUFFER for indices.
+        more : further properties of the accessor, such as min and max.
+        """
         stride = {}
         if target == ARRAY_BUFFER:
             width = -(-values.itemsize * values.shape[1] // 4) * 4
@@ -51,5 +68,5 @@ class GlbBuffer:
 
     @property
     def document_parts(self) -> dict[str, Any]:
-        """What glTF's document says of it."""
+        """Return the accessors, bufferViews and buffers of the glTF document."""
         return {"accessors": self.accessors, "bufferViews": self.views, "buffers": [{"byteLength": self.length}]}

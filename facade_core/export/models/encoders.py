@@ -1,4 +1,5 @@
-"""Pictures of tiles as JPEG, WebP, or KTX2 of Basis Universal, which graphics cards hold compressed."""
+"""Texture encoders of tiles: JPEG, WebP, and KTX2 with Basis Universal, which stays compressed on the graphics card.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +31,17 @@ MIPMAP_FACTOR = 4 / 3
 
 @dataclass(frozen=True)
 class TextureEncoder:
-    """How pages (h, w, 3) uint8 are encoded, of colours and of data, such as normals. extension: glTF's, by which textures name
-    a picture, None for what every reader knows; texel_bytes: what a graphics card holds of a texel, at most; view_mb: what
-    textures of a view take of it, MB at most, where nothing else is asked for."""
+    """Encoder of texture pages, for colours and for data such as normals.
+
+    Attributes
+    ----------
+    mime_type : MIME type of an encoded image.
+    extension : glTF extension by which a texture names its image; None for formats of core glTF.
+    bytes_per_texel : upper bound of graphics memory per texel.
+    max_view_mb : default limit for the textures of a view, MB.
+    encode : encodes a colour image (h, w, 3) uint8.
+    encode_data : encodes a data image (h, w, 3) uint8.
+    """
 
     mime_type: str
     extension: str | None
@@ -43,7 +52,12 @@ class TextureEncoder:
 
 
 def texture_encoder(name: str) -> TextureEncoder:
-    """By its name, one of ENCODERS. Raises InputError where what it needs is not installed."""
+    """Return the encoder of a name in ENCODERS.
+
+    Raises
+    ------
+    InputError : the encoder needs a package that is not installed.
+    """
     if name == "ktx2":
         try:
             import alktx2  # noqa: F401
@@ -61,7 +75,7 @@ def _webp(image: np.ndarray) -> bytes:
 
 
 def _jpeg_data(image: np.ndarray) -> bytes:
-    """Without subsampling: a normal's directions are as sharp as its length."""
+    """Encode without chroma subsampling, so that normals keep the resolution of their directions."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -70,7 +84,7 @@ def _jpeg_data(image: np.ndarray) -> bytes:
 
 
 def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
-    """ETC1S with mipmaps. The encoder gives the same bytes for any number of threads."""
+    """Encode as ETC1S with mipmaps; the bytes do not depend on the number of threads."""
     import alktx2
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""What a model answers of its parts: rows of a table as EXT_structural_metadata has them, one table for all of a model."""
+"""Feature table of a model: one row per part, as EXT_structural_metadata and EXT_mesh_features."""
 
 from __future__ import annotations
 
@@ -25,7 +25,15 @@ AddView = Callable[[bytes], int]
 
 @dataclass(frozen=True, slots=True)
 class MetadataProperty:
-    """A column: type string, int32 or double; unit, empty where it has none; meaning, a sentence."""
+    """Column of the feature table.
+
+    Attributes
+    ----------
+    name : name of the column.
+    type : "string", "int32" or "double".
+    unit : unit of the values; empty where there is none.
+    description : meaning of the column, one sentence.
+    """
 
     name: str
     type: str
@@ -33,6 +41,7 @@ class MetadataProperty:
     description: str
 
     def schema(self) -> dict[str, Any]:
+        """Return the property of the metadata class."""
         meaning = f"{self.description} ({self.unit})" if self.unit else self.description
         types: dict[str, dict[str, Any]] = {
             "string": {"type": "STRING", "noData": NO_TEXT},
@@ -43,7 +52,7 @@ class MetadataProperty:
         return {"name": self.name, "description": meaning, **types[self.type], **unit}
 
     def table_property(self, rows: Sequence[Mapping[str, Any]], add_view: AddView) -> dict[str, Any] | None:
-        """The column of some rows as a table's property; None where no row has a value."""
+        """Return the column of some rows as a property of a property table; None if no row has a value."""
         found = [row.get(self.name) for row in rows]
         if all(value is None for value in found):
             return None
@@ -62,8 +71,15 @@ class MetadataProperty:
 
 @dataclass(frozen=True)
 class FeatureTable:
-    """The parts of a block: rows, by the properties' names; of_chart (charts,), the row of each chart; of_owner (charts,), that
-    of its building, of a piece of ground its own."""
+    """Feature rows of a block and the rows that its charts belong to.
+
+    Attributes
+    ----------
+    properties : columns of the table.
+    rows : values of every row by column name.
+    chart_rows : (charts,) row of each chart.
+    owner_rows : (charts,) row of the building of each chart; ground charts have their own row.
+    """
 
     properties: tuple[MetadataProperty, ...]
     rows: Sequence[Mapping[str, Any]]
@@ -71,14 +87,30 @@ class FeatureTable:
     owner_rows: np.ndarray
 
     def select_building_rows(self, building: np.ndarray, charts_building: np.ndarray) -> np.ndarray:
-        """The rows (k,) of buildings (k,); charts_building (charts,): whose charts these features are of."""
+        """Return the rows of some buildings.
+
+        Parameters
+        ----------
+        building : (k,) building indices.
+        charts_building : (charts,) building of each chart of the block, -1 for ground.
+
+        Returns
+        -------
+        (k,) rows.
+        """
         first = np.full(int(charts_building.max(initial=-1)) + 1, -1, np.int64)
         built = charts_building >= 0
         first[charts_building[built]] = self.owner_rows[built]
         return first[building]
 
     def structural_metadata(self, rows: np.ndarray, add_view: AddView) -> dict[str, Any]:
-        """EXT_structural_metadata of some rows (k,)."""
+        """Return EXT_structural_metadata with the given rows.
+
+        Parameters
+        ----------
+        rows : (k,) rows of the table.
+        add_view : appends data to the model's buffer and returns the index of its view.
+        """
         shown = [self.rows[row] for row in rows.tolist()]
         columns = {
             one.name: found for one in self.properties if (found := one.table_property(shown, add_view)) is not None
@@ -98,10 +130,20 @@ class FeatureTable:
 
 
 def add_feature_ids(ids: np.ndarray, rows: int, buffer: GlbBuffer) -> tuple[dict[str, int], dict[str, Any]]:
-    """The attributes of a primitive's vertices that name their rows, and EXT_mesh_features of it, a set for each label.
+    """Add feature ids to a primitive: one id set per label.
 
-    ids (v, labels), of a table of so many rows. All sets are of the one table, but only the first says so: CesiumJS takes a
-    table for one set alone."""
+    All sets refer to the same table, but only the first says so, because CesiumJS accepts a table for one set only.
+
+    Parameters
+    ----------
+    ids : (v, labels) row of every vertex per label.
+    rows : number of rows of the table.
+    buffer : buffer of the model; changed in place.
+
+    Returns
+    -------
+    Attributes of the primitive, and its EXT_mesh_features.
+    """
     kind, component = ("<u2", UNSIGNED_SHORT) if rows <= np.iinfo("<u2").max else ("<f4", FLOAT)
     attributes = {
         f"_FEATURE_ID_{number}": buffer.add_accessor(ids[:, number : number + 1].astype(kind), component, "SCALAR")

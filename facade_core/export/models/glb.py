@@ -1,4 +1,4 @@
-"""Binary glTF 2.0, written directly: pictures go in byte for byte as they were encoded."""
+"""Writer of binary glTF 2.0; encoded images are embedded byte for byte."""
 
 from __future__ import annotations
 
@@ -51,11 +51,16 @@ SAMPLERS = [
 
 @dataclass(frozen=True)
 class Primitive:
-    """Triangles that show one picture, in glTF's frame (y up).
+    """Triangles with one material, in glTF's frame (y up).
 
-    position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, u right and v down; triangles (t, 3) vertex indices,
-    counter-clockwise seen from outside; picture, the index of the look they show; tangent (v, 3), of what is
-    lit: unit, along u.
+    Attributes
+    ----------
+    position : (v, 3) metres.
+    normal : (v, 3) unit vectors.
+    uv : (v, 2) texture coordinates 0 to 1, u right and v down.
+    triangles : (t, 3) vertex indices, counter-clockwise as seen from outside.
+    material : index of the material.
+    tangent : (v, 3) unit vectors along u; only of materials with normal maps.
     """
 
     position: np.ndarray
@@ -68,7 +73,7 @@ class Primitive:
 
 @dataclass(frozen=True)
 class GltfNode:
-    """A named part of a model."""
+    """Named node of a model."""
 
     name: str
     primitives: tuple[Primitive, ...]
@@ -82,10 +87,17 @@ def encode_glb(
     copyright: str = "",
     time: TimeOfDay = "day",
 ) -> bytes:
-    """A model as GLB: one glTF node per Node, every picture of `materials` embedded as it is, all JPEG. extras are the scene's;
-    copyright, the asset's: whom to name for what it is made from; time, of what is lit.
+    """Encode nodes as GLB, one glTF node each, with JPEG images embedded unchanged.
 
-    What is a picture alone is unlit: it holds the light of the day on which it was taken.
+    Materials of a plain image are unlit, because a photo already contains the light of its day.
+
+    Parameters
+    ----------
+    nodes : nodes of the model; those without primitives are left out.
+    materials : textures of each material, or its JPEG alone.
+    extras : extras of the scene.
+    copyright : attribution in the asset.
+    time : time of day shown by emissive materials.
     """
     gltf = build_gltf_materials(
         [one if isinstance(one, MaterialTextures) else MaterialTextures(one) for one in materials], time=time
@@ -164,7 +176,13 @@ def encode_glb(
 
 
 def pack_glb(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
-    """A GLB of glTF's document and the parts of its buffer, which take multiples of four bytes together."""
+    """Pack a glTF document and its buffer as GLB.
+
+    Parameters
+    ----------
+    document : glTF document.
+    chunks : parts of the buffer; together a multiple of four bytes.
+    """
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     # the buffer begins at a multiple of eight bytes, as tables in it want
     text += b" " * (-(HEADER_BYTES + 8 + len(text) + 8) % 8)
@@ -175,8 +193,12 @@ def pack_glb(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
 
 
 def read_glb_header(file: BinaryIO) -> tuple[dict[str, Any], int]:
-    """What the JSON chunk of a GLB file says, and where the data of its binary chunk begin. Raises ValueError for any other
-    file."""
+    """Read the JSON document of a GLB file and the offset of its binary data.
+
+    Raises
+    ------
+    ValueError : the file is not a GLB.
+    """
     head = file.read(HEADER_BYTES + 8)
     magic, _, _, length, name = struct.unpack("<4sIIII", head) if len(head) == HEADER_BYTES + 8 else (b"", 0, 0, 0, 0)
     if magic != b"glTF" or name != JSON_CHUNK:
@@ -185,19 +207,28 @@ def read_glb_header(file: BinaryIO) -> tuple[dict[str, Any], int]:
 
 
 def replace_copyright(glb: bytes, copyright: str) -> bytes:
-    """The same model, whose asset names whom it is from."""
+    """Return the same model with another copyright in its asset."""
     document, data = read_glb_header(io.BytesIO(glb))
     said = document | {"asset": document["asset"] | {"copyright": copyright}}
     return pack_glb(said, [glb[data:]] if len(glb) > data else [])
 
 
 def embedded_images(glb: bytes) -> list[bytes]:
-    """The pictures of a model that `encode_glb` made."""
+    """Return the encoded images of a model that `encode_glb` wrote."""
     document, data = read_glb_header(io.BytesIO(glb))
     views = [document["bufferViews"][image["bufferView"]] for image in document.get("images", [])]
     return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
 
 
 def tangent_vectors(along: np.ndarray) -> np.ndarray:
-    """TANGENT (v, 4) of unit vectors (v, 3) along u of pictures whose v runs down surfaces: normals with x right and y up."""
+    """Return the TANGENT attribute for textures with x right and v down.
+
+    Parameters
+    ----------
+    along : (v, 3) unit vectors along u.
+
+    Returns
+    -------
+    (v, 4) float32.
+    """
     return np.column_stack([along, np.ones(len(along))]).astype("<f4")

@@ -1,4 +1,4 @@
-"""Models of `encode_glb` joined into one, their geometry and pictures copied byte for byte: nothing is encoded again."""
+"""Merge of GLB files of `encode_glb` into one; geometry and images are copied byte for byte."""
 
 from __future__ import annotations
 
@@ -27,7 +27,15 @@ INDEXED_LISTS = ("accessors", "bufferViews", "images", "materials", "meshes", "t
 
 @dataclass(frozen=True)
 class GlbFile:
-    """A model in a file: what its header says, and where its binary chunk begins and how long it is, bytes."""
+    """GLB file with its parsed header.
+
+    Attributes
+    ----------
+    path : the file.
+    document : its glTF document.
+    start : offset of the binary data in the file, bytes.
+    length : length of the binary data, bytes.
+    """
 
     path: Path
     document: Mapping[str, Any]
@@ -36,7 +44,12 @@ class GlbFile:
 
 
 def read_glb_file(path: Path) -> GlbFile:
-    """A GLB file as a part. Raises ValueError for any other file."""
+    """Read the header of a GLB file.
+
+    Raises
+    ------
+    ValueError : the file is not a GLB.
+    """
     with path.open("rb") as file:
         document, start = read_glb_header(file)
         length = sum(buffer["byteLength"] for buffer in document.get("buffers", ()))
@@ -46,11 +59,18 @@ def read_glb_file(path: Path) -> GlbFile:
 def merge_glbs(
     path: Path, parts: Sequence[GlbFile], origin: Sequence[float], *, extras: Mapping[str, Any], copyright: str = ""
 ) -> int:
-    """Write the parts as one GLB file around `origin` (world metres), which appears whole or not at all; returns its bytes.
+    """Write several models as one GLB and return its size in bytes.
 
-    Each part states its own `origin` in its scene's extras: its nodes are moved from there. extras are the new scene's;
-    copyright is stated with that of the parts, each part of it once. No more
-    than a block of a file is in memory.
+    Each part states its own `origin` in the extras of its scene; its nodes are translated from there. The file is replaced
+    atomically, and binary data are streamed.
+
+    Parameters
+    ----------
+    path : file to write.
+    parts : models to merge.
+    origin : (3,) origin of the new model, world metres.
+    extras : extras of the new scene.
+    copyright : attribution; those of the parts are added, each once.
     """
     document: dict[str, Any] = {name: [] for name in (*INDEXED_LISTS, "nodes")}
     length = 0
@@ -85,7 +105,7 @@ def merge_glbs(
 def _append_document(
     document: dict[str, Any], part: Mapping[str, Any], first: Mapping[str, int], offset: int, origin: Sequence[float]
 ) -> None:
-    """Add a part's lists to those of a document; `offset`: where its binary data begin in the joined ones."""
+    """Append the lists of a part's document; `offset` is the start of its binary data in the merged buffer."""
     if "nodes" not in part:
         return
     views, pictures = first["bufferViews"], first["images"]

@@ -1,4 +1,5 @@
-"""What a model's materials show: a picture each, unlit, or colour with normals, roughness, occlusion and light at night."""
+"""glTF materials: unlit images, or physically based materials with normal, occlusion, roughness and emissive textures.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +20,24 @@ TimeOfDay = Literal["day", "night", "day or night", "night or day"]
 
 
 def relative_texel_count(has_maps: bool, time: TimeOfDay) -> float:
-    """Texels of a page's pictures for each of its colour, at most: a map has a quarter of them."""
+    """Return the upper bound of texels of all textures of a page per texel of its base colour.
+
+    A map has a quarter of the texels of the base colour.
+    """
     return 1.0 + (0.25 * (2 if time == DAY else 3) if has_maps else 0.0)
 
 
 @dataclass(frozen=True)
 class MaterialTextures:
-    """The encoded pictures of a page; without normals it is unlit, without glow dark at night."""
+    """Encoded textures of a page; unlit without normals, without emission at night where `emissive` is None.
+
+    Attributes
+    ----------
+    base_colour : colour, sRGB.
+    normal : tangent-space normals.
+    orm : occlusion, roughness and metalness in red, green and blue.
+    emissive : light of windows at night, sRGB.
+    """
 
     base_colour: bytes
     normal: bytes | None = None
@@ -34,7 +46,7 @@ class MaterialTextures:
 
 
 def encode_textures(images: PageImages, encoder: TextureEncoder) -> MaterialTextures:
-    """A page, encoded."""
+    """Encode the images of a page."""
     maps = images.maps
     if maps is None:
         return MaterialTextures(encoder.encode(images.base_colour))
@@ -48,8 +60,15 @@ def encode_textures(images: PageImages, encoder: TextureEncoder) -> MaterialText
 
 @dataclass(frozen=True)
 class GltfMaterials:
-    """Of pages: the pictures in their order; what glTF's document says of materials and textures (images name views on
-    the pictures that the caller adds); extensions that these use; of each look what a primitive that shows it says."""
+    """Parts of a glTF document that describe materials.
+
+    Attributes
+    ----------
+    images : encoded images in the order of the textures' sources; the caller adds them to the document.
+    document_parts : materials, textures and extensions of the document.
+    extensions_used : names of the extensions.
+    primitives : per material, the properties of a primitive that uses it.
+    """
 
     images: tuple[bytes, ...]
     document_parts: dict[str, Any]
@@ -60,7 +79,10 @@ class GltfMaterials:
 def build_gltf_materials(
     pages: Sequence[MaterialTextures], encoder: TextureEncoder = ENCODERS["jpeg"], time: TimeOfDay = "day"
 ) -> GltfMaterials:
-    """The materials of pages, at a time of day."""
+    """Build one glTF material per page for a time of day.
+
+    With a choice of time ("day or night"), emissive pages get two materials as KHR_materials_variants.
+    """
     pictures: list[bytes] = []
     textures: list[dict[str, Any]] = []
     used = [encoder.extension] if encoder.extension else []

@@ -1,5 +1,7 @@
-"""Pieces of any outline on few pages whose sides are powers of two: a piece takes the cells that its triangles need, and others
-lie in its notches. First fit, row by row, the largest first."""
+"""Packing of pieces of any outline on pages whose sides are powers of two.
+
+A piece occupies the cells of its triangles, so that other pieces fit into its notches. First fit, row by row, largest first.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +32,33 @@ SortKey = Callable[[np.ndarray], tuple[int, ...]]
 
 
 def shrink_for_border(size: np.ndarray) -> np.ndarray:
-    """Sizes (n, 2) in texels, by as little smaller as lets a side that just fits a power of two fit it with its border."""
+    """Shrink sizes just enough that a side which fits a power of two still fits it with its border.
+
+    Parameters
+    ----------
+    size : (n, 2) width and height in texels.
+
+    Returns
+    -------
+    (n, 2) sizes.
+    """
     side = 2 ** np.ceil(np.log2(np.maximum(size, 1))).astype(np.int64)
     fits = size + 2 * CELL_TEXELS <= side
     return np.where(fits | (side < 32 * CELL_TEXELS), size, np.minimum(size, side - 2 * CELL_TEXELS))
 
 
 def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """The cells (h, w) bool that triangles (t, 3, 2), texels of a raster of size (width, height), take with a border of a cell.
-    The first cell is the border's: the raster begins at the second."""
+    """Mark the cells that triangles cover, with a border of one cell.
+
+    Parameters
+    ----------
+    triangles : (t, 3, 2) corners in texels of the raster.
+    size : width and height of the raster in texels.
+
+    Returns
+    -------
+    (rows, columns) bool; the raster starts at cell (1, 1), inside the border.
+    """
     import cv2
 
     width, height = size
@@ -54,7 +74,17 @@ def rasterise_cells(triangles: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> PageLayout:
-    """Pieces with masks of cells and size (n, 2) in texels on as few texels of pages as first fit finds."""
+    """Pack pieces on pages with as few texels as first fit finds.
+
+    Parameters
+    ----------
+    masks : cells of each piece with its border, from `rasterise_cells`.
+    size : (n, 2) width and height of each piece in texels.
+
+    Raises
+    ------
+    ValueError : a piece is larger than the largest page.
+    """
     n = len(masks)
     need = sum(int(mask.sum()) for mask in masks)
     longest = np.array([mask.shape[::-1] for mask in masks]).reshape(-1, 2).max(axis=0, initial=1)
@@ -84,7 +114,7 @@ def _sort_pieces(masks: Sequence[np.ndarray], measure: SortKey) -> list[int]:
 
 
 def _candidate_pages(need: int, longest: np.ndarray) -> list[PageCells]:
-    """Pages (width, height) in cells, with the least room first; the first page holds the longest piece."""
+    """Return sets of pages (width, height) in cells by increasing area; the first page holds the longest piece."""
     if not need:
         return [()]
     low, high = (int(np.log2(side // CELL_TEXELS)) for side in (MIN_PAGE_TEXELS, MAX_PAGE_TEXELS))
@@ -110,7 +140,7 @@ def _place_pieces(
     order: Sequence[int],
     pages: PageCells,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Page, column and row (n,) of every piece; None where they do not fit."""
+    """Return page, column and row (n,) of every piece; None if they do not fit."""
     place = [np.zeros(len(masks), np.int64) for _ in range(3)]
     left = list(order)
     for number, (width, height) in enumerate(pages):
@@ -131,7 +161,7 @@ def _place_pieces(
 
 
 def _find_runs(mask: np.ndarray) -> np.ndarray:
-    """The runs (r, 3) of taken cells of a mask: row, first column, column behind the last."""
+    """Return the runs (r, 3) of set cells of a mask: row, first column, end column."""
     edges = np.diff(np.pad(mask, [(0, 0), (1, 1)]).astype(np.int8), axis=1)
     row, start = np.nonzero(edges == 1)
     _, stop = np.nonzero(edges == -1)
@@ -140,9 +170,12 @@ def _find_runs(mask: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _first_fit(taken: np.ndarray, end: np.ndarray, runs: np.ndarray, columns: int, rows: int) -> tuple[int, int]:
-    """Where a piece fits first, by rows, then columns: its cells are marked there. (-1, -1): nowhere.
+    """Find the first position by rows, then columns, mark its cells and return (x, y); (-1, -1) if there is none.
 
-    taken[y, x]: the first taken cell of row y at x or behind it; end[y, x]: of a taken cell, the end of the run that it is in.
+    Parameters
+    ----------
+    taken : taken[y, x] is the first taken cell of row y at or after x.
+    end : end[y, x] of a taken cell is the end of its run.
     """
     height, width = taken.shape[0], taken.shape[1] - 1
     for y in range(height - rows + 1):

@@ -1,4 +1,4 @@
-"""Pictures of many planar pieces laid out on few pages, safe to be seen from far: no mip level mixes two pieces."""
+"""Texture pages of many planar pieces, laid out so that no mip level mixes two pieces."""
 
 from __future__ import annotations
 
@@ -25,8 +25,15 @@ EXPECTED_FILL = 0.85
 
 @dataclass(frozen=True)
 class PageLayout:
-    """Where pieces lie: page, x, y (n,) int64, the first texel inside the gutter; size (n, 2) int64 width and height in
-    texels; pages (p, 2) int64, width and height of every page."""
+    """Positions of pieces on pages.
+
+    Attributes
+    ----------
+    page : (n,) page of each piece.
+    x, y : (n,) first texel inside the gutter.
+    size : (n, 2) width and height of each piece in texels.
+    pages : (p, 2) width and height of each page in texels.
+    """
 
     page: np.ndarray
     x: np.ndarray
@@ -36,8 +43,14 @@ class PageLayout:
 
 
 class PbrMaps(NamedTuple):
-    """Of a chart at half its texels, (h, w, 3) uint8 each: normals as glTF has them, x right, y up; occlusion, roughness and
-    metal; light at night, sRGB, None where it is dark."""
+    """Maps of a chart at half its texels, (h, w, 3) uint8 each.
+
+    Attributes
+    ----------
+    normal : tangent-space normals as in glTF, x right and y up.
+    orm : occlusion, roughness and metalness.
+    emissive : light at night, sRGB; None where dark.
+    """
 
     normal: np.ndarray
     orm: np.ndarray
@@ -46,22 +59,27 @@ class PbrMaps(NamedTuple):
 
 @dataclass(frozen=True)
 class PageImages:
-    """A page (h, w, 3) uint8, and its maps at half of that where it is lit."""
+    """Images of a page: base colour (h, w, 3) uint8, and maps at half its size if it is relit."""
 
     base_colour: np.ndarray
     maps: PbrMaps | None = None
 
 
 def halve_layout(layout: PageLayout) -> PageLayout:
-    """A layout of half the texels: pieces and pages begin and end on even texels but for a piece's own end."""
+    """Return the layout of the maps, at half the texels."""
     return PageLayout(layout.page, layout.x // 2, layout.y // 2, (layout.size + 1) // 2, layout.pages // 2)
 
 
 def lay_out_shelves(size: np.ndarray, group: np.ndarray, *, largest: int = MAX_SHELF_PAGE_TEXELS) -> PageLayout:
-    """Put pieces of `size` (n, 2), width and height in texels, on shelves of pages of at most `max_chart_side` square.
+    """Lay out pieces on shelves of pages of at most `largest` texels square.
 
-    group (n,) ints in rising order of place: pieces of one group lie together, and a page is shared only by groups that follow
-    one another. Pages are as small as their pieces allow. A piece and its gutters must fit a page.
+    Pages are as small as their pieces allow. A piece and its gutters must fit a page.
+
+    Parameters
+    ----------
+    size : (n, 2) width and height in texels.
+    group : (n,) groups in spatial order; a group stays together, and only consecutive groups share a page.
+    largest : maximum side of a page, texels.
     """
     box = -(-(size + 2 * GUTTER_TEXELS) // GUTTER_TEXELS) * GUTTER_TEXELS
     n = len(size)
@@ -87,7 +105,7 @@ def lay_out_shelves(size: np.ndarray, group: np.ndarray, *, largest: int = MAX_S
 
 
 def _bundle_groups(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarray]:
-    """Pieces bundled by groups that follow one another, as many as fit a page together."""
+    """Bundle pieces of consecutive groups, as many as fit one page."""
     groups, of = np.unique(group, return_inverse=True)
     total = np.bincount(of, area, minlength=len(groups))
     bundle = np.zeros(len(groups), np.int64)
@@ -107,8 +125,14 @@ def _page_width(box: np.ndarray, largest: int) -> int:
 
 
 def fill_between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
-    """An atlas page (h, w, 3) with what lies between its charts and their gutters coloured like them, so that mipmaps do not
-    bleed."""
+    """Fill an atlas page between its charts with their colours, so that mipmaps do not bleed.
+
+    Parameters
+    ----------
+    scene : the scene with the placement of its charts.
+    page : number of the page.
+    colour : (h, w, 3) the page.
+    """
     owned = np.zeros(colour.shape[:2], bool)
     placement, gutter = scene.placement, scene.spec.gutter
     for chart in np.flatnonzero(placement.page == page).tolist():
@@ -123,7 +147,19 @@ def fill_between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarr
 def draw_page(
     layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER_TEXELS
 ) -> np.ndarray:
-    """One page (h, w, 3) uint8 with the rasters of its pieces, their borders repeated, and the mean colour between."""
+    """Draw a page from the rasters of its pieces, with repeated borders and the mean colour between.
+
+    Parameters
+    ----------
+    layout : positions of the pieces.
+    page : number of the page.
+    raster : returns the raster (h, w, 3) uint8 of a piece.
+    gutter : texels of border around each piece.
+
+    Returns
+    -------
+    (height, width, 3) uint8.
+    """
     width, height = layout.pages[page].tolist()
     drawn = np.zeros((height, width, 3), np.uint8)
     free = np.ones((height, width), bool)
@@ -144,7 +180,13 @@ def draw_page(
 
 
 def downscale(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """An image (h, w, k) made smaller to size = (width, height), by area."""
+    """Downscale an image by area averaging.
+
+    Parameters
+    ----------
+    image : (h, w, k) image.
+    size : (width, height) of the result.
+    """
     import cv2
 
     if image.shape[:2] == size[::-1]:
@@ -153,7 +195,7 @@ def downscale(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def encode_jpeg(image: np.ndarray, quality: int = JPEG_QUALITY) -> bytes:
-    """An image (h, w, 3) uint8 RGB as JPEG."""
+    """Encode an RGB image (h, w, 3) uint8 as JPEG."""
     from PIL import Image
 
     buffer = io.BytesIO()

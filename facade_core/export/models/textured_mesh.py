@@ -1,4 +1,4 @@
-"""Parts of a block as textured models: their charts' rasters on pages of their own, one node per building."""
+"""Textured mesh of a block, packed on texture pages, with one model node per building."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MAX_CACHED_PAGES = 12
 
 
 class ModelFrame(Protocol):
-    """From world metres (n, 3) to a model's own frame, as glTF has it: y up. Directions keep their length."""
+    """Transform from world metres (n, 3) to the frame of a model; directions keep their length."""
 
     def points(self, world: np.ndarray) -> np.ndarray: ...
 
@@ -43,7 +43,12 @@ class ModelFrame(Protocol):
 
 @dataclass(frozen=True)
 class LocalFrame:
-    """x east, y up, z south of the grid, around `origin` (3,) in world metres."""
+    """glTF frame around a local origin: x east, y up, z south of the grid.
+
+    Attributes
+    ----------
+    origin : (3,) world metres.
+    """
 
     origin: np.ndarray
 
@@ -55,12 +60,12 @@ class LocalFrame:
 
 
 def to_y_up(points: np.ndarray) -> np.ndarray:
-    """(n, 3) with z up as glTF has it: (x, y, z) -> (x, z, -y)."""
+    """Convert coordinates (n, 3) from z up to y up: (x, y, z) -> (x, z, -y)."""
     return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
 
 
 def local_frame(mesh: Mesh) -> LocalFrame:
-    """Around the middle of a mesh, in whole metres, on its lowest point."""
+    """Return the frame around the centre of a mesh in whole metres, at its lowest point."""
     points = mesh.vertices[mesh.triangles.reshape(-1)]
     low, high = points.min(axis=0), points.max(axis=0)
     return LocalFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
@@ -68,9 +73,17 @@ def local_frame(mesh: Mesh) -> LocalFrame:
 
 @dataclass(frozen=True)
 class TexturedMesh:
-    """Charts that have a raster each: mesh without triangles too small to show; extent (n, 2) metres that each raster covers
-    from its chart's origin; texels (n, 2) its width and height; raster, a chart's raster (h, w, 3) uint8; maps, of charts that
-    are lit, else None."""
+    """Mesh whose charts have a raster each.
+
+    Attributes
+    ----------
+    charts : charts of the mesh.
+    mesh : triangles, without those too small to be visible.
+    extent : (n, 2) metres that each raster covers from its chart's origin.
+    texels : (n, 2) width and height of each raster.
+    raster : returns the raster (h, w, 3) uint8 of a chart.
+    maps : returns the maps of a chart; None if the mesh is not relit.
+    """
 
     charts: Charts
     mesh: Mesh
@@ -81,34 +94,40 @@ class TexturedMesh:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """Of every vertex, outward, (v, 3)."""
+        """Return the outward normal of every vertex, (v, 3)."""
         return self.charts.normals()[self.mesh.vertex_chart]
 
     @cached_property
     def coordinates(self) -> np.ndarray:
-        """Every vertex in its chart's frame, (v, 2) metres."""
+        """Return every vertex in the frame of its chart, (v, 2) metres."""
         return self.mesh.chart_coordinates(self.charts)
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """The middle of every chart, (n, 3) metres."""
+        """Return the centre of every chart, (n, 3) metres."""
         return self.charts.points(np.arange(len(self.charts)), *self.charts.size.T / 2)
 
     def select_charts(self, buildings: np.ndarray) -> np.ndarray:
-        """The charts of some buildings, -1 for the ground, that have triangles."""
+        """Return the charts with triangles of some buildings (-1 for ground)."""
         drawn = np.zeros(len(self.charts), bool)
         drawn[self.mesh.chart] = True
         return np.flatnonzero(drawn & np.isin(self.charts.building, buildings))
 
 
 def triangle_areas(mesh: Mesh) -> np.ndarray:
-    """The area of every triangle, (t,) m2."""
+    """Return the area of every triangle, (t,) m2."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def build_textured_mesh(scene: Scene, read_page: Callable[[int], np.ndarray]) -> TexturedMesh:
-    """A block with the atlas pages (h, w, 3) uint8 that `read_page` gives."""
+    """Build the textured mesh of a block from its atlas pages.
+
+    Parameters
+    ----------
+    scene : scene with the placement of its charts.
+    read_page : returns an atlas page (h, w, 3) uint8; the last pages are cached.
+    """
     held = lru_cache(maxsize=MAX_CACHED_PAGES)(read_page)
     placement, mesh = scene.placement, scene.mesh
 
@@ -128,7 +147,7 @@ def build_textured_mesh(scene: Scene, read_page: Callable[[int], np.ndarray]) ->
 
 
 def filter_triangles(mesh: Mesh, keep: np.ndarray) -> Mesh:
-    """A mesh with the triangles that `keep` (t,) bool holds; vertices stay as they are."""
+    """Return a mesh with the triangles where `keep` (t,) bool holds; vertices stay."""
     return Mesh(
         mesh.vertices, mesh.triangles[keep], mesh.chart[keep], mesh.vertex_chart, mesh.texture[keep], mesh.uv[keep]
     )
@@ -136,14 +155,31 @@ def filter_triangles(mesh: Mesh, keep: np.ndarray) -> Mesh:
 
 @dataclass(frozen=True)
 class PackedCharts:
-    """Charts of one Textured laid out on pages: layout of `charts` (k,), and the JPEG of every page."""
+    """Charts of a textured mesh with their layout on pages.
+
+    Attributes
+    ----------
+    source : the textured mesh.
+    charts : (k,) chart ids, ascending.
+    layout : layout of these charts.
+    """
 
     source: TexturedMesh
     charts: np.ndarray
     layout: PageLayout
 
     def texture_coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Where points (n, 2), metres in their charts' frames, of charts (n,) lie on their page: (n, 2), 0 to 1, v down."""
+        """Return the texture coordinates of points on their pages.
+
+        Parameters
+        ----------
+        chart : (n,) chart of each point.
+        points : (n, 2) metres in the frame of its chart.
+
+        Returns
+        -------
+        (n, 2) 0 to 1, v down.
+        """
         place, layout = np.searchsorted(self.charts, chart), self.layout
         share = np.clip(points / self.source.extent[chart], 0, 1)
         corner = np.column_stack([layout.x[place], layout.y[place]])
@@ -151,14 +187,21 @@ class PackedCharts:
 
 
 def pack_charts(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) -> PackedCharts:
-    """Lay out charts (k,), ascending, at `scale` of their texels; neighbouring buildings share pages."""
+    """Pack charts on pages, with neighbouring buildings on the same page.
+
+    Parameters
+    ----------
+    source : the textured mesh.
+    charts : (k,) chart ids, ascending.
+    scale : factor on the texels of the charts.
+    """
     size = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
     size = np.minimum(size, MAX_SHELF_PAGE_TEXELS - 2 * GUTTER_TEXELS)
     return PackedCharts(source, charts, lay_out_shelves(size, _rank_by_place(source, charts)))
 
 
 def _rank_by_place(source: TexturedMesh, charts: np.ndarray) -> np.ndarray:
-    """A number for the building of each chart, for each piece of ground its own, that rises along a curve through the block."""
+    """Return a rank per chart: one per building or piece of ground, along a space-filling curve."""
     if not len(charts):
         return np.zeros(0, np.int64)
     building = source.charts.building[charts]
@@ -172,7 +215,7 @@ def _rank_by_place(source: TexturedMesh, charts: np.ndarray) -> np.ndarray:
 
 
 def _z_order(cell: np.ndarray) -> np.ndarray:
-    """Positions (n, 2) of 16 bits along the Z-order curve."""
+    """Return the Z-order code of cells (n, 2) of 16 bits."""
     code = np.zeros(len(cell), np.int64)
     for bit in range(16):
         for axis in range(2):
@@ -181,17 +224,17 @@ def _z_order(cell: np.ndarray) -> np.ndarray:
 
 
 def encode_pages(drawn: PackedCharts) -> list[bytes]:
-    """Every page of a layout, encoded."""
+    """Encode every page as JPEG."""
     return [encode_page(drawn, page) for page in range(len(drawn.layout.pages))]
 
 
 def encode_page(drawn: PackedCharts, page: int) -> bytes:
-    """A page of a layout, encoded."""
+    """Encode one page as JPEG."""
     return encode_jpeg(_draw_base_colour(drawn, page))
 
 
 def draw_page_images(drawn: PackedCharts, page: int) -> PageImages:
-    """A page of a layout, with its maps where its source has them."""
+    """Draw a page, with its maps if the source has them."""
     maps, half = drawn.source.maps, halve_layout(drawn.layout)
     return PageImages(
         _draw_base_colour(drawn, page),
@@ -212,7 +255,14 @@ def _draw_base_colour(drawn: PackedCharts, page: int) -> np.ndarray:
 def draw_page_maps(
     drawn: PackedCharts, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]
 ) -> PbrMaps:
-    """The maps of a page; `draw` puts rasters of its pieces at half their texels on it."""
+    """Draw the maps of a page.
+
+    Parameters
+    ----------
+    packed : charts with their layout.
+    page : number of the page.
+    draw : draws rasters of pieces, at half their texels, on the page.
+    """
     assert drawn.source.maps is not None
     found: dict[int, tuple[np.ndarray | None, ...]] = {}
     for i in np.flatnonzero(drawn.layout.page == page).tolist():
@@ -235,9 +285,17 @@ def draw_page_maps(
 def build_nodes(
     drawn: Sequence[PackedCharts], names: Mapping[int, str], frame: ModelFrame
 ) -> tuple[list[GltfNode], np.ndarray]:
-    """One node per building, in their order, then the ground, from layouts whose pages follow one another.
+    """Build one node per building in their order, then the ground.
 
-    names: building -> name. Second, the least and greatest corner (2, 3) of the model in its frame, after glTF.
+    Parameters
+    ----------
+    parts : packed charts whose pages are numbered consecutively.
+    names : name of each building.
+    frame : frame of the model.
+
+    Returns
+    -------
+    The nodes, and the bounds (2, 3) of the model in its frame.
     """
     primitives: dict[int, list[Primitive]] = {}
     low, high = np.full(3, np.inf), np.full(3, -np.inf)

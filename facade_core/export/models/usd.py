@@ -1,4 +1,4 @@
-"""OpenUSD stages of textured parts, through Pixar's usd-core: metres, z up, one prim a building."""
+"""OpenUSD stages of textured meshes through Pixar's usd-core: metres, z up, one prim per building."""
 
 from __future__ import annotations
 
@@ -28,8 +28,14 @@ TIME_VARIANT_SET = "time"
 
 @dataclass(frozen=True)
 class TextureFiles:
-    """The asset paths of a page's pictures, from a building's stage: colour, and where it is lit normals; occlusion, roughness
-    and metal; light at night, where any is."""
+    """Asset paths of a page's textures relative to a building's stage.
+
+    Attributes
+    ----------
+    base_colour : colour.
+    normal, orm : normals; occlusion, roughness and metalness; None if unlit.
+    emissive : light at night; None where dark.
+    """
 
     base_colour: str
     normal: str | None = None
@@ -39,7 +45,12 @@ class TextureFiles:
 
 @dataclass(frozen=True)
 class ZUpFrame:
-    """x east, y north, z up, around `origin` (3,) in world metres: what models.Frame is where z is up."""
+    """Model frame with x east, y north, z up around an origin.
+
+    Attributes
+    ----------
+    origin : (3,) world metres.
+    """
 
     origin: np.ndarray
 
@@ -51,7 +62,12 @@ class ZUpFrame:
 
 
 def import_usd() -> Any:
-    """The package pxr. Raises InputError with the remedy where it is not installed."""
+    """Import and return the package pxr.
+
+    Raises
+    ------
+    InputError : usd-core is not installed; the message names the remedy.
+    """
     try:
         import pxr.Usd
     except ImportError as error:
@@ -64,10 +80,15 @@ def import_usd() -> Any:
 def write_usd_building(
     path: Path, node: GltfNode, pages: Sequence[TextureFiles], custom_data: Mapping[str, Any], time: str | None = None
 ) -> None:
-    """A stage of one node: its meshes by page, and a material for each of these.
+    """Write the stage of one building: its meshes by page with their materials.
 
-    said: what the prim says of itself, in customData; time: which of its variants DAY and NIGHT is shown, None where it has
-    none.
+    Parameters
+    ----------
+    path : file to write.
+    node : the building.
+    pages : textures by page.
+    custom_data : customData of the prim; values of None are left out.
+    time : selected variant, DAY or NIGHT; None without variants.
     """
     import_usd()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
@@ -106,8 +127,16 @@ def write_usd_building(
 def write_usd_block(
     path: Path, parts: Mapping[str, str], custom_data: Mapping[str, Any], comment: str, time: str | None = None
 ) -> None:
-    """A stage that references those of its parts: name -> the asset path, from the stage's folder. said: in the layer's
-    customLayerData; comment: the layer's, whom to name; time: which variant all of them show, None where they have none."""
+    """Write a stage that references the stages of its buildings.
+
+    Parameters
+    ----------
+    path : file to write.
+    parts : asset path of each building, relative to the folder of the stage.
+    custom_data : customLayerData of the layer.
+    comment : attribution, as the comment of the layer.
+    time : selected variant of all buildings; None without variants.
+    """
     import_usd()
     from pxr import Kind, Usd, UsdGeom
 
@@ -133,7 +162,7 @@ def write_usd_block(
 
 
 def write_usd_package(folder: Path, names: Sequence[str], path: Path) -> None:
-    """Files of a folder, by their paths in it, as one .usdz file; the first is the stage that it opens."""
+    """Pack files of a folder as .usdz; the first name is the stage that opens."""
     import_usd()
     from pxr import Sdf
 
@@ -143,7 +172,7 @@ def write_usd_package(folder: Path, names: Sequence[str], path: Path) -> None:
 
 
 def prim_identifier(name: str) -> str:
-    """A name as a prim may have it: what it cannot have as its code, so that no two names become one."""
+    """Return a valid prim name; invalid characters become their code, so names stay distinct."""
     found = "".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}_" for c in name)
     return found if found[:1].isalpha() else f"_{found}"
 
@@ -158,7 +187,7 @@ def _create_stage(path: Path) -> Any:
 
 
 def _add_time_variants(prim: Any, first: str, edits: Mapping[str, Callable[[], None]]) -> None:
-    """Variants DAY and NIGHT of a prim, `first` of which is shown; what each says is written while it is edited."""
+    """Add the variants DAY and NIGHT, make the edits of each, and select `first`."""
     variants = prim.GetVariantSets().AddVariantSet(TIME_VARIANT_SET)
     for name in (DAY, NIGHT):
         variants.AddVariant(name)
@@ -169,7 +198,7 @@ def _add_time_variants(prim: Any, first: str, edits: Mapping[str, Callable[[], N
 
 
 def _define_material(stage: Any, path: str, page: TextureFiles) -> Any:
-    """A UsdPreviewSurface that shows a page's colour, and takes light as its maps say."""
+    """Define a UsdPreviewSurface with the textures of a page."""
     from pxr import Sdf, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
@@ -197,7 +226,7 @@ def _define_material(stage: Any, path: str, page: TextureFiles) -> Any:
 
 
 def _connect_emissive(stage: Any, name: str, node: GltfNode, pages: Sequence[TextureFiles]) -> None:
-    """Windows give light."""
+    """Connect the emissive textures of a building."""
     from pxr import Sdf, UsdShade
 
     for primitive in node.primitives:
@@ -213,7 +242,7 @@ def _connect_emissive(stage: Any, name: str, node: GltfNode, pages: Sequence[Tex
 def _define_texture(
     stage: Any, path: str, picture: str, place: Any, space: str, *, scale: float = 1.0, bias: float = 0.0
 ) -> Any:
-    """What reads a picture where `place` says, as numbers of a colour space, times `scale` and `bias` more."""
+    """Define a UsdUVTexture at the coordinates of `place`; values are scaled and shifted by `bias`."""
     from pxr import Gf, Sdf, UsdShade
 
     texture = UsdShade.Shader.Define(stage, path)

@@ -1,4 +1,4 @@
-"""Facades with their elements as COCO and LabelMe annotations."""
+"""COCO and LabelMe annotations of facades."""
 
 from __future__ import annotations
 
@@ -13,8 +13,16 @@ from facade_core.export.city_models.attribution import Attribution
 
 @dataclass(frozen=True)
 class AnnotatedFacade:
-    """A rectified facade: its id, its picture's file, width and height in pixels, the side of one in metres, and its elements
-    in pixels, y down."""
+    """Rectified facade with its elements.
+
+    Attributes
+    ----------
+    facade : id of the facade.
+    file : file of its picture.
+    width, height : size of the picture, pixels.
+    metres_per_pixel : size of a pixel.
+    elements : elements in pixels, y down.
+    """
 
     facade: str
     file: str
@@ -24,7 +32,7 @@ class AnnotatedFacade:
     elements: Sequence[Element]
 
     def clip_elements(self) -> list[Element]:
-        """The elements that lie in the picture, cut at its border."""
+        """Return the elements in the picture, clipped at its border."""
         found = [
             Element(e.label, max(e.x0, 0), max(e.y0, 0), min(e.x1, self.width), min(e.y1, self.height), e.confidence)
             for e in self.elements
@@ -33,8 +41,7 @@ class AnnotatedFacade:
 
 
 def coco_document(facades: Sequence[AnnotatedFacade], description: str, attribution: Attribution) -> dict[str, Any]:
-    """A COCO object detection document. Categories have the class ids of facade_core.core.labels; `score` is the parser's
-    confidence."""
+    """Build a COCO object detection document; `score` is the confidence of the parser."""
     annotations: list[dict[str, Any]] = []
     for image, facade in enumerate(facades, start=1):
         for e in facade.clip_elements():
@@ -79,8 +86,7 @@ def coco_document(facades: Sequence[AnnotatedFacade], description: str, attribut
 
 
 def labelme_document(facade: AnnotatedFacade, attribution: Attribution) -> dict[str, Any]:
-    """The LabelMe file of one facade, beside its picture; LabelMe keeps what else it finds there: whom to name, and which
-    facade it is."""
+    """Build the LabelMe file of one facade; LabelMe keeps the additional keys for facade and attribution."""
     return {
         "version": "5.5.0",
         "flags": {},

@@ -37,7 +37,14 @@ MAX_CLOSE_UPS_TRIED = 12
 
 @dataclass(frozen=True)
 class PerspectiveCamera:
-    """A pinhole camera: position and target (3,) metres, horizontal field of view in degrees, size = (height, width)."""
+    """Pinhole camera.
+
+    Attributes
+    ----------
+    position, target : (3,) world metres.
+    field_of_view : horizontal, degrees.
+    size : height and width, pixels.
+    """
 
     position: np.ndarray
     target: np.ndarray
@@ -48,13 +55,22 @@ class PerspectiveCamera:
     def from_heading(
         cls, position: np.ndarray, *, heading: float, pitch: float, field_of_view: float, size: tuple[int, int]
     ) -> PerspectiveCamera:
-        """At a position (3,), looking along a heading, degrees clockwise from the grid's north, and a pitch, degrees up."""
+        """Build a camera that looks along a heading.
+
+        Parameters
+        ----------
+        position : (3,) world metres.
+        heading : degrees clockwise from grid north.
+        pitch : degrees up.
+        field_of_view : horizontal, degrees.
+        size : height and width, pixels.
+        """
         turn, rise = np.radians(heading), np.radians(pitch)
         ahead = np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
         return cls(np.asarray(position, float), position + ahead, field_of_view, size)
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
-        """World unit directions through the centres of all pixels, or those of some rows, (h, w, 3)."""
+        """Return world unit directions (h, w, 3) through the pixel centres of some rows."""
         height, width = self.size
         forward, right, down, focal = self.axes()
         x = (np.arange(width) + 0.5 - width / 2) / focal
@@ -63,8 +79,16 @@ class PerspectiveCamera:
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
     def may_show(self, corners: np.ndarray) -> np.ndarray:
-        """Which polygons, by their corners (n, k, 3), are not wholly beside the picture or behind the camera, (n,) bool: none
-        that the picture shows is missed."""
+        """Return which polygons may be visible, a superset of the visible ones.
+
+        Parameters
+        ----------
+        corners : (n, k, 3) corners of each polygon, world metres.
+
+        Returns
+        -------
+        (n,) bool.
+        """
         height, width = self.size
         forward, right, down, focal = self.axes()
         ahead, across, along = ((corners - self.position) @ axis for axis in (forward, right, down))
@@ -74,7 +98,7 @@ class PerspectiveCamera:
         return ~outside
 
     def axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """Unit vectors ahead, to the right and down, (3,) each, and the focal length in pixels."""
+        """Return unit vectors ahead, right and down, (3,) each, and the focal length in pixels."""
         forward = self.target - self.position
         forward = forward / np.linalg.norm(forward)
         right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -84,8 +108,14 @@ class PerspectiveCamera:
 
 
 def aerial_camera(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None) -> PerspectiveCamera:
-    """The block from above, obliquely, with the whole of its buildings in view: from the south-west, or from the side that
-    shows most of what is worth seeing (per chart and area)."""
+    """Build an oblique aerial camera with all buildings in view.
+
+    Parameters
+    ----------
+    scene : scene of the block.
+    size : height and width, pixels.
+    worth : (charts,) worth per area; the side with most of it is chosen, by default the south-west.
+    """
     built = scene.charts.building[scene.mesh.vertex_chart] >= 0
     points = scene.mesh.vertices[built] if built.any() else scene.mesh.vertices
     target = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -110,7 +140,7 @@ def aerial_camera(scene: Scene, size: tuple[int, int], worth: np.ndarray | None 
 
 
 def _rotation(eighth: int) -> np.ndarray:
-    """A rotation of the plane by so many eighths of a full turn."""
+    """Return the rotation (2, 2) by eighths of a full turn."""
     angle = eighth * np.pi / 4
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
@@ -123,8 +153,15 @@ def _visible_worth(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
 def street_camera(
     scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray
 ) -> PerspectiveCamera:
-    """As who walks along a street sees its one side, ASIDE of the way ahead or back: from the viewpoint and in the direction
-    that show most of what is worth seeing (per chart)."""
+    """Build the camera of a pedestrian who looks at one side of a street.
+
+    Parameters
+    ----------
+    scene : scene of the block.
+    viewpoints : candidate positions.
+    size : height and width, pixels.
+    worth : (charts,) worth; the viewpoint and direction with most of it are chosen.
+    """
     rows, columns = (
         slice(SEARCH_WIDTH_PX // 8, SEARCH_WIDTH_PX // 4),
         slice(SEARCH_WIDTH_PX * 3 // 8, SEARCH_WIDTH_PX * 5 // 8),
@@ -152,8 +189,15 @@ def street_camera(
 
 
 def close_up_camera(scene: Scene, facades: np.ndarray, size: tuple[int, int], worth: np.ndarray) -> PerspectiveCamera:
-    """At the foot of the facade (charts (n,), at least one) that is most worth seeing (per chart and area), aslant from the
-    pavement: of those with nothing before them, or the first."""
+    """Build an oblique camera at the foot of the facade with the highest worth and no occluder.
+
+    Parameters
+    ----------
+    scene : scene of the block.
+    facades : (n,) charts, at least one.
+    size : height and width, pixels.
+    worth : (charts,) worth per area.
+    """
     charts = scene.charts
     order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][
         :MAX_CLOSE_UPS_TRIED
@@ -177,6 +221,6 @@ def close_up_camera(scene: Scene, facades: np.ndarray, size: tuple[int, int], wo
 
 
 def lower_to_eye_height(scene: Scene, place: np.ndarray) -> np.ndarray:
-    """A place (3,) lowered to EYE_M above the ground below it; as it is where there is none."""
+    """Lower a position (3,) to EYE_HEIGHT_M above the ground below; unchanged without ground."""
     depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
     return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - EYE_HEIGHT_M]

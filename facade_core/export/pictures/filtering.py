@@ -1,4 +1,4 @@
-"""Texels as pixels see them: each pixel takes the mean of what it covers, however slanted."""
+"""Anisotropic texture filtering: each pixel averages its footprint on a surface."""
 
 from __future__ import annotations
 
@@ -15,8 +15,14 @@ MIN_GRAZING_SINE = 0.01
 
 
 class MipPyramid(NamedTuple):
-    """A raster (h, w, 3) uint8 and halves of it, each the means of the one before: texels (k, 3), one raster after the other;
-    first, rows, columns (levels,)."""
+    """Raster with successive halves.
+
+    Attributes
+    ----------
+    texels : (k, 3) texels of all levels.
+    first : (levels,) index of the first texel.
+    rows, columns : (levels,) size.
+    """
 
     texels: np.ndarray
     first: np.ndarray
@@ -25,8 +31,15 @@ class MipPyramid(NamedTuple):
 
 
 class PinholeCamera(NamedTuple):
-    """A camera as kernels read it: position, and unit axes ahead, right and down (3,) each; focal length, width and height in
-    pixels."""
+    """Camera as read by kernels.
+
+    Attributes
+    ----------
+    position : (3,) world metres.
+    ahead, right, down : (3,) unit vectors.
+    focal : focal length, pixels.
+    width, height : pixels.
+    """
 
     position: np.ndarray
     ahead: np.ndarray
@@ -38,7 +51,7 @@ class PinholeCamera(NamedTuple):
 
 
 def build_mip_pyramid(raster: np.ndarray, coarsest: float) -> MipPyramid:
-    """A raster (h, w, 3) uint8 with halves of it down to where a texel is at least `min_texel_density` of its own wide."""
+    """Halve a raster (h, w, 3) uint8 until a texel covers at least `coarsest` texels of the original."""
     import cv2
 
     levels = [raster]
@@ -62,10 +75,18 @@ def paint_pixels(
     density: np.ndarray,
     levels: MipPyramid,
 ) -> None:
-    """Draw, in place, the pixels (k,) of rgb (n, 3) uint8 that show a chart, at distances (k,) from the camera.
+    """Paint, in place, the pixels that show a chart.
 
-    origin (3,) and axes (3, 3), right, down and outward, are the chart's frame, density (2,) the texels of its raster for a
-    metre to the right and down.
+    Parameters
+    ----------
+    rgb : (n, 3) uint8 picture.
+    pixel : (k,) pixels of the chart.
+    depth : (k,) distances from the camera, metres.
+    pinhole : the camera.
+    origin : (3,) origin of the chart's frame.
+    axes : (3, 3) right, down and outward of the chart.
+    density : (2,) texels per metre to the right and down.
+    levels : raster of the chart.
     """
     away = pinhole.position - origin
     for k in range(len(pixel)):
@@ -126,7 +147,7 @@ def paint_pixels(
 
 @njit(cache=True, inline="always", error_model="numpy")
 def _bilinear(levels: MipPyramid, level: int, u: float, v: float) -> tuple[float, float, float]:
-    """A level's colour at a place of the raster, in texels of its own size."""
+    """Interpolate the colour of a level at a place in texels of the first level."""
     rows, columns, first = levels.rows[level], levels.columns[level], levels.first[level]
     x = min(max(u * columns / levels.columns[0] - 0.5, 0.0), columns - 1.0)
     y = min(max(v * rows / levels.rows[0] - 0.5, 0.0), rows - 1.0)

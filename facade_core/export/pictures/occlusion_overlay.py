@@ -1,4 +1,4 @@
-"""Pictures of what hides a facade, and of what a picture was cut to."""
+"""Pictures of occluders on a facade, and of the crop of a given picture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,17 @@ MAX_PREVIEW_PX = 640
 
 
 def overlay_occlusion(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """An image with what hides the wall tinted red and so coarse that no face or number can be read, (h, w, 3) uint8."""
+    """Tint occluders red and pixelate them, so that no face or number plate is legible.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool, occluders.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
+    """
     tinted = image.copy()
     tinted[hidden] = (0.45 * _mosaic(image)[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
     return tinted
@@ -29,8 +39,14 @@ def _mosaic(image: np.ndarray) -> np.ndarray:
 
 
 def draw_crop(image: np.ndarray, hidden: np.ndarray, box: Box) -> np.ndarray:
-    """A picture (h, w, 3) uint8 as it was given, LONGEST_PREVIEW pixels at most: dark and coarse outside the box
-    (x0, y0, x1, y1) that was taken of it, and tinted where hidden, (h, w) bool of the box, says that it was made anew."""
+    """Draw a given picture as a preview: dark and coarse outside of its crop, tinted where it was inpainted.
+
+    Parameters
+    ----------
+    image : (h, w, 3) uint8.
+    hidden : (h, w) bool over the crop, inpainted pixels.
+    box : x0, y0, x1, y1 of the crop.
+    """
     import cv2
 
     scale = min(1.0, MAX_PREVIEW_PX / max(image.shape[:2]))

@@ -1,4 +1,4 @@
-"""Pictures: the textured block as a camera sees it, and a facade's stages."""
+"""Rendering of the textured block by a perspective camera, and pictures of parses and layouts."""
 
 from __future__ import annotations
 
@@ -30,9 +30,16 @@ MAX_BATCH_PIXELS = 1 << 15
 
 @dataclass(frozen=True)
 class RenderedView:
-    """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for the rasters of their charts.
+    """Picture in progress: sky is drawn, pixels of the block wait for the rasters of their charts.
 
-    scene and camera: what is seen, and from where; pixel (k,) flat index; chart (k,); depth (k,) float32, metres.
+    Attributes
+    ----------
+    scene : scene of the block.
+    camera : camera with the dense samples.
+    rgb : (h, w, 3) uint8.
+    pixel : (k,) flat indices of the block's pixels.
+    chart : (k,) chart of each.
+    depth : (k,) float32 distance of each, metres.
     """
 
     scene: Scene
@@ -44,12 +51,18 @@ class RenderedView:
 
     @cached_property
     def visible_charts(self) -> np.ndarray:
-        """The charts (c,) that it shows, ascending."""
+        """Return the visible charts (c,), ascending."""
         return np.unique(self.chart)
 
     def paint(self, rasters: Mapping[int, np.ndarray]) -> None:
-        """Draw, in place, the pixels that show some charts, by their rasters (h, w, 3), which may be coarser than the atlas:
-        bilinear, and by the means of what a pixel covers where that is more than a texel."""
+        """Paint, in place, the pixels of some charts from their rasters.
+
+        Sampling is bilinear, and averages the footprint of pixels larger than a texel.
+
+        Parameters
+        ----------
+        rasters : raster (h, w, 3) by chart; it may be coarser than the atlas.
+        """
         charts, place = self.scene.charts, self.scene.placement
         ahead, right, down, focal = self.camera.axes()
         height, width = self.camera.size
@@ -71,7 +84,7 @@ class RenderedView:
             )
 
     def apply_haze(self) -> np.ndarray:
-        """The painted picture with the haze between what is nearest and what is far, (h, w, 3) uint8."""
+        """Return the painted picture (h, w, 3) uint8 with haze that grows from the nearest pixel."""
         nearest = self.depth.min(initial=np.inf)
         drawn = self.rgb.copy().reshape(-1, 3)
         for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // MAX_BATCH_PIXELS):
@@ -86,8 +99,14 @@ class RenderedView:
 
 
 def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> RenderedView:
-    """What every pixel shows, and how far away. Rays are `samples` times denser per axis; average the picture down after
-    painting."""
+    """Cast the rays of a picture.
+
+    Parameters
+    ----------
+    scene : scene of the block.
+    camera : the camera.
+    samples : rays per pixel and axis; average the picture after painting.
+    """
     size = (camera.size[0] * samples, camera.size[1] * samples)
     dense = replace(camera, size=size)
     depth, chart, rgb = np.empty(size, np.float32), np.empty(size, np.int32), np.zeros((*size, 3), np.uint8)
@@ -105,14 +124,24 @@ def cast_view(scene: Scene, camera: PerspectiveCamera, *, samples: int = 2) -> R
 def render_perspective(
     scene: Scene, camera: PerspectiveCamera, raster: Callable[[int], np.ndarray], *, samples: int = 2
 ) -> np.ndarray:
-    """The textured block as a camera sees it, (h, w, 3) uint8: filtered, with sky and haze.
+    """Render the textured block with filtering, sky and haze.
 
-    raster gives the raster (h, w, 3) uint8 of a chart; that of published pages is `build_textured_mesh(scene, page).raster`, as
-    `tasks.published.opened.published(out)` has it:
+    Published pages give rasters as follows:
 
         with published(out) as found:
             camera = PerspectiveCamera.from_heading(position, heading=40, pitch=3, field_of_view=75, size=(900, 1440))
-            rgb = perspective(found.plan.scene, camera, found.textured.raster)
+            rgb = render_perspective(found.plan.scene, camera, found.textured.raster)
+
+    Parameters
+    ----------
+    scene : scene of the block.
+    camera : the camera.
+    raster : returns the raster (h, w, 3) uint8 of a chart.
+    samples : rays per pixel and axis.
+
+    Returns
+    -------
+    (h, w, 3) uint8.
     """
     picture = cast_view(scene, camera, samples=samples)
     for chart in picture.visible_charts[
@@ -123,7 +152,7 @@ def render_perspective(
 
 
 def average_samples(rgb: np.ndarray, samples: int) -> np.ndarray:
-    """A picture (h * samples, w * samples, 3) as means of its samples, (h, w, 3) uint8."""
+    """Average a picture (h * samples, w * samples, 3) to (h, w, 3) uint8."""
     import cv2
 
     size = (rgb.shape[1] // samples, rgb.shape[0] // samples)
@@ -131,7 +160,7 @@ def average_samples(rgb: np.ndarray, samples: int) -> np.ndarray:
 
 
 def encode_image(rgb: np.ndarray, format: str, **options: int) -> bytes:
-    """A picture (h, w, 3) uint8 as a file of a format and with options of Pillow."""
+    """Encode a picture (h, w, 3) uint8 with a format and options of Pillow."""
     from PIL import Image
 
     buffer = BytesIO()
@@ -140,7 +169,7 @@ def encode_image(rgb: np.ndarray, format: str, **options: int) -> bytes:
 
 
 def draw_parse(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
-    """A parse in its colours with the lattice's split lines over it, (h, w, 3) uint8."""
+    """Draw a parse in its colours with the split lines of its lattice, (h, w, 3) uint8."""
     drawn = colourise(label_map)
     height, width = label_map.shape
     for row in lattice.rows:
@@ -151,9 +180,13 @@ def draw_parse(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
 
 
 def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequence[Any]]) -> np.ndarray:
-    """Elements over a texture (h, w, 3): outlined where they were seen, filled where the completion made them.
+    """Draw elements over a texture: outlined where seen, filled where the completion placed them.
 
-    elements: rows of label, x0, y0, x1, y1 in texels and confidence. The texture is enlarged by a whole number.
+    Parameters
+    ----------
+    image : (h, w, 3) texture; enlarged by a whole number.
+    hidden : (h, w) bool, occluders.
+    elements : rows of label, x0, y0, x1, y1 in texels, and confidence.
     """
     import cv2
 

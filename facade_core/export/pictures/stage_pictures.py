@@ -1,5 +1,4 @@
-"""The stages of a facade and their pictures, described once: what the viewer and the report show, in which order, under which
-names."""
+"""Pictures of the stages of a facade, defined once for the viewer and the report, with their order and names."""
 
 from __future__ import annotations
 
@@ -34,7 +33,7 @@ VIEWER_SAMPLE_SEED = 1
 
 
 class StageTitle(NamedTuple):
-    """A stage where it is shown: its name in addresses and file names there, and its title."""
+    """Name of a stage in addresses and file names, and its title."""
 
     name: str
     title: str
@@ -42,7 +41,13 @@ class StageTitle(NamedTuple):
 
 @dataclass(frozen=True)
 class StagePicture:
-    """A picture of a facade, (h, w, 3) uint8, drawn when somebody looks. viewer, report: None where it is not shown there."""
+    """Picture of a stage, drawn on demand.
+
+    Attributes
+    ----------
+    draw : draws the picture (h, w, 3) uint8.
+    viewer, report : name and title there; None where it is not shown.
+    """
 
     draw: Callable[[], np.ndarray]
     viewer: StageTitle | None = None
@@ -51,7 +56,16 @@ class StagePicture:
 
 @dataclass(frozen=True)
 class StoredFacade:
-    """A facade as a snapshot of the store holds it: chart, journal record; and the exemplars of its block by name."""
+    """Facade in a snapshot of the store.
+
+    Attributes
+    ----------
+    group : group of the store.
+    placement : placement of the charts.
+    chart : chart of the facade.
+    record : journal record; None before it is done.
+    exemplars : names of the exemplars of the block.
+    """
 
     group: StoreGroup
     placement: Placement
@@ -60,43 +74,43 @@ class StoredFacade:
     exemplars: Sequence[str]
 
     def read_raster(self, name: str) -> np.ndarray:
-        """Its texels (h, w, ...) in an array of the store, such as facade_maps/labels."""
+        """Read the texels (h, w, ...) of the facade in an array of the store, such as facade_maps/labels."""
         return read_chart_raster(self.group, self.placement, self.chart, name)
 
     @cached_property
     def occlusion_mask(self) -> np.ndarray:
-        """Where something stood before it, (h, w) bool."""
+        """Return the mask (h, w) bool of occluders."""
         return self.read_raster("facade_maps/occluded")
 
     @cached_property
     def hierarchy(self) -> Hierarchy:
-        """Its variation hierarchy."""
+        """Return the variation hierarchy."""
         record = self.record or {}
         if "variation_file" not in record:
             raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
         return Hierarchy.from_bytes(read_stored_file(self.group, record["variation_file"], record["variation_digest"]))
 
     def reconstruct_level(self, level: int) -> np.ndarray:
-        """It at a level of its hierarchy."""
+        """Reconstruct the facade at a level of its hierarchy."""
         return self.hierarchy.reconstruct(level)
 
     def draw_types(self, level: int) -> np.ndarray:
-        """The same, and below it the types of elements that it is made of."""
+        """Draw the facade at a level, with its element types below."""
         return draw_level(self.hierarchy, level)
 
     def draw_sample(self, seed: int) -> np.ndarray:
-        """A variation of it, from the middle of its hierarchy."""
+        """Draw a variation from the middle of the hierarchy."""
         return self.hierarchy.sample(len(self.hierarchy.levels) // 2, seed)
 
 
 def read_chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
-    """The texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
+    """Read the texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
     flat = read_rasters(group[name], placement, TexelLayout.of_charts(placement, [chart]))
     return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
 
 
 def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
-    """The stages of a facade in their order; none before it is done."""
+    """Iterate over the stages of a facade in their order; empty before it is done."""
     record = facade.record
     if record is None or "lattice" not in record:
         return
@@ -140,7 +154,7 @@ def iterate_stage_pictures(facade: StoredFacade) -> Iterator[StagePicture]:
 
 
 def _crop_note(record: Mapping[str, Any]) -> str:
-    """What of a photo was cut out as the facade, in words."""
+    """Describe in words how a photo was cropped to the facade."""
     kept = record.get("cut_kept", 1.0)
     if not record.get("cut_found", True):
         return ", no facade found in it"
@@ -148,7 +162,7 @@ def _crop_note(record: Mapping[str, Any]) -> str:
 
 
 def _variation_pictures(facade: StoredFacade, levels: int) -> Iterator[StagePicture]:
-    """The viewer has every level, the report some of them, with their types of elements; both have samples."""
+    """Yield every level for the viewer, some levels with element types for the report, and samples for both."""
     for level in range(levels):
         title = f"Variation, level {level} of {levels - 1}"
         yield StagePicture(partial(facade.reconstruct_level, level), StageTitle(f"level-{level}", title))
@@ -164,7 +178,7 @@ def _variation_pictures(facade: StoredFacade, levels: int) -> Iterator[StagePict
 
 
 def select_report_levels(levels: int) -> list[int]:
-    """The levels of a hierarchy that the report draws: the first, the last, and what fits between."""
+    """Select the levels of a hierarchy for the report: the first, the last, and evenly spaced ones between."""
     return (
         sorted({round(i * (levels - 1) / max(1, MAX_REPORT_LEVELS - 1)) for i in range(MAX_REPORT_LEVELS)})
         if levels

@@ -1,4 +1,4 @@
-"""Views of a block: from where it is pictured, and the picture painted."""
+"""Views of a block: choice of their cameras, and painting."""
 
 from __future__ import annotations
 
@@ -37,22 +37,26 @@ class TexelSources(Record, total=False):
 
 
 def view_names(plan: Plan) -> list[str]:
-    """The views of a block: from above, along some streets, and of a facade from near."""
+    """Return the names of a block's views: from above, along streets, and close to a facade."""
     near = ["close-up"] if len(plan.facades.chart) else []
     return ["above", *(f"street-{number}" for number in range(len(_view_streets(plan)))), *near]
 
 
 def select_pictured_facades(plan: Plan) -> np.ndarray:
-    """The facades (k,) of which there are pictures: those on streets."""
+    """Select the facades (k,) with pictures: those on streets."""
     return np.flatnonzero(plan.facades.role == WallRole.STREET)
 
 
 def choose_cameras(
     plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None = None
 ) -> list[PerspectiveCamera]:
-    """The cameras of `view_names`, from where most of the facades is seen, photos before others, and those that the sun is on.
+    """Choose the cameras of `view_names` by the worth of visible facades: photos first, sunlit ones before shaded.
 
-    records: those of facades.
+    Parameters
+    ----------
+    plan : plan of the block.
+    records : journal records of the facades.
+    sun : position of the sun; None ignores it.
     """
     worth = _chart_worth(plan, records, sun)
     found = [aerial_camera(plan.scene, VIEW_SIZE, worth)]
@@ -65,7 +69,7 @@ def choose_cameras(
 
 
 def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | None) -> np.ndarray:
-    """How much each chart (n,) is worth showing; what is no facade on a street, nothing."""
+    """Return the worth (n,) of showing each chart; zero for all but facades on streets."""
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
         worth[chart] = role == WallRole.STREET and 1 + PHOTO_WORTH * photo_share(record)
@@ -75,26 +79,26 @@ def _chart_worth(plan: Plan, records: Sequence[TexelSources | None], sun: Sun | 
 
 
 def photo_share(record: TexelSources | None) -> float:
-    """How much of a facade is from pictures of it, by its record."""
+    """Return the share of a facade from photos, by its record."""
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
 def paint_view(picture: RenderedView, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
-    """A picture aimed with SAMPLES, painted from the rasters of charts, (h, w, 3) uint8; parts: some by chart at a time."""
+    """Paint a view of SAMPLES_PER_PIXEL_SIDE from rasters by chart, some charts at a time, (h, w, 3) uint8."""
     for rasters in parts:
         picture.paint(rasters)
     return average_samples(picture.apply_haze(), SAMPLES_PER_PIXEL_SIDE)
 
 
 def sample_evenly(values: list[T], count: int) -> list[T]:
-    """At most `count` of the values, evenly spread."""
+    """Return at most `count` values, evenly spaced."""
     if len(values) <= count:
         return values
     return [values[round(i * (len(values) - 1) / (count - 1))] for i in range(count)]
 
 
 def _view_streets(plan: Plan) -> list[int]:
-    """The streets that have a view: those with the most facades, by area; a lane between backs shows a wall."""
+    """Return the streets with a view: those with the most facade area, not back lanes."""
     facades = plan.facades
     area = np.bincount(
         facades.street, facades.width * facades.height * (facades.role == WallRole.STREET), minlength=len(plan.streets)

@@ -1,1 +1,1 @@
-"""3D Tiles: quadtree, tile content and distant shells."""
+"""3D Tiles: quadtrees, tile content and distant shells."""

@@ -1,4 +1,4 @@
-"""The look of a building's own surfaces on simpler ones: rays from before each texel to what is there."""
+"""Baking of a building's textures on simpler surfaces by ray casting."""
 
 from __future__ import annotations
 
@@ -29,11 +29,23 @@ def bake_rasters(
     density: float,
     rasters: Sequence[Callable[[int], np.ndarray]],
 ) -> list[dict[int, np.ndarray]]:
-    """Rasters (h, w, 3) uint8 of the charts in `baked_charts`, showing the building whose `triangles` of the source are given, one
-    for each of `rasters`, which give a source chart's raster of any size.
+    """Bake rasters of a building on the charts of its shell.
 
-    texels (n, 2), width and height of the charts' rasters; density, texels per metre. What no ray finds takes the colour found
-    nearest on its chart, else the building's mean.
+    Texels without a hit take the nearest colour of their chart, else the mean of the building.
+
+    Parameters
+    ----------
+    source : mesh to bake from.
+    triangles : (t,) triangles of the building in the source.
+    charts : charts of the shells.
+    baked_charts : (k,) charts of this building's shell.
+    texels : (n, 2) width and height of the rasters of all charts.
+    density : texels per metre.
+    rasters : layers to bake; each returns the raster of a source chart at any size.
+
+    Returns
+    -------
+    Per layer, the raster (h, w, 3) uint8 of every baked chart.
     """
     mesh = source.mesh
     used, index = np.unique(mesh.triangles[triangles], return_inverse=True)
@@ -76,7 +88,7 @@ def _complete_rasters(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dic
 def _sample_colours(
     source: TexturedMesh, chart: np.ndarray, points: np.ndarray, raster_of_chart: Callable[[int], np.ndarray]
 ) -> np.ndarray:
-    """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
+    """Return the colours (k, 3) of the texels at points (k, 3) of charts (k,)."""
     share = source.charts.coordinates(chart, points) / source.extent[chart]
     colours = np.empty((len(chart), 3), np.uint8)
     for one in np.unique(chart).tolist():

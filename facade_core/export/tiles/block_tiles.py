@@ -1,4 +1,4 @@
-"""The tiles of a block, before they are made: the leaves of a grid's quadtree over its buildings and pieces of ground."""
+"""Plan of a block's tiles: the leaves of a grid quadtree over its buildings and ground."""
 
 from __future__ import annotations
 
@@ -19,8 +19,15 @@ MAX_TILE_TEXELS = int(MAX_TILE_BYTES / BYTES_PER_TEXEL)
 
 @dataclass(frozen=True)
 class BlockTile:
-    """A tile before it is made: its path; buildings (b,) and charts (k,), ascending, those of the ground among them; origin,
-    world metres: a corner of the grid at the height of its lowest point, in whole metres."""
+    """Planned tile.
+
+    Attributes
+    ----------
+    path : path in the grid.
+    buildings : (b,) building indices, ascending.
+    charts : (k,) chart ids with those of the ground, ascending.
+    origin : corner of the grid at the height of the lowest point, world metres, whole numbers.
+    """
 
     path: str
     buildings: np.ndarray
@@ -29,7 +36,7 @@ class BlockTile:
 
 
 def plan_block_tiles(plan: Plan) -> list[BlockTile]:
-    """The tiles of a block, by path."""
+    """Plan the tiles of a block, sorted by path."""
     scene = plan.scene
     charts, mesh = scene.charts, scene.mesh
     drawn = np.unique(mesh.chart[triangle_areas(mesh) > MIN_TRIANGLE_M2])

@@ -1,4 +1,4 @@
-"""The cells of a quadtree over a block, whose leaves fill their pages."""
+"""Quadtree over a block whose leaves fill their texture pages."""
 
 from __future__ import annotations
 
@@ -24,8 +24,17 @@ MAX_DEPTH = 12
 
 @dataclass(frozen=True)
 class QuadtreeCell:
-    """A cell of the quadtree: path of quadrants from the root, of joined ones "0_2"; the buildings and pieces of ground (chart
-    ids) whose middles lie in it; texels of all their charts; scale of its coarse tile."""
+    """Cell of the quadtree.
+
+    Attributes
+    ----------
+    path : quadrants from the root; joined quadrants as "0_2".
+    buildings : buildings whose centre is in the cell.
+    ground : ground charts whose centre is in the cell.
+    texels : texels of all their charts.
+    scale : scale of its coarse tile.
+    children : cells below it.
+    """
 
     path: str
     buildings: np.ndarray
@@ -35,6 +44,7 @@ class QuadtreeCell:
     children: tuple[QuadtreeCell, ...] = field(default=())
 
     def leaves(self) -> Iterator[QuadtreeCell]:
+        """Iterate over the leaves below the cell."""
         if not self.children:
             yield self
         for child in self.children:
@@ -42,8 +52,10 @@ class QuadtreeCell:
 
 
 def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
-    """The block's cells, divided until a cell's texels fit a tile or it holds one building; quadrants of one cell that fit a
-    tile together are one."""
+    """Divide a block until the texels of a cell fit a tile or it holds one building.
+
+    Quadrants of a cell that fit a tile together become one child.
+    """
     members = collect_members(source.charts, source.texels.prod(axis=1), np.unique(source.mesh.chart))
     points = members.points
     low, high = points.min(axis=0), points.max(axis=0)
@@ -77,7 +89,7 @@ def build_quadtree(source: TexturedMesh) -> QuadtreeCell:
 
 
 def _bundle_quadrants(quadrants: Sequence[int], weight: Sequence[int]) -> list[list[int]]:
-    """Quadrants bundled, the heaviest first, as long as a bundle fits a leaf."""
+    """Bundle quadrants, heaviest first, as long as a bundle fits a leaf."""
     bundles: list[tuple[int, list[int]]] = []
     for mine, quadrant in sorted(zip(weight, quadrants, strict=True), key=lambda one: (-one[0], one[1])):
         for i, (total, held) in enumerate(bundles):

@@ -1,4 +1,4 @@
-"""Where a block stands on the earth: from its metric frame to the earth-centred one that 3D Tiles are placed in."""
+"""Georeference of 3D Tiles: from a block's projected frame to the earth-centred frame."""
 
 from __future__ import annotations
 
@@ -16,11 +16,17 @@ NORTH_STEP_M = 100.0
 
 @dataclass(frozen=True)
 class EarthFrame:
-    """East, north and up, metres, at a point of a block.
+    """Local east-north-up frame at a point of a block.
 
-    earth_centred: world points (n, 3) -> earth-centred, earth-fixed metres (EPSG:4978); centre (3,), the frame's origin there;
-    axes (3, 3), its rows east, north and up; turn, radians from true to grid north, clockwise. Every point goes by way of the
-    earth-centred frame, so that neither the scale of the projection nor the earth's curve moves it.
+    Every point passes through the earth-centred frame, so that neither the scale of the projection nor the curvature of the
+    earth displaces it.
+
+    Attributes
+    ----------
+    to_earth_centred : maps world points (n, 3) to earth-centred metres (EPSG:4978).
+    centre : (3,) origin of the frame, earth-centred metres.
+    axes : (3, 3) rows east, north and up.
+    grid_convergence : angle from true to grid north, clockwise, radians.
     """
 
     to_earth_centred: Callable[[np.ndarray], np.ndarray]
@@ -29,7 +35,7 @@ class EarthFrame:
     grid_convergence: float
 
     def transform(self) -> np.ndarray:
-        """The frame in the earth-centred one, (4, 4)."""
+        """Return the matrix (4, 4) from the frame to the earth-centred frame."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.axes.T, self.centre
         return matrix
@@ -38,16 +44,20 @@ class EarthFrame:
         return to_y_up((self.to_earth_centred(world) - self.centre) @ self.axes.T)
 
     def directions(self, world: np.ndarray) -> np.ndarray:
-        """Directions (n, 3), turned from grid to true north as at the origin."""
+        """Rotate directions (n, 3) from grid to true north at the origin."""
         x, y, z = world.T
         c, s = np.cos(self.grid_convergence), np.sin(self.grid_convergence)
         return to_y_up(np.column_stack([c * x + s * y, c * y - s * x, z]))
 
 
 def earth_frame(crs: Any, origin: np.ndarray, geoid_separation: float = 0.0) -> EarthFrame:
-    """The frame at a point (3,) of a block whose horizontal frame is `crs` (any user input of pyproj).
+    """Build the frame at a point of a block.
 
-    geoid_separation: metres to add to the block's heights for heights over the ellipsoid.
+    Parameters
+    ----------
+    crs : horizontal reference system, any user input of pyproj.
+    origin : (3,) world metres.
+    geoid_separation : metres to add to heights for heights over the ellipsoid.
     """
     from pyproj import Transformer
 

@@ -1,4 +1,4 @@
-"""Simplified shells of buildings for views from afar: outlines extruded to one height, with the buildings' look baked on."""
+"""Simplified shells of buildings for distant views: outlines extruded to one height with baked textures."""
 
 from __future__ import annotations
 
@@ -40,7 +40,14 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 @dataclass(frozen=True)
 class BuildingShells:
-    """Shells with rasters; kept (k,), the buildings without one; off, building -> metres, how far its shell leaves it."""
+    """Shells of a block's buildings.
+
+    Attributes
+    ----------
+    textured_mesh : shells with their rasters.
+    without_shell : (k,) buildings that keep their own surfaces.
+    deviation_m : distance of a building's roofs from its shell, metres.
+    """
 
     textured_mesh: TexturedMesh
     without_shell: np.ndarray
@@ -50,7 +57,14 @@ class BuildingShells:
 def build_shells(
     source: TexturedMesh, density: float, on_progress: Callable[[], None] = lambda: None
 ) -> BuildingShells:
-    """A shell for every building, with rasters of `density` texels per metre; `on_progress` is called after each building."""
+    """Build a shell for every building.
+
+    Parameters
+    ----------
+    source : textured mesh of the block.
+    density : texels per metre of the shells.
+    on_progress : called after each building.
+    """
     pieces, kept = ChartBuilder(), []
     off: dict[int, float] = {}
     triangles = group_rows(source.charts.building[source.mesh.chart])
@@ -87,7 +101,7 @@ def _emissive_raster(maps: PbrMaps) -> np.ndarray:
 
 
 def _flat_maps(emissive: np.ndarray) -> PbrMaps:
-    """Maps of what is seen from so far that it has no relief; glow (h, w, 3) at its own texels."""
+    """Return maps without relief; emissive (h, w, 3) is at the texels of the colour."""
     height, width = emissive.shape[:2]
     small = downscale(emissive, (-(-width // 2), -(-height // 2)))
     flat, matt = (np.broadcast_to(np.array(one, np.uint8), small.shape) for one in (FLAT_NORMAL, DEFAULT_ORM))
@@ -95,7 +109,7 @@ def _flat_maps(emissive: np.ndarray) -> PbrMaps:
 
 
 def _shell_outlines(source: TexturedMesh, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:
-    """Outlines, base and top of a building's shell, and how far it leaves the roofs; None where it would leave them too far."""
+    """Return outlines, base and top of a shell and its deviation from the roofs; None if that is too large."""
     mesh = source.mesh
     roof = triangles[source.charts.kind[mesh.chart[triangles]] == ChartKind.ROOF]
     if not len(roof):

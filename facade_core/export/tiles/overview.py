@@ -1,4 +1,4 @@
-"""A block as one small model, however large it is: coarse pictures, and of very many charts the largest."""
+"""Overview of a block as one small model with coarse textures, and of very many charts the largest."""
 
 from __future__ import annotations
 
@@ -26,8 +26,7 @@ OVERVIEW_NODE = "overview"
 
 
 def select_overview_charts(source: TexturedMesh) -> np.ndarray:
-    """The charts (k,) of an overview, ascending: all that have triangles, or as many of the largest as its geometry has room
-    for."""
+    """Select the largest charts whose geometry fits an overview, ascending."""
     mesh, count = source.mesh, len(source.charts)
     vertices = np.bincount(mesh.vertex_chart[np.unique(mesh.triangles)], minlength=count)
     triangles = np.bincount(mesh.chart, minlength=count)
@@ -38,7 +37,12 @@ def select_overview_charts(source: TexturedMesh) -> np.ndarray:
 
 
 def overview_scale(texels: np.ndarray) -> float:
-    """The scale, 1 or halved as often as needed, at which rasters of so many texels (n, 2) fit an overview's pictures."""
+    """Compute the scale, a power of two up to 1, at which rasters fit an overview.
+
+    Parameters
+    ----------
+    texels : (n, 2) width and height of the rasters.
+    """
     scale = 1.0
     while scale * texels.max(initial=1) > 1:
         size = np.ceil(texels * scale)
@@ -52,8 +56,17 @@ def overview_scale(texels: np.ndarray) -> float:
 def encode_overview(
     source: TexturedMesh, charts: np.ndarray, extras: Mapping[str, Any], *, copyright: str = ""
 ) -> bytes:
-    """Some charts (k,), ascending, of a source of coarse rasters as one node around `extras["origin"]`, world metres; of
-    OVERVIEW_BYTES at most: where it is more it is made coarser, and where it cannot be of fewer charts."""
+    """Encode charts as one node, of at most MAX_OVERVIEW_BYTES.
+
+    Textures are halved until the model fits; after that, charts are dropped.
+
+    Parameters
+    ----------
+    source : mesh with coarse rasters.
+    charts : (k,) chart ids, ascending.
+    extras : extras of the scene; `origin` in world metres is the origin of the model.
+    copyright : attribution.
+    """
     whole = replace(source, charts=replace(source.charts, building=np.zeros_like(source.charts.building)))
     frame = LocalFrame(np.array(extras["origin"], float))
     scale = 1.0

@@ -1,4 +1,4 @@
-"""Buildings and pieces of ground in the cells of quadtrees: of a block's own extent, or of a grid that never moves."""
+"""Quadtrees over buildings and ground charts: of a block's own extent, or of a fixed grid."""
 
 from __future__ import annotations
 
@@ -18,8 +18,15 @@ MIN_CELL_M = 1.0
 
 @dataclass(frozen=True)
 class QuadtreeMembers:
-    """What a quadtree is made over: buildings (b,) and pieces of ground (g,), ascending indices and chart ids; the middle of
-    each, points (b + g, 2) metres, and the texels of its charts, weight (b + g,) int64."""
+    """Buildings and ground charts with their positions.
+
+    Attributes
+    ----------
+    buildings : (b,) building indices, ascending.
+    ground : (g,) ground charts, ascending.
+    points : (b + g, 2) centres, metres.
+    texel_counts : (b + g,) texels of their charts.
+    """
 
     buildings: np.ndarray
     ground: np.ndarray
@@ -27,15 +34,21 @@ class QuadtreeMembers:
     texel_counts: np.ndarray
 
     def split(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The buildings and the pieces of ground among some members (k,)."""
+        """Split members (k,) into buildings and ground charts."""
         n = len(self.buildings)
         return self.buildings[chosen[chosen < n]], self.ground[chosen[chosen >= n] - n]
 
 
 class GridLeaf(NamedTuple):
-    """A cell of the grid that is not divided: its path, `375_6514_031` for column and row of the largest cell and the quadrants
-    in it, west to east and then northwards; its south-western corner (2,) metres; its buildings, and pieces of ground by their
-    charts, both ascending."""
+    """Leaf of the grid.
+
+    Attributes
+    ----------
+    path : column and row of the largest cell and the quadrants in it, as "375_6514_031".
+    corner : (2,) south-western corner, metres.
+    buildings : building indices, ascending.
+    ground : ground charts, ascending.
+    """
 
     path: str
     corner: np.ndarray
@@ -44,7 +57,14 @@ class GridLeaf(NamedTuple):
 
 
 def collect_members(charts: Charts, texels: np.ndarray, drawn: np.ndarray) -> QuadtreeMembers:
-    """The members with some charts, `drawn` (k,) ascending; texels (charts,) of every chart."""
+    """Collect the members that own some charts.
+
+    Parameters
+    ----------
+    charts : charts of the block.
+    texels : (charts,) texels of every chart.
+    drawn : (k,) chart ids, ascending.
+    """
     centres = charts.points(np.arange(len(charts)), *charts.size.T / 2)[:, :2]
     by_building = group_rows(charts.building[drawn])
     ground = drawn[by_building.pop(-1, np.zeros(0, np.int64))]
@@ -58,20 +78,26 @@ def collect_members(charts: Charts, texels: np.ndarray, drawn: np.ndarray) -> Qu
 
 
 def split_quadrants(points: np.ndarray, corner: np.ndarray, side: float) -> dict[int, np.ndarray]:
-    """The points (n, 2) in each quadrant of a cell, by their indices: 1 is east, 2 is north, 3 is both."""
+    """Group points by quadrant of a cell; bit 0 is east, bit 1 is north.
+
+    Parameters
+    ----------
+    points : (n, 2) metres.
+    corner : (2,) south-western corner of the cell.
+    side : side of the cell, metres.
+    """
     return group_rows((points >= corner + side / 2) @ [1, 2])
 
 
 def quadrant_corner(quadrant: int, corner: np.ndarray, side: float) -> np.ndarray:
-    """The south-western corner (2,) of a quadrant of a cell."""
+    """Return the south-western corner (2,) of a quadrant."""
     return corner + side / 2 * np.array([quadrant & 1, quadrant >> 1])
 
 
 def divide_grid(members: QuadtreeMembers, max_texels: int) -> list[GridLeaf]:
-    """The members by cells of a grid of LARGEST_M, divided until a cell has at max_texels so many texels, or one member; by path.
+    """Divide members by cells of a fixed grid until a cell fits `max_texels` or holds one member; sorted by path.
 
-    The grid is the frame's own and a cell is divided by what lies in it alone: what comes, goes or changes elsewhere leaves it
-    as it was.
+    A cell depends only on its own members, so changes elsewhere leave it unchanged.
     """
     leaves: list[GridLeaf] = []
 

@@ -1,4 +1,4 @@
-"""A tile as GLB: one primitive a picture, quantised, whose vertices name rows of one table."""
+"""GLB content of a tile: one quantised primitive per texture page, with feature ids of one table."""
 
 from __future__ import annotations
 
@@ -24,10 +24,16 @@ MIN_STEP_M = 2.0**-10
 
 @dataclass(frozen=True)
 class TileBatch:
-    """Triangles that show one picture, whatever they are of; in glTF's frame (y up).
+    """Triangles with one texture page, in glTF's frame (y up).
 
-    position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, v down; triangles (t, 3); rows (v, 2): the features'
-    rows of a vertex' part and of its building; tangent (v, 3), of what is lit: unit, along u.
+    Attributes
+    ----------
+    position : (v, 3) metres.
+    normal : (v, 3) unit vectors.
+    uv : (v, 2) texture coordinates 0 to 1, v down.
+    triangles : (t, 3) vertex indices.
+    rows : (v, 2) feature rows of the part and the building of a vertex.
+    tangent : (v, 3) unit vectors along u; only of relit meshes.
     """
 
     position: np.ndarray
@@ -46,7 +52,17 @@ def encode_tile_glb(
     copyright: str,
     time: TimeOfDay = "day",
 ) -> bytes:
-    """The tile of batches, the i-th of which shows the i-th look."""
+    """Encode batches as GLB; batch i shows page i.
+
+    Parameters
+    ----------
+    batches : triangles by page.
+    pages : textures by page.
+    encoder : encoder of the textures.
+    features : feature table of the block.
+    copyright : attribution.
+    time : time of day shown by emissive materials.
+    """
     materials = build_gltf_materials(pages, encoder, time)
     buffer = GlbBuffer()
     everything = np.concatenate([batch.position for batch in batches])
@@ -112,8 +128,16 @@ def encode_tile_glb(
 
 
 def quantisation_grid(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Origin (3,) and step, metres, of the grid on which points (n, 3) fit 16 bits: the step a power of two, the origin on a
-    grid of whole steps that starts at zero."""
+    """Return origin (3,) and step of the grid on which points fit 16 bits.
+
+    Parameters
+    ----------
+    points : (n, 3) metres.
+
+    Returns
+    -------
+    The origin, a multiple of the step, and the step, a power of two, metres.
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     step = MIN_STEP_M
     while float((high - low).max()) / step > MAX_UNSIGNED_SHORT - 2:

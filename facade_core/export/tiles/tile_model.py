@@ -1,5 +1,5 @@
-"""The model of a tile: some charts of a block with pictures of their own, made a picture at a time. A picture of which no chart
-changed is taken from the model of before."""
+"""GLB model of a tile with textures of its own, built page by page; unchanged pages are copied from the earlier model.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +22,15 @@ ReadRasters = Callable[[np.ndarray], Mapping[int, np.ndarray]]
 
 @dataclass(frozen=True)
 class TileModel:
-    """A tile: its GLB; the least and greatest corner (2, 3) of what it shows, world metres; the rasters of its charts made
-    COARSER, (texels, 3) uint8, one after the other; what each of its pictures is made of, as a digest."""
+    """Built tile.
+
+    Attributes
+    ----------
+    glb : the model.
+    box : (2, 3) bounds, world metres.
+    coarse : (texels, 3) uint8 rasters of its charts, downscaled and concatenated.
+    picture_digests : digest of the content of each texture page.
+    """
 
     glb: bytes
     box: np.ndarray
@@ -33,7 +40,7 @@ class TileModel:
 
 @dataclass(frozen=True)
 class EarlierTile:
-    """A tile of the same charts, of as many texels, as it was before."""
+    """Earlier version of a tile with the same charts and texels."""
 
     glb: bytes
     coarse: np.ndarray
@@ -49,10 +56,17 @@ def build_tile_model(
     extras: Mapping[str, Any],
     earlier: EarlierTile | None = None,
 ) -> TileModel:
-    """A tile of some charts (k,), ascending, which have triangles; its frame is around `extras["origin"]`, world metres.
+    """Build a tile of some charts.
 
-    digests: of the rasters of its charts (k,). names: building -> the name of its node. `read` is asked for the charts of one
-    picture at a time, for none of a picture that the `earlier` tile has.
+    Parameters
+    ----------
+    source : mesh of the block.
+    charts : (k,) chart ids with triangles, ascending.
+    digests : (k,) digests of the charts' rasters.
+    names : name of each building's node.
+    read_rasters : reads the rasters of the charts of one page; not called for pages copied from `earlier`.
+    extras : extras of the scene; `origin` in world metres is the origin of the model.
+    earlier : the tile before.
     """
     drawn = pack_charts(source, charts)
     size = coarse_size(source.texels[charts])
@@ -80,12 +94,23 @@ def build_tile_model(
 
 
 def coarse_size(texels: np.ndarray) -> np.ndarray:
-    """Width and height (n, 2) of coarse rasters of charts of so many texels (n, 2)."""
+    """Return the size (n, 2) of coarse rasters of charts with `texels` (n, 2)."""
     return -(-texels // COARSE_DIVISOR)
 
 
 def coarse_rasters(texels: np.ndarray, charts: np.ndarray, coarse: np.ndarray) -> dict[int, np.ndarray]:
-    """The coarse rasters (h, w, 3) of a tile's charts, by chart; texels (charts,) of every chart of the block."""
+    """Split the coarse texels of a tile by chart.
+
+    Parameters
+    ----------
+    texels : (charts, 2) width and height of every chart of the block.
+    charts : (k,) charts of the tile.
+    coarse : (texels, 3) coarse texels of the tile.
+
+    Returns
+    -------
+    Raster (h, w, 3) by chart.
+    """
     size = coarse_size(texels[charts])
     parts = np.split(coarse, np.cumsum(size.prod(axis=1))[:-1])
     return {

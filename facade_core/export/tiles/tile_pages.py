@@ -1,4 +1,4 @@
-"""The charts of a tile on pages of powers of two, cut to what their triangles show."""
+"""Texture pages of a tile with powers of two as sides, cut to the texels that triangles show."""
 
 from __future__ import annotations
 
@@ -21,7 +21,14 @@ from facade_core.export.models.textured_mesh import PackedCharts, TexturedMesh, 
 
 @dataclass(frozen=True)
 class TilePages:
-    """Charts on pages; masks of cells with their borders; used, texels that triangles show."""
+    """Charts packed on the pages of a tile.
+
+    Attributes
+    ----------
+    packed : the charts with their layout.
+    masks : cells of each chart with its border.
+    used_texels : texels that triangles show.
+    """
 
     packed: PackedCharts
     masks: tuple[np.ndarray, ...]
@@ -29,11 +36,11 @@ class TilePages:
 
     @property
     def page_texels(self) -> int:
-        """Of all pages."""
+        """Return the texels of all pages."""
         return int(self.packed.layout.pages.prod(axis=1).sum())
 
     def draw_images(self, page: int) -> PageImages:
-        """A page, with its maps where its source has them."""
+        """Draw a page, with its maps if the source has them."""
         packed = self.packed
 
         def raster(i: int) -> np.ndarray:
@@ -49,7 +56,7 @@ class TilePages:
         )
 
     def _draw_layer(self, layout: PageLayout, page: int, raster: Callable[[int], np.ndarray], cell: int) -> np.ndarray:
-        """A page (h, w, 3) uint8 of a layout: what is shown with its border, and their mean between."""
+        """Draw a page (h, w, 3) uint8: masked rasters with their borders, and the mean colour between."""
         width, height = layout.pages[page].tolist()
         image = np.zeros((height, width, 3), np.uint8)
         free = np.ones((height, width), bool)
@@ -70,7 +77,7 @@ class TilePages:
 
 
 def pack_tile_pages(source: TexturedMesh, charts: np.ndarray, scale: float = 1.0) -> TilePages:
-    """Pages of charts (k,), ascending, at `scale` of their texels."""
+    """Pack charts (k,), ascending, on pages at `scale` of their texels."""
     wanted = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
     size = shrink_for_border(np.minimum(wanted, MAX_PAGE_TEXELS))
     of_chart = group_rows(source.mesh.chart)

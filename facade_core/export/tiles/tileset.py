@@ -1,4 +1,4 @@
-"""3D Tiles 1.1: a quadtree of buildings, coarse above and as textured below, whose parts answer."""
+"""3D Tiles 1.1: a quadtree of buildings, with coarse shells above and full textures below."""
 
 from __future__ import annotations
 
@@ -30,8 +30,16 @@ MAX_SCALE_STEP = 0.97
 
 @dataclass(frozen=True)
 class WrittenTileset:
-    """A tileset: its files of JSON by their paths, tileset.json among them; of its tiles texels of all pages, those that
-    triangles show, draw calls, and bytes."""
+    """Summary of a written tileset.
+
+    Attributes
+    ----------
+    tilesets : JSON files by path, tileset.json among them.
+    page_texels : texels of all pages.
+    used_texels : texels that triangles show.
+    draw_calls : draw calls of all tiles.
+    bytes : size of all tiles.
+    """
 
     tilesets: Mapping[str, Any]
     page_texels: int
@@ -42,8 +50,16 @@ class WrittenTileset:
 
 @dataclass(frozen=True)
 class DetailLevel:
-    """A level of detail of a leaf: a name, its GLB, its least and greatest corner (2, 3), z up, how far it is off what is below
-    it, metres, and its draw calls."""
+    """Level of detail of a leaf.
+
+    Attributes
+    ----------
+    name : name in the path of its file.
+    glb : the model.
+    corners : (2, 3) bounds, z up.
+    error : geometric error against the next finer level, metres.
+    draw_calls : draw calls of the model.
+    """
 
     name: str
     glb: bytes
@@ -77,7 +93,8 @@ class _TilesetWriter:
         )
 
     def write_content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
-        """Write a tile of pages with the rows (charts, 2) of their charts; its least and greatest corner (2, 3), z up."""
+        """Write a tile from pages and the feature rows (charts, 2) of their charts; returns its bounds (2, 3), z up.
+        """
         batches, page_textures = [], []
         for pages, rows in parts:
             batches += _page_batches(pages, rows, self.frame)
@@ -111,7 +128,7 @@ class _TilesetWriter:
         }
 
     def leaf_tile(self, cell: QuadtreeCell, levels: Sequence[DetailLevel]) -> dict[str, Any]:
-        """Levels of detail, each of which the next replaces."""
+        """Write the levels of detail of a leaf as a chain of replacements."""
         tile: dict[str, Any] | None = None
         box = _bounding_box(np.concatenate([level.corners for level in levels]))
         for level in reversed(levels):
@@ -132,14 +149,14 @@ class _TilesetWriter:
         return np.column_stack([self.features.chart_rows, self.features.owner_rows])
 
     def finer_tiles(self, cell: QuadtreeCell) -> list[dict[str, Any]]:
-        """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
+        """Return the tiles that replace the coarse tile of a cell: those of the nearest finer cells below."""
         finer = [
             t for c in cell.children for t in ([self.linked_tile(c)] if c.scale > cell.scale else self.finer_tiles(c))
         ]
         return finer or [self.full_tile(cell)]
 
     def linked_tile(self, cell: QuadtreeCell) -> dict[str, Any]:
-        """A coarse tile with all below it as a tileset of its own."""
+        """Write a coarse tile with its subtree as a tileset of its own."""
         root = self.coarse_tile(cell)
         uri = f"tilesets/{cell.path}.json"
         error = root["geometricError"]
@@ -190,12 +207,26 @@ def write_tileset(
     attribution: Attribution,
     levels: MakeDetailLevels | None = None,
 ) -> WrittenTileset:
-    """The tileset of a quadtree; its tiles are given to `write` as (relative path, bytes), one at a time.
+    """Write the tileset of a quadtree, one tile at a time.
 
-    The lowest tiles show the source at `scale` of its texels per metre, or what `levels` makes of them. Every tile above
-    shows shells with fewer, and buildings
-    without a shell and the ground as they are, with as many fewer. A tile has one primitive a picture; its geometric error is
-    that of what it shows itself and of nothing elsewhere. Every coarse tile but the root begins a tileset of its own.
+    The lowest tiles show the source, or the detail levels of a leaf. The tiles above show shells at fewer texels, and at equally
+    reduced density the ground and the buildings without a shell. Each tile has one primitive per page. Its geometric error covers
+    its own content only. Every coarse tile but the root starts a tileset of its own.
+
+    Parameters
+    ----------
+    source : textured mesh of the block.
+    cells : root of the quadtree.
+    shells : shells of the buildings.
+    frame : frame of the tileset.
+    features : feature table of the block.
+    encoder : encoder of the textures.
+    write : receives the relative path and the bytes of a file.
+    scale : factor on the texels per metre of all tiles.
+    time : time of day shown by emissive materials.
+    extras : extras of the asset.
+    attribution : attribution of the data.
+    levels : builds the levels of detail of a leaf, coarsest first.
     """
     writer = _TilesetWriter(source, shells, frame, features, encoder, attribution.line, write, scale, time, levels)
     root = _move_up(writer.coarse_tile(cells))
@@ -216,12 +247,12 @@ def write_tileset(
 
 
 def count_tiles(cell: QuadtreeCell, levels: int = 1, above: float = 0.0) -> int:
-    """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`, of so many levels of a leaf."""
+    """Count the tiles that `write_tileset` writes below a tile of scale `above`, with `levels` per leaf."""
     return (cell.scale > above) + (sum(count_tiles(child, levels, cell.scale) for child in cell.children) or levels)
 
 
 def bounding_corners(positions: Sequence[np.ndarray]) -> np.ndarray:
-    """The least and greatest corner (2, 3), z up, of points (n, 3) in glTF's frame."""
+    """Return the bounds (2, 3), z up, of points (n, 3) in glTF's frame."""
     points = np.concatenate(positions)
     return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
 
@@ -234,8 +265,19 @@ def view_scale(
     max_bytes: float,
     time: TimeOfDay = "day",
 ) -> float:
-    """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
-    tiles within VIEW_M of the middle of any of them, and of the coarse tiles above these, which viewers keep beside them."""
+    """Compute the largest scale up to 1 at which the textures of any view fit the graphics memory.
+
+    A view holds the finest tiles within VIEW_RADIUS_M of the centre of a leaf and the coarse tiles above them, which viewers keep.
+
+    Parameters
+    ----------
+    source : textured mesh of the block.
+    shells : shells of the buildings.
+    cells : root of the quadtree.
+    encoder : encoder of the textures.
+    max_bytes : limit of graphics memory, bytes.
+    time : time of day shown by emissive materials.
+    """
     leaves = list(cells.leaves())
     middle = np.array([source.centres[cell_charts(source, leaf), :2].mean(axis=0) for leaf in leaves])
     near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_RADIUS_M
@@ -259,8 +301,12 @@ def view_scale(
 def pack_coarse_pages(
     source: TexturedMesh, shells: BuildingShells, cell: QuadtreeCell, scale: float
 ) -> tuple[Sequence[TilePages], Sequence[TilePages]]:
-    """What the coarse tile of a cell shows: pages of shells, and of the source, each of which it may have none; at `scale` of
-    their texels, or rather of those that the cell says."""
+    """Pack the coarse tile of a cell.
+
+    Returns
+    -------
+    Pages of shells and pages of the source, each possibly empty.
+    """
     kept = np.intersect1d(cell.buildings, shells.without_shell)
     own = np.union1d(cell.ground, source.select_charts(kept)).astype(np.int64)
     simple = shells.textured_mesh.select_charts(np.setdiff1d(cell.buildings, kept))
@@ -272,7 +318,7 @@ def pack_coarse_pages(
 
 
 def _iterate_coarse_cells(cell: QuadtreeCell, above: float = 0.0) -> Iterator[QuadtreeCell]:
-    """The cells of which `write_tileset` makes a coarse tile, below one of scale `above`."""
+    """Iterate over the cells with a coarse tile, below one of scale `above`."""
     if cell.scale > above:
         yield cell
     for child in cell.children:
@@ -280,12 +326,12 @@ def _iterate_coarse_cells(cell: QuadtreeCell, above: float = 0.0) -> Iterator[Qu
 
 
 def cell_charts(source: TexturedMesh, cell: QuadtreeCell) -> np.ndarray:
-    """The charts (k,) that a cell shows, ascending."""
+    """Return the charts (k,) of a cell, ascending."""
     return np.union1d(cell.ground, source.select_charts(cell.buildings)).astype(np.int64)
 
 
 def _page_batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[TileBatch]:
-    """A batch for every page."""
+    """Return one batch per page."""
     drawn = pages.packed
     source, mesh = drawn.source, drawn.source.mesh
     place = np.full(len(source.charts), -1, np.int64)
@@ -309,7 +355,7 @@ def _page_batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list
 
 
 def _move_up(tile: dict[str, Any]) -> dict[str, Any]:
-    """A tile of a tileset in a folder, for the tileset above that folder."""
+    """Rewrite the URIs of a tile for the parent folder."""
     content = tile["content"] | {"uri": tile["content"]["uri"].removeprefix("../")}
     # what is below in the same file is there too; a tileset that it leads to is not
     return (
@@ -320,7 +366,7 @@ def _move_up(tile: dict[str, Any]) -> dict[str, Any]:
 
 
 def _bounding_box(points: np.ndarray) -> list[float]:
-    """The bounding volume of points (n, 3), z up: centre and half axes, never flat."""
+    """Return centre and half axes around points (n, 3), z up, with a minimum thickness."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = np.maximum((high - low) / 2, 0.01)
     return np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()

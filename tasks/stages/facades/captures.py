@@ -13,9 +13,9 @@ from facade_core.plan.plan import Plan
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
 MAX_PANORAMAS = 4
 # Of the capture before, by which is told what changed.
-EARLIER = 2
+MAX_EARLIER_PANORAMAS = 2
 # Days without a picture of a facade, at least, between two captures of it.
-APART_DAYS = 30
+MIN_DAYS_BETWEEN_CAPTURES = 30
 
 
 class Captures(NamedTuple):
@@ -26,20 +26,20 @@ class Captures(NamedTuple):
     before: tuple[int, ...]
 
 
-def captures_of(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
+def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
     """The panoramas that a facade is taken from, of those that show it, best first, and the day of each as "2024-05-17"."""
     numbers = {one: date.fromisoformat(days[one]).toordinal() for one in shown if one in days}
     capture, number, last = {}, 0, None
     for one, day in sorted(numbers.items(), key=lambda item: -item[1]):
-        if last is not None and last - day >= APART_DAYS:
+        if last is not None and last - day >= MIN_DAYS_BETWEEN_CAPTURES:
             number += 1
         capture[one], last = number, day
     newest = [one for one in shown if capture.get(one, 0) == 0]
     before = [one for one in shown if capture.get(one, 0) == 1]
-    return Captures(tuple(newest[:MAX_PANORAMAS]), tuple(before[:EARLIER]))
+    return Captures(tuple(newest[:MAX_PANORAMAS]), tuple(before[:MAX_EARLIER_PANORAMAS]))
 
 
-def panoramas_of(plan: Plan, block: Block) -> list[Captures]:
+def facade_captures(plan: Plan, block: Block) -> list[Captures]:
     """The panoramas that each facade is taken from."""
     days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
-    return [captures_of(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))]
+    return [split_captures(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))]

@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     from tasks.stages.facades.imagery import Imagery
 
 # Texels around a photo's holes that count as hidden.
-RIM = 2
+RIM_TEXELS = 2
 # How much pictures of the capture before count beside those of the newest: they are taken where these show nothing.
 EARLIER_QUALITY = 0.25
 # How it was before is kept, as a picture of at most so many texels to a side, of facades of which at least this share changed.
 PICTURED, LONGEST, GREY = 0.02, 320, 176
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
-SHOWN = 0.3
+MIN_SHOWN_SHARE = 0.3
 
 
 @dataclass(frozen=True)
-class Evidence:
+class FacadeEvidence:
     """What pictures show of a facade.
 
     Args:
@@ -70,11 +70,11 @@ class Evidence:
     outside: np.ndarray | None = None
     captured: str | None = None
     seen: Detections = field(default_factory=Detections)
-    fit: Fit | None = None
-    before: Before | None = None
+    fit: PhotoFit | None = None
+    before: EarlierCapture | None = None
 
 
-class Before(NamedTuple):
+class EarlierCapture(NamedTuple):
     """What of a facade changed since an earlier capture, of which the newest picture is of a day: the share of what both show,
     None where that is too little, and the share of the facade that they do; where, by cells; and how it was, a small picture,
     where enough changed to look at it."""
@@ -86,7 +86,7 @@ class Before(NamedTuple):
     picture: np.ndarray | None = None
 
 
-class Fit(NamedTuple):
+class PhotoFit(NamedTuple):
     """How a photo fits its wall: the share of the rectified picture that was cut out, whether a facade was found there at all,
     and how many times wider, for its height, the wall is than what was cut out."""
 
@@ -95,7 +95,7 @@ class Fit(NamedTuple):
     stretched: float
 
 
-class Photo(NamedTuple):
+class FacadePhoto(NamedTuple):
     """A photo of a facade, cut to it: image (h, w, 3) uint8, what it does not show of the facade and what it shows beside it,
     (h, w) bool, the faces, plates and text on it, and how it fits the wall."""
 
@@ -103,7 +103,7 @@ class Photo(NamedTuple):
     hidden: np.ndarray
     outside: np.ndarray
     seen: Detections
-    fit: Fit
+    fit: PhotoFit
 
 
 def evidence_of(
@@ -115,7 +115,7 @@ def evidence_of(
     textures: Sequence[Path],
     refused: list[Exception],
     parser: Path | None = None,
-) -> Evidence | None:
+) -> FacadeEvidence | None:
     """What a source of imagery, as in `Imagery.sources`, shows of a chart in a raster of a size; None where that is too little.
 
     Why one picture of several cannot be used is added to `rejected_buildings`; raises what a photo, the only one, is refused by. parser:
@@ -124,7 +124,7 @@ def evidence_of(
     if source == "photo" and imagery.photo is not None:
         photo = photo_of(imagery.photo, imagery.rectified, size, parser)
         hidden = _widened(photo.hidden)
-        return Evidence(
+        return FacadeEvidence(
             photo.image,
             hidden,
             ~hidden,
@@ -139,15 +139,15 @@ def evidence_of(
         return _of_panoramas(plan, chart, size, imagery, refused, parser)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart_triangles(chart)], refused)
     image, covered = render_model_texture(plan.scene, chart, images)
-    if covered.mean() < SHOWN:
+    if covered.mean() < MIN_SHOWN_SHARE:
         return None
     # what a model brings is its wall as its makers want it, and may be drawn: the parser is not asked for trees
-    return Evidence(image, ~covered, covered, "own texture", clean=True)
+    return FacadeEvidence(image, ~covered, covered, "own texture", clean=True)
 
 
 def _of_panoramas(
     plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception], parser: Path | None
-) -> Evidence | None:
+) -> FacadeEvidence | None:
     newest, earlier = (
         _views(plan, chart, pictures, size, imagery, refused, parser)
         for pictures in (imagery.panoramas, imagery.earlier)
@@ -161,7 +161,7 @@ def _of_panoramas(
         now, then = (as_chart_view(fuse_views(of)) for of in (views, [one.view for one in earlier]))
         told = detect_changes(now, then, float(plan.scene.placement.texels_per_metre[chart]))
         share = None if told.changed_share is None else round(told.changed_share, 4)
-        before = Before(share, round(told.compared_share, 4), _last(earlier))
+        before = EarlierCapture(share, round(told.compared_share, 4), _last(earlier))
         if share is not None:
             picture = _small(then) if share >= PICTURED else None
             before = before._replace(
@@ -173,13 +173,13 @@ def _of_panoramas(
             for one in earlier
         ]
     fused = fuse_views(views)
-    if (fused.seen & ~fused.occluded).mean() < SHOWN:
+    if (fused.seen & ~fused.occluded).mean() < MIN_SHOWN_SHARE:
         return None
     _, masked = occluder_mask(fused.occluded)
     hidden = _widened(~fused.seen) | fused.occluded
     in_front = float(fused.occluded.mean())
     taken = [*newest, *(one for k, one in enumerate(earlier, len(newest)) if (fused.source == k).any())]
-    return Evidence(
+    return FacadeEvidence(
         fused.rgb,
         hidden,
         fused.confidence,
@@ -231,7 +231,7 @@ def _last(taken: Sequence[_Taken]) -> str | None:
     return max((one.day for one in taken if one.day), default=None)
 
 
-def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> Photo:
+def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> FacadePhoto:
     """A photo of a facade at a size; rectified first where it is as taken, and cut to the facade."""
     import cv2
 
@@ -248,8 +248,8 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
     )
     across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
     seen = detect_on_image(cut.image).rescale(across, down)
-    fit = Fit(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
-    return Photo(resize_image(cut.image, size), hidden, outside, seen, fit)
+    fit = PhotoFit(cut.hidden.size / image[..., 0].size, cut.has_facade, across / down)
+    return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit)
 
 
 def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
@@ -293,4 +293,4 @@ def _widened(hidden: np.ndarray) -> np.ndarray:
     """A hole and its rim: beside it, resampling has mixed in what hides the wall."""
     import cv2
 
-    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
+    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM_TEXELS + 1, 2 * RIM_TEXELS + 1), np.uint8)).astype(bool)

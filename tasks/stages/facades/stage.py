@@ -25,7 +25,7 @@ from tasks.engine.stage import Change, Records, Stage, StoreContents, is_done_re
 from tasks.engine.store.missing_chunks import find_charts_with_missing_chunks
 from tasks.engine.unit import Unit
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.captures import panoramas_of
+from tasks.stages.facades.captures import facade_captures
 from tasks.stages.facades.forecast import forecast_facades
 from tasks.stages.facades.imagery import Imagery, collect_imagery
 from tasks.stages.facades.keys import add_building_part, facade_keys
@@ -103,7 +103,7 @@ def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
     """The pictures that there are of every facade, with the exemplar chosen for it."""
     poses = read_refined_poses(group)
-    shown = panoramas_of(plan, block)
+    shown = facade_captures(plan, block)
     panoramas, earlier = (
         [
             [

@@ -44,7 +44,7 @@ from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import UnitGroup, Unit
 from tasks.stages.exemplars.worker import read_exemplar
-from tasks.stages.facades.evidence import Before, Evidence, Fit, evidence_of
+from tasks.stages.facades.evidence import EarlierCapture, FacadeEvidence, PhotoFit, evidence_of
 from tasks.stages.facades.wall_colour import colour_of_pictured
 
 if TYPE_CHECKING:
@@ -70,8 +70,8 @@ class _Made(NamedTuple):
     confidence: np.ndarray
     captured: str | None = None
     shop_names: str | None = None
-    fit: Fit | None = None
-    before: Before | None = None
+    fit: PhotoFit | None = None
+    before: EarlierCapture | None = None
 
 
 def facade_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
@@ -159,7 +159,7 @@ def _written(
     return about
 
 
-def _change(group: StoreGroup, plan: Plan, facade: int, before: Before) -> dict[str, Any]:
+def _change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, Any]:
     """What the record keeps of a change; how the facade was is written beside its variations."""
     from PIL import Image
 
@@ -286,7 +286,7 @@ def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[
     return styles[index, shops]
 
 
-def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
+def _names_on(result: Facade, evidence: FacadeEvidence, source: str, texels_per_metre: float) -> str | None:
     """The names of shops on a facade's own photo; None where there is no photo or names are not looked for."""
     if source != "photo" or not detectors_available():
         return None
