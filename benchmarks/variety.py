@@ -32,7 +32,7 @@ from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
 from facade_core.plan.plan import Plan
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.stage import exemplars_of, shops_of, walls_of
+from tasks.stages.facades.stage import choose_facade_exemplars, facade_shops, exemplar_walls
 from tasks.stages.ingest.planning import plan_of
 from tasks.stages.shared.images import read_exemplar_picture, read_labels
 
@@ -94,8 +94,8 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
             )
         )
         seconds.append(time.process_time() - begun)
-    shops = shops_of(plan, block.shops)
-    chosen = exemplars_of(plan, records, walls_of(plan, block, shops), seed=block.seed)
+    shops = facade_shops(plan, block.shops)
+    chosen = choose_facade_exemplars(plan, records, exemplar_walls(plan, block, shops), seed=block.seed)
     width = [record["shop_width"] if record else 0.0 for record in records]
     rows = pd.DataFrame(
         {

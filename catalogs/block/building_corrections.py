@@ -213,7 +213,7 @@ def nearest_buildings(places: Sequence[Correction], buildings: Sequence[Building
             zip(*tree.query_nearest(points, max_distance=MAX_FACADE_DISTANCE_M).tolist(), strict=True)
         ):
             reach = (
-                MAX_BUILDING_DISTANCE_M if places[number].what in BUILDING_CORRECTION_KINDS else MAX_FACADE_DISTANCE_M
+                MAX_BUILDING_DISTANCE_M if places[number].kind in BUILDING_CORRECTION_KINDS else MAX_FACADE_DISTANCE_M
             )
             if found[number] < 0 and shapely.dwithin(points[number], buildings[index].footprint, reach):
                 found[number] = index

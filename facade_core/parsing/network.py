@@ -49,7 +49,7 @@ _WHOLE_IMAGE = np.array([-1.0, -1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """Trained network in an inference session, and the image views that it averages."""
+    """Network in an inference session, and the image views that it averages."""
 
     session: Any
     views: tuple[tuple[float, bool], ...] = AVERAGED_VIEWS

@@ -109,7 +109,7 @@ class ParserNetwork(nn.Module):
 
 
 class _Block(nn.Module):
-    """Inverted residual: widen, filter each channel, narrow."""
+    """Residual block, inverted: widen, filter each channel, narrow."""
 
     def __init__(self, channels: int, width: int, expansion: int, kernel: int, stride: int) -> None:
         super().__init__()

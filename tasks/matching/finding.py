@@ -22,7 +22,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.outcome import error_reason
 from tasks.engine.progress import report_progress, begin_stage
 from tasks.matching.table import COLUMNS, Candidate, Table, found_row
-from tasks.stages.facades.evidence import rectified_photo
+from tasks.stages.facades.evidence import rectify_photo
 from tasks.stages.ingest.planning import plan_of
 
 # A photo is of the wall that it shows with this probability; else a person decides.
@@ -81,7 +81,7 @@ def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePo
     if isinstance(place, str):
         raise InputError(place)
     pose = project_pose(place, _FULL, block.crs, {})
-    photo, size = rectified_photo(path)
+    photo, size = rectify_photo(path)
     taken = estimate_orientation(photo.image, photo.seen, photo.homography, photo.focal, size)
     (level,) = terrain.interpolate(np.array([[pose.x, pose.y]]))
     walls = plan.facades.chart

@@ -1,4 +1,4 @@
-"""Elements that somebody gave a facade: the layout is theirs, a photo stays, what was made up follows."""
+"""Manual corrections of elements: the layout changes, photographed texels stay, synthetic texels follow."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.ingest import IngestSettings, ingest
 from facade_core.plan.plan import Plan
 from facade_core.synth.facade import facade as paint
-from tasks.stages.facades.stage import entrances_of
+from tasks.stages.facades.stage import facade_entrances
 
 MPP = 0.05
 # One corner cut off at the crossing, and a nook with a narrow wall across it at the other end.
@@ -152,7 +152,7 @@ def test_a_back_has_its_door_where_the_map_has_it(style: ExemplarStyle) -> None:
 
 
 def test_entrances_of_a_map_are_told_by_wall(plan: Plan) -> None:
-    found = entrances_of(plan, [(9.0, -0.4), (15.0, 0.2), (9.0, -5.0), (5.0, 14.0)])
+    found = facade_entrances(plan, [(9.0, -0.4), (15.0, 0.2), (9.0, -5.0), (5.0, 14.0)])
     told = {plan.facades.id[i]: places for i, places in enumerate(found) if places}
     assert len(told) == 2, "of the front and of a back; what is 5 m off is nobody's"
     front, back = sorted(told.values(), key=len, reverse=True)

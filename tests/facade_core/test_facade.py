@@ -1,4 +1,4 @@
-"""The facade stages in order, on painted facades whose truth is known."""
+"""The facade stages in order, on painted facades with known truth."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from catalogs.readers.pictures import decoding as pictures
 from catalogs.readers.pictures.decoding import MAX_PIXELS, MAX_WEBP_PIXELS, open_picture, read_picture
 from catalogs.readers.pictures.folders import check_picture, list_images, photos_by_facade
 from facade_core.core.errors import ImageError, InputError
-from tasks.stages.facades.evidence import photo_of
+from tasks.stages.facades.evidence import read_facade_photo
 from tasks.stages.shared.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
 from tasks.stages.shared.images import MOST_PIXELS as KEPT
 
@@ -323,7 +323,7 @@ def test_photos_and_exemplars_of_a_few_pixels_are_refused_with_the_reason(
         read_exemplar_picture(path)
     if min(size) < 16:
         with pytest.raises(ImageError, match=r"w1-f1\.png is .*16 a side are the least"):
-            photo_of(path, True, (20, 30))
+            read_facade_photo(path, True, (20, 30))
         with pytest.raises(InputError, match=r"w1-f1\.png is .*16 a side are the least"):
             list_images(tmp_path, "exemplar")
         check_picture(path)  # a material may be one colour

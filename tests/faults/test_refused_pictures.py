@@ -19,8 +19,8 @@ from facade_core.core.types import SHIPPED_MODELS, Pose
 from tasks.engine.forecast import describe_set_aside
 from tasks.stages.facades import evidence
 from tasks.stages.facades import worker as facade
-from tasks.stages.facades.evidence import FacadeEvidence, evidence_of
-from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.evidence import FacadeEvidence, read_evidence
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.shared.images import read_panorama, read_textures
 
 POSE = Pose(0.0, 0.0, 2.5, 0.0)
@@ -42,18 +42,18 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
     )
 
     def maker(
-        imagery: Imagery, shown: dict[str, Any], walls: str = "exemplar"
+        imagery: FacadeImagery, shown: dict[str, Any], walls: str = "exemplar"
     ) -> tuple[int, Any, str, list[Exception]]:
         def evidence_of(source: str, *_: Any) -> FacadeEvidence | None:
             if isinstance(shown[source], Exception):
                 raise shown[source]
             return shown[source]
 
-        monkeypatch.setattr(facade, "evidence_of", evidence_of)
+        monkeypatch.setattr(facade, "read_evidence", evidence_of)
         monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None, 0.05))
-        monkeypatch.setattr(facade, "style_of", lambda *_: None)
+        monkeypatch.setattr(facade, "extract_style", lambda *_: None)
         monkeypatch.setattr(facade, "facade_wall", lambda *_: None)
-        monkeypatch.setattr(facade, "from_exemplar", lambda *_, **__: "made")
+        monkeypatch.setattr(facade, "build_facade_from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
         run: Any = Value(seed=1, models=SHIPPED_MODELS, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
@@ -69,14 +69,14 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
 def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
     broken = ImageError("a-0.png: broken")
     hidden = FacadeEvidence(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.zeros(SIZE), "p")
-    both = Imagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=(0, "brick"))
+    both = FacadeImagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=(0, "brick"))
     depth, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
     assert (depth, made, source) == (2, "made", "brick")
     assert [str(error) for error in refused][:1] == ["a-0.png: broken"]
     assert str(refused[1]).startswith("p: only 0.0% of the facade is seen"), "what is refused later is named too"
     depth, made, source, refused = make(both, {"photo": None, "panoramas": None})
     assert (depth, source, refused) == (2, "brick", [])
-    left = Imagery(photo=Path("a-0.png"))
+    left = FacadeImagery(photo=Path("a-0.png"))
     assert make(left, {"photo": broken}, walls="translate")[:3] == (1, None, "translator")
     with pytest.raises(FacadeError, match="no picture of it and no usable exemplar"):
         make(left, {"photo": broken})
@@ -85,7 +85,7 @@ def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
 @pytest.mark.parametrize("fault", [MemoryError(), OSError(errno.EIO, "Input/output error")])
 def test_a_fault_of_the_machine_refuses_no_picture(make: Callable[..., Any], fault: Exception) -> None:
     with pytest.raises(type(fault)):
-        make(Imagery(photo=Path("a-0.png"), exemplar=(0, "brick")), {"photo": fault})
+        make(FacadeImagery(photo=Path("a-0.png"), exemplar=(0, "brick")), {"photo": fault})
 
 
 def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,16 +99,16 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
 
     seen = np.ones(SIZE, bool)
     fused = Value(seen=seen, occluded=~seen, rgb=np.zeros((*SIZE, 3), np.uint8), confidence=np.ones(SIZE))
-    monkeypatch.setattr(evidence, "_view", view)
+    monkeypatch.setattr(evidence, "_view_of_panorama", view)
     monkeypatch.setattr(evidence, "fuse_views", lambda views: fused)
     monkeypatch.setattr(evidence, "capture_date", {Path("two.jpg"): "2024-05-17"}.get)
     refused: list[Exception] = []
     plan: Any = None
-    found = evidence_of("panoramas", plan, 0, SIZE, Imagery(panoramas=PANORAMAS), (), refused)
+    found = read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS), (), refused)
     assert found is not None
     assert (found.source, taken, found.captured) == ("two.jpg", ["two.jpg"], "2024-05-17")
     assert list(map(str, refused)) == ["one.jpg: broken"]
-    assert evidence_of("panoramas", plan, 0, SIZE, Imagery(panoramas=PANORAMAS[:1]), (), refused) is None
+    assert read_evidence("panoramas", plan, 0, SIZE, FacadeImagery(panoramas=PANORAMAS[:1]), (), refused) is None
 
 
 def test_what_is_set_aside_is_told_before_anything_is_done() -> None:

@@ -50,8 +50,8 @@ def place_balconies(wall: Polygon, elements: Sequence[Element]) -> list[shapely.
 def extend_windows_behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
     """Extend windows whose foot is hidden by a balcony down to its floor.
 
-    The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between the ends of
-    the railing are extended.
+    The parse labels the railing as balcony, but people step out through the opening behind it. Only windows between
+    the ends of the railing are extended.
     """
     found = []
     for element in elements:
@@ -101,7 +101,9 @@ def balcony_faces(box: Polygon) -> list[WallFrameFace]:
 def _texture_places(
     corners: Sequence[tuple[float, float, float]], side: str, box: tuple[float, float, float, float], floor: float
 ) -> np.ndarray:
-    """Return the places on the wall that a face shows: fronts as they are, sides mirrored at the ends, levels at the floor's edge.
+    """Return the places on the wall that a face shows.
+
+    Fronts show the wall behind them, sides mirror it at their ends, level faces show the edge of the floor.
     """
     x0, _, x1, y1 = box
     x, y, out = np.array(corners, float).T

@@ -203,8 +203,7 @@ def _peel_open_patches(whole: PolygonMesh, chosen: Sequence[int]) -> list[int]:
 
 
 def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
-    """Close the open loops of a shell by planar polygons; None if a loop is not planar. Level ones at the foot are ground.
-    """
+    """Close open loops by planar polygons, level ones at the foot as ground; None if a loop is not planar."""
     rings = trace_loops([(b, a) for a, b in open_edges(shell.patches)])
     planes: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
     for ring in rings:
@@ -235,8 +234,7 @@ def _cover_open_loops(shell: PolygonMesh, ground: int) -> PolygonMesh | None:
 
 
 def _nest_rings(points: np.ndarray, rings: Sequence[tuple[int, ...]]) -> list[Patch]:
-    """Combine the rings of one plane to polygons with holes; rings against the largest are holes of the smallest around them.
-    """
+    """Combine rings of one plane to polygons; rings against the largest are holes of the smallest around them."""
     normal = max((ring_area_vector(points[list(ring)]) for ring in rings), key=lambda one: float(np.linalg.norm(one)))
     axes = plane_axes(normal / np.linalg.norm(normal))
     flat = [shapely.Polygon(points[list(ring)] @ axes.T) for ring in rings]

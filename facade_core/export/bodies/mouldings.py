@@ -117,8 +117,7 @@ def _make_band(rows: np.ndarray, top: int, foot: int, moulding: bool, density: f
 
 
 def _row_colours(image: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return the median colour (h, 3) of the free wall of every row; rows without enough free wall take the nearest.
-    """
+    """Return the median colour (h, 3) of the free wall of every row; rows without enough free wall take the nearest."""
     known = np.flatnonzero(free.mean(axis=1) >= MIN_FREE_SHARE)
     if not len(known):
         return np.tile(np.median(image.reshape(-1, 3), axis=0), (len(image), 1))
@@ -128,8 +127,7 @@ def _row_colours(image: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def most_similar_band(band: WallBand, others: Sequence[WallBand]) -> int | None:
-    """Return the index of the most similar band of the same kind; None if there is none. Mouldings compare heights too.
-    """
+    """Return the index of the most similar band of the same kind; None if there is none. Mouldings compare heights too."""
     cost = {
         k: float(np.abs(np.sqrt(band.profile) - np.sqrt(one.profile)).mean())
         + (0.15 * abs(float(np.log(band.height / one.height))) if band.is_moulding else 0.0)

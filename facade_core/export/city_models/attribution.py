@@ -49,8 +49,7 @@ class Attribution:
 
     @property
     def line(self) -> str:
-        """Return one line: licences, then sources without a licence, separated by "; " as CesiumJS splits `asset.copyright`.
-        """
+        """Return one line: licences, then sources without a licence, separated by "; " as CesiumJS splits `asset.copyright`."""
         silent = _unique_names(source.name for source in self.sources if not source.licence)
         return "; ".join(
             [

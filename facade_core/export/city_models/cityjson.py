@@ -99,8 +99,7 @@ class VertexPool:
 
 
 def _largest_loop(grid: np.ndarray) -> np.ndarray:
-    """Return the corners of a grid ring (k, 3) in its largest part that visits no corner twice; empty without area.
-    """
+    """Return the corners of a grid ring (k, 3) in its largest part that visits no corner twice; empty without area."""
     keep = np.flatnonzero((grid != np.roll(grid, 1, axis=0)).any(axis=1))
     _, place = np.unique(grid[keep], axis=0, return_inverse=True)
     place = place.reshape(-1)

@@ -23,7 +23,7 @@ EVENNESS_PARTS = 8
 def group_similar_grains(grains: Sequence[WallGrain]) -> list[int]:
     """Group similar grains and return the representative of each.
 
-    The representative is the most even grain of those with the finest resolution, so that no mark of one wall repeats on others.
+    The representative is the most even grain of the finest resolution, so that no mark of one wall repeats on others.
     """
     told = [_grain_descriptor(grain) for grain in grains]
     fine = [grain.relative_light.shape[0] / grain.width_m for grain in grains]

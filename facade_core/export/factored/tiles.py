@@ -1,5 +1,4 @@
-"""Leaves of a tileset as factored models at two levels of detail; their textures are shared files next to the tiles.
-"""
+"""Leaves of a tileset as factored models at two levels of detail; their textures are shared files next to the tiles."""
 
 from __future__ import annotations
 

@@ -216,8 +216,7 @@ def pane_slope(opening: FacadeOpening, density: float, random: SeededRandom) -> 
 
 
 def _opening_place(opening: FacadeOpening, density: float) -> tuple[int, int]:
-    """Return the position of an opening's centre in steps right and down, stable across densities except at step borders.
-    """
+    """Return the position of an opening's centre in steps right and down, stable across densities except at step borders."""
     across, down = opening.left + opening.right, opening.top + opening.bottom
     return int(across / (2 * density * PLACE_STEP_M)), int(down / (2 * density * PLACE_STEP_M))
 

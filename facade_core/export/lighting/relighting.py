@@ -219,8 +219,7 @@ def _to_uint8(values: np.ndarray) -> np.ndarray:
 
 
 def _interpolate_axis(grid: np.ndarray, axis: int, texels: int) -> np.ndarray:
-    """Interpolate a grid linearly along an axis at the centres of `texels` texels; the grid spans border to border.
-    """
+    """Interpolate a grid linearly along an axis at the centres of `texels` texels; the grid spans border to border."""
     at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (grid.shape[axis] - 1)
     below = np.minimum(at.astype(np.int64), grid.shape[axis] - 2)
     part = (at - below)[:, None] if axis == 0 else at - below

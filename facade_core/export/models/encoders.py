@@ -1,5 +1,4 @@
-"""Texture encoders of tiles: JPEG, WebP, and KTX2 with Basis Universal, which stays compressed on the graphics card.
-"""
+"""Texture encoders of tiles: JPEG, WebP, and KTX2 with Basis Universal, which stays compressed on the graphics card."""
 
 from __future__ import annotations
 

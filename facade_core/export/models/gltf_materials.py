@@ -1,5 +1,4 @@
-"""glTF materials: unlit images, or physically based materials with normal, occlusion, roughness and emissive textures.
-"""
+"""glTF materials: unlit images, or physically based materials with normal, occlusion, roughness and emissive textures."""
 
 from __future__ import annotations
 

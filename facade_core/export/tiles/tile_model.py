@@ -1,5 +1,4 @@
-"""GLB model of a tile with textures of its own, built page by page; unchanged pages are copied from the earlier model.
-"""
+"""GLB model of a tile with textures of its own, built page by page; unchanged pages are copied from the earlier model."""
 
 from __future__ import annotations
 

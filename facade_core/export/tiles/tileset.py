@@ -93,8 +93,7 @@ class _TilesetWriter:
         )
 
     def write_content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
-        """Write a tile from pages and the feature rows (charts, 2) of their charts; returns its bounds (2, 3), z up.
-        """
+        """Write a tile from pages and the feature rows (charts, 2) of their charts; returns its bounds (2, 3), z up."""
         batches, page_textures = [], []
         for pages, rows in parts:
             batches += _page_batches(pages, rows, self.frame)
@@ -209,9 +208,9 @@ def write_tileset(
 ) -> WrittenTileset:
     """Write the tileset of a quadtree, one tile at a time.
 
-    The lowest tiles show the source, or the detail levels of a leaf. The tiles above show shells at fewer texels, and at equally
-    reduced density the ground and the buildings without a shell. Each tile has one primitive per page. Its geometric error covers
-    its own content only. Every coarse tile but the root starts a tileset of its own.
+    The lowest tiles show the source, or the detail levels of a leaf. The tiles above show shells, the ground and the
+    buildings without a shell at a lower density. Each tile has one primitive per page. Its geometric error covers its own
+    content only. Every coarse tile but the root starts a tileset of its own.
 
     Parameters
     ----------
@@ -267,7 +266,7 @@ def view_scale(
 ) -> float:
     """Compute the largest scale up to 1 at which the textures of any view fit the graphics memory.
 
-    A view holds the finest tiles within VIEW_RADIUS_M of the centre of a leaf and the coarse tiles above them, which viewers keep.
+    A view holds the finest tiles within VIEW_RADIUS_M of the centre of a leaf, and the coarse tiles above them.
 
     Parameters
     ----------

@@ -97,10 +97,10 @@ def _continue_rows(
     floors, row = cluster_centres((windows[:, 1] + windows[:, 3]) / 2, ALIGNMENT_TOLERANCE * height)
     found: list[int] = []
     for r in np.unique(row[picked]).tolist():
-        beside = [q for q in (r - 1, r + 1) if 0 <= q < len(floors)]
-        if not beside:
+        neighbours = [q for q in (r - 1, r + 1) if 0 <= q < len(floors)]
+        if not neighbours:
             continue
-        other = windows[row == max(beside, key=lambda q: int((row == q).sum()))]
+        other = windows[row == max(neighbours, key=lambda q: int((row == q).sum()))]
         mine = windows[row == r]
         low, high = float(np.median(mine[:, 1])), float(np.median(mine[:, 3]))
         there = pairwise_overlap(
@@ -191,7 +191,7 @@ def min_window_gap(observed: Sequence[Element]) -> float:
     gap = box[None, :, 0] - box[:, None, 2]
     tall = box[:, 3] - box[:, 1]
     shared = np.minimum(box[:, None, 3], box[:, 3]) - np.maximum(box[:, None, 1], box[:, 1])
-    beside = (shared > 0.3 * np.minimum(tall[:, None], tall)) & (gap > -0.05 * width)
-    if not beside.any():
+    neighbours = (shared > 0.3 * np.minimum(tall[:, None], tall)) & (gap > -0.05 * width)
+    if not neighbours.any():
         return _SINGLE_GAP_SHARE * width
-    return max(0.0, min(_MAX_GAP_SHARE * width, _OBSERVED_GAP_SHARE * float(gap[beside].min())))
+    return max(0.0, min(_MAX_GAP_SHARE * width, _OBSERVED_GAP_SHARE * float(gap[neighbours].min())))

@@ -136,9 +136,9 @@ def compose_wall(
     size_m = wall.width, wall.height
     middle = choose_door_position(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
     if middle is not None and not blank:
-        beside = np.flatnonzero((across[:-1] < middle + DOOR_SIZE_M[0]) & (across[1:] > middle - DOOR_SIZE_M[0]))
+        door_columns = np.flatnonzero((across[:-1] < middle + DOOR_SIZE_M[0]) & (across[1:] > middle - DOOR_SIZE_M[0]))
         own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
-        for left in np.unique(beside // 3 * 3).tolist():
+        for left in np.unique(door_columns // 3 * 3).tolist():
             source[0, -ground:, left : left + 3] = own[:, None]
             source[1, -ground:, left : left + 3] = wide + 1
     if attic > 0:
@@ -199,7 +199,7 @@ def _wall_sections(wall: FacadeWall, bay: float) -> list[float]:
     return [*ends, wall.width]
 
 
-def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
+def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], margin: float) -> np.ndarray:
     """Move windows within their bays off seams and wall ends, by a margin in metres; they stay if there is no room.
 
     Parameters
@@ -209,10 +209,10 @@ def _move_off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float)
     across = across.copy()
     for left in range(0, len(across) - 1, 3):
         start, first, last, end = across[left : left + 4]
-        if not any(first - beside < edge < last + beside for edge in (across[0], *seams, across[-1])):
+        if not any(first - margin < edge < last + margin for edge in (across[0], *seams, across[-1])):
             continue
         inner = [seam for seam in seams if start < seam < end]
-        places = [(a + beside, b - beside) for a, b in pairwise([start, *inner, end])]
+        places = [(a + margin, b - margin) for a, b in pairwise([start, *inner, end])]
         widths = [min(last - first, b - a) for a, b in places]
         fits = [
             (abs(x - first), x, width)

@@ -178,7 +178,7 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
     inner = (FRAME_M + RAIL_M, wide - FRAME_M - RAIL_M)
 
     def grooved(left: float, right: float, upper: float, lower: float) -> np.ndarray:
-        beside = np.minimum(np.abs(across - left), np.abs(across - right))
+        side_distance = np.minimum(np.abs(across - left), np.abs(across - right))
         over = np.minimum(np.abs(down - upper), np.abs(down - lower))
         within = (
             (across > left - GROOVE_M)
@@ -186,7 +186,7 @@ def draw_plain_door(shape: tuple[int, int], metres_per_pixel: float, rng: np.ran
             & (down > upper - GROOVE_M)
             & (down < lower + GROOVE_M)
         )
-        return within & (np.minimum(beside, over) < GROOVE_M)
+        return within & (np.minimum(side_distance, over) < GROOVE_M)
 
     parts = [(0.18 * high, 0.5 * high), (0.58 * high, 0.92 * high)]
     if planked:

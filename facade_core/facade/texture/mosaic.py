@@ -63,12 +63,12 @@ def _part_bounds(parts: np.ndarray, count: int) -> list[tuple[int, int, int, int
 
 
 def _fit_translation(
-    image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, room: int
+    image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndarray, radius: int
 ) -> np.ndarray:
-    """Return the translation within `room` px of `about` with the least difference at the places (n, 2)."""
+    """Return the translation within `radius` px of `about` with the least difference at the places (n, 2)."""
     if len(where) < 20:
         return about
-    shift = np.arange(-room, room + 1)
+    shift = np.arange(-radius, radius + 1)
     table = np.stack([np.repeat(shift, len(shift)), np.tile(shift, len(shift)), np.zeros(len(shift) ** 2, int)], 1)
     table = table[np.argsort(np.abs(table).sum(1), kind="stable")]
     errors = _mean_differences(image, known, where, about + table)

@@ -60,8 +60,8 @@ def compose_tiles(
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)
-    beside, below = _find_seam_paths(colour, *where, max(1, round(MAX_SEAM_SHIFT_PX / reduction)))
-    cell = _assign_cells(beside, below, rows, columns)
+    right_start, lower_start = _find_seam_paths(colour, *where, max(1, round(MAX_SEAM_SHIFT_PX / reduction)))
+    cell = _assign_cells(right_start, lower_start, rows, columns)
     low = cv2.GaussianBlur(colour, (0, 0), _BAND_SIGMA_PX / reduction, borderType=cv2.BORDER_REPLICATE)
     out = _render_faded(low, *where, max(1, round(_FADE_PX / reduction))) + _render_cells(colour - low, cell, *where)
     fine = _render_labels(labels, cell, full_rows, full_columns, tiles, rows, columns)
@@ -101,8 +101,8 @@ def _find_seam_paths(
     """Return the first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
     tall, wide = tiles.shape
     across = len(source_columns) - 1
-    beside = np.empty((rows[-1], max(0, wide - 1)), np.int64)
-    below = np.empty((max(0, tall - 1), columns[-1]), np.int64)
+    right_start = np.empty((rows[-1], max(0, wide - 1)), np.int64)
+    lower_start = np.empty((max(0, tall - 1), columns[-1]), np.int64)
     one, other = np.empty(3, np.float32), np.empty(3, np.float32)
     for m in range(tall):
         for n in range(wide):
@@ -114,8 +114,8 @@ def _find_seam_paths(
                 mm, nn = (m, n + 1) if side == 0 else (m + 1, n)
                 ii, jj = tiles[mm, nn] // across, tiles[mm, nn] % across
                 length = y1 - y0 if side == 0 else x1 - x0
-                room = (min(x1 - x0, columns[nn + 1] - x1) if side == 0 else min(y1 - y0, rows[mm + 1] - y1)) // 2
-                reach = min(most, room)
+                limit = (min(x1 - x0, columns[nn + 1] - x1) if side == 0 else min(y1 - y0, rows[mm + 1] - y1)) // 2
+                reach = min(most, limit)
                 error = np.empty((length, 2 * reach + 1))
                 for a in range(length):
                     for b in range(2 * reach + 1):
@@ -138,28 +138,30 @@ def _find_seam_paths(
                 path = find_min_error_path(error)
                 for a in range(length):
                     if side == 0:
-                        beside[y0 + a, n] = x1 - reach + path[a]
+                        right_start[y0 + a, n] = x1 - reach + path[a]
                     else:
-                        below[m, x0 + a] = y1 - reach + path[a]
-    return beside, below
+                        lower_start[m, x0 + a] = y1 - reach + path[a]
+    return right_start, lower_start
 
 
 @njit(cache=True)
-def _assign_cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _assign_cells(
+    right_start: np.ndarray, lower_start: np.ndarray, rows: np.ndarray, columns: np.ndarray
+) -> np.ndarray:
     """Return the cell that every pixel shows, (H, W) int32: m * N + n."""
-    height, width, wide = rows[-1], columns[-1], beside.shape[1] + 1
+    height, width, wide = rows[-1], columns[-1], right_start.shape[1] + 1
     cell = np.empty((height, width), np.int32)
     column = np.empty((height, width), np.int32)
     for y in range(height):
         n = 0
         for x in range(width):
-            while n < wide - 1 and x >= beside[y, n]:
+            while n < wide - 1 and x >= right_start[y, n]:
                 n += 1
             column[y, x] = n
     for x in range(width):
         m = 0
         for y in range(height):
-            while m < below.shape[0] and y >= below[m, x]:
+            while m < lower_start.shape[0] and y >= lower_start[m, x]:
                 m += 1
             cell[y, x] = m * wide + column[y, x]
     return cell

@@ -101,12 +101,12 @@ def _initial_tiling(
     tiles = own.copy()
     anywhere = np.argwhere(usable)
     for y, x in np.argwhere(~frozen):
-        beside = np.flatnonzero(usable[y] & may_column[x])
-        above = np.flatnonzero(usable[:, x] & may_row[y])
-        if len(beside):
-            tiles[y, x] = own[y, rng.choice(beside)]
-        elif len(above):
-            tiles[y, x] = own[rng.choice(above), x]
+        same_row = np.flatnonzero(usable[y] & may_column[x])
+        same_column = np.flatnonzero(usable[:, x] & may_row[y])
+        if len(same_row):
+            tiles[y, x] = own[y, rng.choice(same_row)]
+        elif len(same_column):
+            tiles[y, x] = own[rng.choice(same_column), x]
         elif usable[y].any():
             tiles[y, x] = own[y, rng.choice(np.flatnonzero(usable[y]))]
         else:

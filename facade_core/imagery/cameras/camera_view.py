@@ -18,7 +18,7 @@ MIN_PIECE_WIDTH_M = 0.6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PanoramaCamera:
-    """Posed panorama with its occluders and exposure.
+    """Panorama with its pose, occluders and exposure.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class CameraView:
 
 
 def equalise_exposure(view: ChartView, camera: PanoramaCamera, mask: np.ndarray) -> ChartView:
-    """Bring a camera's view to the common exposure, limited to the texels of a mask.
+    """Convert a camera's view to the common exposure, limited to the texels of a mask.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ HEIGHT_CHANGE_ERROR = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefinedPose:
-    """Refined pose, or the stated one with the reasons.
+    """Pose after refinement, or the stated one with the reasons.
 
     Attributes
     ----------

@@ -210,7 +210,7 @@ def _fill_unseen(colour: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def _alpha_expansion(unary: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """Labelling (r, c) int8 of low unary cost (n, r, c) and colour difference (n, r, c, 3) along seams."""
+    """Labels (r, c) int8 of low unary cost (n, r, c) and colour difference (n, r, c, 3) along seams."""
     label = unary.argmin(axis=0).astype(np.int8)
     best = _energy(unary, colour, label)
     for _ in range(MAX_SWEEPS):

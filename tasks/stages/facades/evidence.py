@@ -29,7 +29,7 @@ from tasks.engine.outcome import collect_rejections
 from tasks.stages.shared.images import capture_date, focal_length, read_panorama, read_textures, read_whole
 
 if TYPE_CHECKING:
-    from tasks.stages.facades.imagery import Imagery
+    from tasks.stages.facades.imagery import FacadeImagery
 
 # Texels around a photo's holes that count as hidden.
 RIM_TEXELS = 2
@@ -106,24 +106,24 @@ class FacadePhoto(NamedTuple):
     fit: PhotoFit
 
 
-def evidence_of(
+def read_evidence(
     source: str,
     plan: Plan,
     chart: int,
     size: tuple[int, int],
-    imagery: Imagery,
+    imagery: FacadeImagery,
     textures: Sequence[Path],
     refused: list[Exception],
     parser: Path | None = None,
 ) -> FacadeEvidence | None:
-    """What a source of imagery, as in `Imagery.sources`, shows of a chart in a raster of a size; None where that is too little.
+    """What a source of imagery, as in `FacadeImagery.sources`, shows of a chart in a raster of a size; None where that is too little.
 
     Why one picture of several cannot be used is added to `rejected_buildings`; raises what a photo, the only one, is refused by. parser:
     the file of one in place of the shipped one.
     """
     if source == "photo" and imagery.photo is not None:
-        photo = photo_of(imagery.photo, imagery.rectified, size, parser)
-        hidden = _widened(photo.hidden)
+        photo = read_facade_photo(imagery.photo, imagery.rectified, size, parser)
+        hidden = _widen(photo.hidden)
         return FacadeEvidence(
             photo.image,
             hidden,
@@ -136,7 +136,7 @@ def evidence_of(
             fit=photo.fit,
         )
     if source == "panoramas":
-        return _of_panoramas(plan, chart, size, imagery, refused, parser)
+        return _fuse_panoramas(plan, chart, size, imagery, refused, parser)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart_triangles(chart)], refused)
     image, covered = render_model_texture(plan.scene, chart, images)
     if covered.mean() < MIN_SHOWN_SHARE:
@@ -145,11 +145,11 @@ def evidence_of(
     return FacadeEvidence(image, ~covered, covered, "own texture", clean=True)
 
 
-def _of_panoramas(
-    plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception], parser: Path | None
+def _fuse_panoramas(
+    plan: Plan, chart: int, size: tuple[int, int], imagery: FacadeImagery, refused: list[Exception], parser: Path | None
 ) -> FacadeEvidence | None:
     newest, earlier = (
-        _views(plan, chart, pictures, size, imagery, refused, parser)
+        _dated_views(plan, chart, pictures, size, imagery, refused, parser)
         for pictures in (imagery.panoramas, imagery.earlier)
     )
     if not newest:
@@ -161,9 +161,9 @@ def _of_panoramas(
         now, then = (as_chart_view(fuse_views(of)) for of in (views, [one.view for one in earlier]))
         told = detect_changes(now, then, float(plan.scene.placement.texels_per_metre[chart]))
         share = None if told.changed_share is None else round(told.changed_share, 4)
-        before = EarlierCapture(share, round(told.compared_share, 4), _last(earlier))
+        before = EarlierCapture(share, round(told.compared_share, 4), _latest_day(earlier))
         if share is not None:
-            picture = _small(then) if share >= PICTURED else None
+            picture = _shrink(then) if share >= PICTURED else None
             before = before._replace(
                 cells=told.encode_cells(float(plan.scene.placement.texels_per_metre[chart])), picture=picture
             )
@@ -176,7 +176,7 @@ def _of_panoramas(
     if (fused.seen & ~fused.occluded).mean() < MIN_SHOWN_SHARE:
         return None
     _, masked = occluder_mask(fused.occluded)
-    hidden = _widened(~fused.seen) | fused.occluded
+    hidden = _widen(~fused.seen) | fused.occluded
     in_front = float(fused.occluded.mean())
     taken = [*newest, *(one for k, one in enumerate(earlier, len(newest)) if (fused.source == k).any())]
     return FacadeEvidence(
@@ -187,12 +187,12 @@ def _of_panoramas(
         masked,
         in_front,
         outside=street_mask(fused.rgb, hidden, model=parser),
-        captured=_last(newest),
+        captured=_latest_day(newest),
         before=before,
     )
 
 
-def _small(view: ChartView) -> np.ndarray:
+def _shrink(view: ChartView) -> np.ndarray:
     """A view (h, w, 3) as it is looked at beside another: no longer than LONGEST, and grey where it does not show the wall."""
     image = np.where(view.clear[..., None], view.rgb, np.uint8(GREY))
     scale = min(1.0, LONGEST / max(image.shape[:2]))
@@ -200,7 +200,7 @@ def _small(view: ChartView) -> np.ndarray:
     return resize_image(image, (height, width))
 
 
-class _Taken(NamedTuple):
+class _DatedView(NamedTuple):
     """A facade as a panorama shows it, the file's name and its day, where that is known."""
 
     view: ChartView
@@ -208,30 +208,30 @@ class _Taken(NamedTuple):
     day: str | None
 
 
-def _views(
+def _dated_views(
     plan: Plan,
     chart: int,
     pictures: Sequence[tuple[Path, Pose]],
     size: tuple[int, int],
-    imagery: Imagery,
+    imagery: FacadeImagery,
     refused: list[Exception],
     parser: Path | None,
-) -> list[_Taken]:
+) -> list[_DatedView]:
     """A facade as some panoramas show it, those left out that cannot be used."""
     found = []
     for path, pose in pictures:
         with collect_rejections(refused):
-            view = _view(plan, chart, path, pose, size, parser)
-            found.append(_Taken(view, path.name, imagery.captured.get(path) or capture_date(path)))
+            view = _view_of_panorama(plan, chart, path, pose, size, parser)
+            found.append(_DatedView(view, path.name, imagery.captured.get(path) or capture_date(path)))
     return found
 
 
-def _last(taken: Sequence[_Taken]) -> str | None:
+def _latest_day(taken: Sequence[_DatedView]) -> str | None:
     """The last of the days on which pictures were taken, where they tell."""
     return max((one.day for one in taken if one.day), default=None)
 
 
-def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> FacadePhoto:
+def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> FacadePhoto:
     """A photo of a facade at a size; rectified first where it is as taken, and cut to the facade."""
     import cv2
 
@@ -239,7 +239,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
         picture = read_whole(path, least=MIN_SIDE_PX)
         image, hidden = picture.rgb, picture.hidden | no_data_mask(picture.rgb)
     else:
-        found, _ = rectified_photo(path)
+        found, _ = rectify_photo(path)
         image, hidden = found.image, ~found.seen
     cut = crop_to_facade(image, hidden, model=parser)
     hidden, outside = (
@@ -252,7 +252,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | 
     return FacadePhoto(resize_image(cut.image, size), hidden, outside, seen, fit)
 
 
-def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
+def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     """A photo as taken from the street, rectified, and its size (h, w) as it was read. Raises ImageError with its name."""
     picture = read_whole(path, least=MIN_SIDE_PX)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
@@ -264,11 +264,11 @@ def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     return found, picture.hidden.shape
 
 
-def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None) -> ChartView:
+def _view_of_panorama(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None) -> ChartView:
     """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees, and the faces and plates
     that there are on the panorama."""
     image = read_panorama(path)
-    seen = _seen_on(path, pose)
+    seen = _panorama_detections(path, pose)
     private = seen.private_mask(image.shape[:2]) if seen.has_private_boxes() else None
     view = rectify_view(plan.scene, chart, image, pose, size, private)
     if not view.seen.any():
@@ -278,18 +278,18 @@ def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int],
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
 
 
-def _seen_on(path: Path, pose: Pose) -> Detections:
+def _panorama_detections(path: Path, pose: Pose) -> Detections:
     """The faces, plates and text on a panorama; the facades that it shows share them."""
     state = path.stat()
-    return _looked_at(path, state.st_size, state.st_mtime_ns, pose.view)
+    return _cached_detections(path, state.st_size, state.st_mtime_ns, pose.view)
 
 
 @lru_cache(maxsize=64)
-def _looked_at(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Detections:
+def _cached_detections(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Detections:
     return detect_on_panorama(read_panorama(path), view)
 
 
-def _widened(hidden: np.ndarray) -> np.ndarray:
+def _widen(hidden: np.ndarray) -> np.ndarray:
     """A hole and its rim: beside it, resampling has mixed in what hides the wall."""
     import cv2
 

@@ -11,7 +11,7 @@ from facade_core.core.types import AS_FOUND, FacadeCorrection, Pose
 
 
 @dataclass(frozen=True)
-class Imagery:
+class FacadeImagery:
     """The pictures that there are of one facade, in the order in which they are tried.
 
     Args:
@@ -63,11 +63,11 @@ def collect_imagery(
     shops: Sequence[int],
     entrances: Sequence[tuple[float, ...]],
     corrected: Mapping[int, FacadeCorrection],
-) -> list[Imagery]:
+) -> list[FacadeImagery]:
     """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, `captured` by
     panorama, the rest by facade."""
     return [
-        Imagery(
+        FacadeImagery(
             photo=photos.get(name, photos.get(file_stem(name))),
             rectified=rectified,
             panoramas=tuple(panoramas[i]),

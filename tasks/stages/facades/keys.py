@@ -15,7 +15,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.shared.key_parts import bounding_box, digests_between, model_parts, own_texture_parts, pose_numbers
 
 
@@ -23,7 +23,7 @@ def facade_keys(
     run: Run,
     plan: Plan,
     facade: int,
-    imagery: Imagery,
+    imagery: FacadeImagery,
     exemplars: Mapping[int, str],
     textures: Sequence[Path],
 ) -> tuple[str, ...]:
@@ -85,7 +85,7 @@ def facade_keys(
     return tuple(keys)
 
 
-def add_building_part(key: str, pictured: Sequence[str]) -> str:
+def add_colour_part(key: str, pictured: Sequence[str]) -> str:
     """The key of a facade without a picture, which takes its wall's colour from others of its house that have pictures, by the
     keys of these."""
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key

@@ -27,10 +27,10 @@ from tasks.engine.unit import Unit
 from tasks.stages.exemplars.record import ExemplarRecord
 from tasks.stages.facades.captures import facade_captures
 from tasks.stages.facades.forecast import forecast_facades
-from tasks.stages.facades.imagery import Imagery, collect_imagery
-from tasks.stages.facades.keys import add_building_part, facade_keys
+from tasks.stages.facades.imagery import FacadeImagery, collect_imagery
+from tasks.stages.facades.keys import add_colour_part, facade_keys
 from tasks.stages.facades.record import FacadeRecord, facade_files
-from tasks.stages.facades.worker import facade_unit
+from tasks.stages.facades.worker import process_facades
 from tasks.stages.shared.facade_corrections import corrected_of
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,
@@ -43,9 +43,9 @@ from tasks.stages.shared.memory import (
 from tasks.stages.shared.refined_poses import is_refused, read_refined_poses, select_pose
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
-SHOP_M = 15.0
+MAX_SHOP_DISTANCE_M = 15.0
 # Where a wall begins and ends at its foot, as shares of its chart.
-_FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
+_FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
 def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -60,13 +60,13 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     keys = [
         facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
     ]
-    together = _first_building(plan)
+    together = _first_buildings(plan)
     units = []
-    for index, (pictures, beside) in enumerate(zip(imagery, _pictured_beside(plan, imagery), strict=True)):
+    for index, (pictures, beside) in enumerate(zip(imagery, _pictured_neighbours(plan, imagery), strict=True)):
         *first, last = keys[index]
         if pictures.exemplar is not None:
             # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
-            last = add_building_part(last, [keys[other][-2] for other in beside])
+            last = add_colour_part(last, [keys[other][-2] for other in beside])
         units.append(
             Unit(
                 index,
@@ -81,7 +81,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     return units
 
 
-def _first_building(plan: Plan) -> list[int]:
+def _first_buildings(plan: Plan) -> list[int]:
     """Of each facade the first building of its house: walls of all parts of a house may take the colour of one of them."""
     first: dict[int, int] = {}
     houses, buildings = plan.facades.house.tolist(), plan.facades.building.tolist()
@@ -90,7 +90,7 @@ def _first_building(plan: Plan) -> list[int]:
     return [first[house] for house in houses]
 
 
-def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, ...]]:
+def _pictured_neighbours(plan: Plan, imagery: Sequence[FacadeImagery]) -> list[tuple[int, ...]]:
     """The other facades of each one's house that there are pictures, or textures of the model's own, of."""
     pictured: dict[int, list[int]] = {}
     houses = plan.facades.house.tolist()
@@ -100,7 +100,7 @@ def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, 
     return [tuple(other for other in pictured.get(house, ()) if other != facade) for facade, house in enumerate(houses)]
 
 
-def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
+def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[FacadeImagery]:
     """The pictures that there are of every facade, with the exemplar chosen for it."""
     poses = read_refined_poses(group)
     shown = facade_captures(plan, block)
@@ -116,15 +116,15 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         for of_all in ([one.newest for one in shown], [one.before for one in shown])
     )
     captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
-    shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
+    shops = facade_shops(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     chosen = (
-        exemplars_of(
-            plan, read_journal(group, "exemplars", ExemplarRecord), walls_of(plan, block, shops), seed=run.seed
+        choose_facade_exemplars(
+            plan, read_journal(group, "exemplars", ExemplarRecord), exemplar_walls(plan, block, shops), seed=run.seed
         )
         if run.texture.walls == "exemplar"
         else {}
     )
-    chosen |= _chosen_by_people(plan, block, read_journal(group, "exemplars", ExemplarRecord)) if chosen else {}
+    chosen |= _corrected_exemplars(plan, block, read_journal(group, "exemplars", ExemplarRecord)) if chosen else {}
     own = plan.textured[plan.facades.chart].tolist()
     return collect_imagery(
         plan.facades.id,
@@ -136,12 +136,12 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         own,
         chosen,
         shops.tolist(),
-        entrances_of(plan, block.entrances),
+        facade_entrances(plan, block.entrances),
         corrected_of(plan, block.corrections, block.crs)[0],
     )
 
 
-def _chosen_by_people(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:
+def _corrected_exemplars(plan: Plan, block: Block, records: Sequence[Record | None]) -> dict[int, tuple[int, str]]:
     """The exemplar that somebody chose for the building of a facade, where it could be prepared."""
     usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
     found = {}
@@ -152,13 +152,13 @@ def _chosen_by_people(plan: Plan, block: Block, records: Sequence[Record | None]
     return found
 
 
-def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
+def facade_entrances(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
     """Where each facade's wall, as it is laid out, is entered by the map: metres from where its run begins, ascending."""
     facades = plan.facades
     found: dict[int, set[float]] = {}
     low = np.flatnonzero((np.abs(facades.foot) < LEVEL_TOLERANCE_M) & ~facades.raised)
     if len(places) and len(low):
-        walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], _FOOT)[..., :2])
+        walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart[low], _FOOT_CORNERS)[..., :2])
         points = shapely.points(np.array(places).reshape(-1, 2))
         of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=MAX_ENTRANCE_DISTANCE_M, all_matches=False)
         at = shapely.line_locate_point(walls[wall], points[of]) + facades.along[low[wall]]
@@ -167,13 +167,13 @@ def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tupl
     return [tuple(sorted(found.get(run, ()))) for run in facades.run.tolist()]
 
 
-def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:
+def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:
     """Whether the building of each facade has a shop at one of its walls, (n,) int64: 1, or 0; -1 where no map tells."""
     facades = plan.facades
     if places is None or not len(facades):
         return np.full(len(facades), -1)
-    walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart, _FOOT)[..., :2])
-    _, wall = shapely.STRtree(walls).query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=SHOP_M)
+    walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart, _FOOT_CORNERS)[..., :2])
+    _, wall = shapely.STRtree(walls).query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=MAX_SHOP_DISTANCE_M)
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
 
@@ -183,7 +183,7 @@ def _shops_of_part(plan: Plan, part: CityPart) -> np.ndarray:
     return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
 
 
-def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
+def exemplar_walls(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
     """The walls by which exemplars are chosen: of the block's facades; of a part of a city of all buildings that the choice
     stands on, by their outlines."""
     if block.part is not None:
@@ -199,13 +199,13 @@ def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> StyleTargets:
         facades.height[told],
         facades.floors[told],
         facades.house[told],
-        _numbers(plan.streets)[facades.street[told]],
-        plan.scene.charts.points_at_shares(facades.chart[told], _FOOT)[..., :2],
+        _street_numbers(plan.streets)[facades.street[told]],
+        plan.scene.charts.points_at_shares(facades.chart[told], _FOOT_CORNERS)[..., :2],
         shops[told],
     )
 
 
-def exemplars_of(
+def choose_facade_exemplars(
     plan: Plan, records: Sequence[ExemplarRecord | None], walls: StyleTargets, *, seed: int
 ) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
@@ -235,13 +235,13 @@ def exemplars_of(
     return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
 
 
-def _numbers(streets: Sequence[Street]) -> np.ndarray:
+def _street_numbers(streets: Sequence[Street]) -> np.ndarray:
     """A number for each street, (streets,) int64, of its name, else of its id: it stays when others come and go, and is the
     same for all parts of a street."""
     return np.array([hash_name(street.name or street.id) for street in streets], np.int64)
 
 
-def _again(change: Change) -> dict[int, int]:
+def _match_previous(change: Change) -> dict[int, int]:
     """Facades with the same name on a chart that stays; the charts of others stay no longer."""
     before, after = change.before.facades, change.after.facades
     at = dict(zip(before.id, range(len(before)), strict=True))
@@ -256,7 +256,7 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """With the facades that are known by their name but stand on another chart now, as stale: they are due."""
     names = change.after.facades.id
     keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
@@ -272,7 +272,7 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     return records
 
 
-def facade_memory(texels: int, imagery: Imagery) -> int:
+def facade_memory(texels: int, imagery: FacadeImagery) -> int:
     panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
     tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
     kept = max(kept_pixels(pictures) for pictures in tried)
@@ -295,13 +295,13 @@ FACADES = Stage(
     "facades",
     "facade",
     count=lambda block, plan: len(plan.facades),
-    match_previous=_again,
+    match_previous=_match_previous,
     units=facade_units,
-    function=facade_unit,
+    function=process_facades,
     reads=("poses", "bundles", "exemplars"),
     writes_base_layer=True,
     in_every_block=True,
-    relocate=_moved,
+    relocate=_relocate,
     unit_charts=lambda plan: plan.facades.chart[:, None].tolist(),
     unit_names=lambda plan: plan.facades.id,
     find_lost=_find_lost,

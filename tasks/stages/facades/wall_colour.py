@@ -13,10 +13,10 @@ from facade_core.facade.wall_material import MIN_WALL_M2, lit_colour
 from facade_core.plan.plan import Plan
 
 # Texels of a facade that are looked at, evenly over it: a colour needs no more, and units declare no memory for neighbours.
-LOOKED_AT = 1 << 17
+MAX_SAMPLED_TEXELS = 1 << 17
 
 
-def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> np.ndarray | None:
+def pictured_wall_colour(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> np.ndarray | None:
     """The wall's colour (3,), 0..255, of that facade of which pictures show most of the wall; None where they show too little.
 
     facades: those of a house that are written, which may turn out to have been made without their pictures.
@@ -26,7 +26,7 @@ def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) ->
         chart = int(plan.facades.chart[facade])
         y, x = int(placement.y[chart]), int(placement.x[chart])
         height, width = int(placement.height[chart]), int(placement.width[chart])
-        step = max(1, round((height * width / LOOKED_AT) ** 0.5))
+        step = max(1, round((height * width / MAX_SAMPLED_TEXELS) ** 0.5))
         part = (int(placement.page[chart]), slice(y, y + height, step), slice(x, x + width, step))
         labels, evidence = (np.asarray(group[name][part]) for name in ("facade_maps/labels", "atlas/seed_evidence"))
         on = (labels == FacadeClass.WALL) & (evidence == Provenance.PHOTO)

@@ -44,22 +44,22 @@ from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
 from tasks.engine.unit import UnitGroup, Unit
 from tasks.stages.exemplars.worker import read_exemplar
-from tasks.stages.facades.evidence import EarlierCapture, FacadeEvidence, PhotoFit, evidence_of
-from tasks.stages.facades.wall_colour import colour_of_pictured
+from tasks.stages.facades.evidence import EarlierCapture, FacadeEvidence, PhotoFit, read_evidence
+from tasks.stages.facades.wall_colour import pictured_wall_colour
 
 if TYPE_CHECKING:
-    from tasks.stages.facades.imagery import Imagery
+    from tasks.stages.facades.imagery import FacadeImagery
 
 
 # The classes that are counted, and what `facade_core.parsing.confidence.FacadeFigures` has, as the catalogue names them.
-_COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
-_TOLD = ("window_to_wall", "windows", "floors")
+_COUNT_NAMES = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
+_ESTIMATED = ("window_to_wall", "windows", "floors")
 
 # Exemplars taken apart, by number and whether with shops, and their metres per texel.
 Styles = dict[tuple[int, bool], tuple[ExemplarStyle, float]]
 
 
-class _Made(NamedTuple):
+class _TexturedFacade(NamedTuple):
     """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
     well that shows each texel, (h, w) uint8; the day it was taken, where that is known; the names of shops read on it, None
     where none were looked for; how a photo fits the wall; what changed since an earlier capture."""
@@ -74,7 +74,7 @@ class _Made(NamedTuple):
     before: EarlierCapture | None = None
 
 
-def facade_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """All facades of one house that are due, which may share chunks. Arguments: the pictures of the facade, the textures that
     the block brings, and the other facades of the house that there are pictures of.
 
@@ -89,7 +89,7 @@ def facade_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, R
     left: list[tuple[Unit, list[Exception]]] = []
     styles: Styles = {}
 
-    def done(unit: Unit, make: Callable[[], _Made | None], refused: list[Exception]) -> bool:
+    def done(unit: Unit, make: Callable[[], _TexturedFacade | None], refused: list[Exception]) -> bool:
         """Make a facade and keep its record; False where `make` has none."""
         nonlocal start, prepared
         about: dict[str, Any] = {"worker": current_worker(), "started": start}
@@ -103,7 +103,7 @@ def facade_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, R
             if made is None:
                 start = prepared = time.time()
                 return False
-            about |= _written(run, plan, group, unit, made, refused, start, prepared)
+            about |= _write_facade(run, plan, group, unit, made, refused, start, prepared)
             records[unit.index] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
         return True
@@ -120,12 +120,12 @@ def facade_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, R
     return fork, records
 
 
-def _written(
+def _write_facade(
     run: Run,
     plan: Plan,
     group: StoreGroup,
     unit: Unit,
-    made: _Made,
+    made: _TexturedFacade,
     refused: Sequence[Exception],
     start: float,
     prepared: float,
@@ -175,7 +175,7 @@ def _change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) 
     return told
 
 
-def _told(imagery: Imagery, depth: int, source: str) -> str:
+def _told(imagery: FacadeImagery, depth: int, source: str) -> str:
     """What a facade was textured from, in words."""
     if imagery.sources()[depth] != "none":
         return f"from {source}"
@@ -191,7 +191,7 @@ def _all_of(errors: Sequence[Exception]) -> Exception:
     return joined
 
 
-def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Made | None:
+def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _TexturedFacade | None:
     """The facade from the best picture there is of it; None where none shows enough. Why pictures were refused is added to
     `rejected_buildings`."""
     facade, (imagery, textures, _) = unit.index, unit.arguments
@@ -204,7 +204,7 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
         with collect_rejections(refused):
-            evidence = evidence_of(source, plan, chart, size, imagery, textures, refused, run.models.parser)
+            evidence = read_evidence(source, plan, chart, size, imagery, textures, refused, run.models.parser)
             if evidence is not None:
                 try:
                     result = build_facade_from_photo(
@@ -231,13 +231,13 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
                 )
                 result = _corrected(result, imagery)
                 names = _names_on(result, evidence, source, density)
-                return _Made(
+                return _TexturedFacade(
                     depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
                 )
     return None
 
 
-def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _Made:
+def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _TexturedFacade:
     """The facade in the style of its exemplar, in the colour of the walls beside of its house that have pictures; or left to
     the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
     facade, (imagery, *_) = unit.index, unit.arguments
@@ -247,7 +247,7 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
     along, width = float(facades.along[facade]), float(facades.width[facade])
     depth, nothing = len(imagery.sources()) - 1, np.zeros(size, np.uint8)
     if run.texture.walls == "translate" or not imagery.corrected.facade:
-        return _Made(depth, None, "translator", nothing)
+        return _TexturedFacade(depth, None, "translator", nothing)
     if imagery.exemplar is None:
         raise FacadeError(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
@@ -264,13 +264,13 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
         metres_per_pixel=metres_per_texel,
         floor_style=given[0],
         building_seed=unit_seed(run, str(facades.house[facade]), BUILDING_SEED),
-        wall_colour=colour_of_pictured(group, plan, beside),
+        wall_colour=pictured_wall_colour(group, plan, beside),
         seed=unit_seed(run, first, FACADE_SEED),
     )
-    return _Made(depth, _corrected(result, imagery), name, nothing)
+    return _TexturedFacade(depth, _corrected(result, imagery), name, nothing)
 
 
-def _corrected(facade: Facade, imagery: Imagery) -> Facade:
+def _corrected(facade: Facade, imagery: FacadeImagery) -> Facade:
     """A facade with the elements that somebody gave it."""
     elements = imagery.corrected.elements
     return facade if elements is None else replace_elements(facade, elements)
@@ -324,7 +324,7 @@ def _summary(result: Facade) -> dict[str, Any]:
     """What the catalogue and the report say of a facade."""
     pictured = result.provenance == Provenance.PHOTO
     counts: dict[str, Any] = {}
-    for name, plural in _COUNTED.items():
+    for name, plural in _COUNT_NAMES.items():
         own = [element for element in result.elements if element.label == name]
         counts[plural] = len(own)
         counts[f"{plural}_seen"] = sum(box_coverage(~pictured, element) <= MAX_HIDDEN_SHARE for element in own)
@@ -333,7 +333,7 @@ def _summary(result: Facade) -> dict[str, Any]:
         "floors": result.floors,
     }
     if result.estimates is not None:
-        for name, low, high in zip(_TOLD, result.estimates.low, result.estimates.high, strict=True):
+        for name, low, high in zip(_ESTIMATED, result.estimates.low, result.estimates.high, strict=True):
             if name == "floors" and not result.floors:  # without windows only the map tells
                 continue
             told |= {f"{name}_low": round(low, 4), f"{name}_high": round(high, 4)}

@@ -171,14 +171,14 @@ def test_a_service_that_goes_away_ends_the_fetching(
 FETCH = """
 import sys
 from pathlib import Path
-from catalogs.imagery.fetch_log import read_account
-from catalogs.imagery.fetching import fetch_offers
-from catalogs.imagery.remote_panorama import Wanted
-from catalogs.imagery.services import stac
-service, account = stac(sys.argv[1]), read_account(Path(sys.argv[2]))
-offers = list(service.search(Wanted((7.0, 48.0, 8.0, 49.0))))
-fetch_offers(service.name, offers, account, service.get, lambda _: None, lambda _: None)
-account.write_poses()
+from catalogs.imagery.fetch_log import read_fetch_log
+from catalogs.imagery.fetching import fetch_panoramas
+from catalogs.imagery.remote_panorama import ImageryQuery
+from catalogs.imagery.services import stac_service
+service, fetch_log = stac_service(sys.argv[1]), read_fetch_log(Path(sys.argv[2]))
+panoramas = list(service.search(ImageryQuery((7.0, 48.0, 8.0, 49.0))))
+fetch_panoramas(service.name, panoramas, fetch_log, service.download, lambda _: None, lambda _: None)
+fetch_log.write_poses()
 """
 
 

@@ -97,7 +97,7 @@ def test_copies_are_fitted_to_the_pixel_and_known_pixels_stay(wallpaper, known):
 
 
 def test_a_map_without_an_offer_is_no_black_picture_to_the_seams() -> None:
-    """Of two maps one offers nothing to the right half: the seam between them costs what differs where both offer."""
+    """One of two translations has no source for the right half: their seam costs the difference where both have one."""
     price = np.array([[0.1, 0.1, 0.1, 0.1], [0.2, 0.2, UNUSABLE_PRICE, UNUSABLE_PRICE]], np.float32)
     colour = np.full((2, 4, 3), 0.7, np.float32)
     colour[1, 2:] = 0.0

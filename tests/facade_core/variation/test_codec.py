@@ -1,4 +1,4 @@
-"""Whatever a facade's file is given comes back: whole numbers as they were, the rest to its step."""
+"""Round trip of the file of a hierarchy: integers are exact, light is quantised."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ICM that computes only what a move changed again does what ICM does that computes everything again."""
+"""Incremental ICM gives the results of ICM that recomputes everything."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ from tasks.engine.unit_key import differing_parts, join_key_parts, split_key
 from tasks.stages.bundles.stage import bundle_key
 from tasks.stages.bundles.worker import BundleMember
 from tasks.stages.exemplars.stage import exemplar_key
-from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import facade_keys
 from tasks.stages.order import STAGE_NAMES
 from tasks.stages.poses.stage import pose_key
@@ -135,9 +135,9 @@ class Inputs:
         path.write_bytes(content)
         return path
 
-    def imagery(self) -> Imagery:
+    def imagery(self) -> FacadeImagery:
         panoramas = ((self.path("panorama.jpg"), self.pose),)
-        return Imagery(
+        return FacadeImagery(
             self.path("photo.jpg"), self.rectified, panoramas, exemplar=self.exemplar, entrances=self.entrances
         )
 

@@ -19,7 +19,7 @@ from facade_core.plan.plan import Plan
 from tasks.engine.stage import match_by_key_or_name
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import differing_parts, join_key_parts, split_key
-from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.keys import facade_keys
 from tasks.stages.streets.keys import SETTINGS
 from tasks.stages.streets.stage import STREETS
@@ -99,7 +99,7 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     def key(buildings: list[Building], pose: Pose) -> str:
         plan = _plan(buildings)
         facade = plan.facades.id.index("a-0")
-        return facade_keys(run, plan, facade, Imagery(panoramas=((picture, pose),)), {}, ())[0]
+        return facade_keys(run, plan, facade, FacadeImagery(panoramas=((picture, pose),)), {}, ())[0]
 
     def house(name: str, x: float, y: float) -> Building:
         return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "height")

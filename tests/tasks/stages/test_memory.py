@@ -14,7 +14,7 @@ from PIL import Image
 from facade_core.export.models.pages import MAX_SHELF_PAGE_TEXELS
 from facade_core.export.pictures.views import VIEW_SIZE
 from tasks.stages.exemplars.stage import exemplar_memory
-from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.facades.stage import facade_memory
 from tasks.stages.pages.stage import page_memory
 from tasks.stages.pictures.stage import facade_pictures_memory, view_memory
@@ -47,24 +47,25 @@ def picture(height, width):
 FACADES = {}
 
 def photo(height, width):
-    from facade_core.facade.pipeline import from_photo
+    from facade_core.facade.pipeline import build_facade_from_photo
     image, hidden = picture(height, width)
     def unit():
-        FACADES[height, width] = from_photo(image, hidden)
+        FACADES[height, width] = build_facade_from_photo(image, hidden)
     return unit
 
 def exemplar(height, width):
     from facade_core.facade.pipeline import prepare_exemplar
     image, hidden = picture(height, width)
-    return lambda: prepare_exemplar(image, hidden, storey=3.2)
+    return lambda: prepare_exemplar(image, hidden, floor_height=3.2)
 
 def retargeted(height, width):
-    from facade_core.facade.pipeline import from_exemplar
+    from facade_core.facade.pipeline import build_facade_from_exemplar
     from facade_core.synth.exemplars import exemplars
-    from facade_core.texture import Wall, style_of
+    from facade_core.facade.texture.retargeting import extract_style
+    from facade_core.facade.texture.wall_floors import FacadeWall
     made = exemplars(1, seed=5)[0]
-    wall = Wall.alone(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))
-    return lambda: from_exemplar(style_of(made.image, made.labels), wall, (height, width), metres_per_pixel=0.05)
+    wall = FacadeWall.freestanding(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))
+    return lambda: build_facade_from_exemplar(extract_style(made.image, made.labels), wall, (height, width), metres_per_pixel=0.05)
 
 def street(height, width):
     import shapely
@@ -174,9 +175,9 @@ def drawn(height, width):
     from facade_core.export import draw_facade, overlay_hidden
     from facade_core.export.pictures.stage_pictures import SAMPLES
     from facade_core.export.pictures.rendering import file_of
-    from facade_core.facade.pipeline import from_photo
+    from facade_core.facade.pipeline import build_facade_from_photo
     from facade_core.variation import Hierarchy, draw_level
-    made = FACADES.get((height, width)) or from_photo(*picture(height, width))
+    made = FACADES.get((height, width)) or build_facade_from_photo(*picture(height, width))
     stored = made.hierarchy.to_bytes()
     def unit():
         held = Hierarchy.from_bytes(stored)
@@ -264,12 +265,12 @@ def test_a_facade_from_a_photo_fits_what_it_declares(
     photo = tmp_path / "photo.png"
     Image.fromarray(np.zeros((*PHOTOS[number], 3), np.uint8)).save(photo)
     taken, texels = of_photos[number]
-    assert_fits(facade_memory(texels, Imagery(photo)), taken)
+    assert_fits(facade_memory(texels, FacadeImagery(photo)), taken)
 
 
 def test_a_facade_from_an_exemplar_fits_what_it_declares() -> None:
     taken, texels = measured("retargeted", (240, 320), (600, 1000))
-    assert_fits(facade_memory(texels, Imagery(exemplar=(0, "e"))), taken)
+    assert_fits(facade_memory(texels, FacadeImagery(exemplar=(0, "e"))), taken)
 
 
 def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
@@ -324,8 +325,8 @@ def test_a_broken_picture_takes_none(tmp_path: Path) -> None:
 def test_every_texel_and_pixel_counts(tmp_path: Path) -> None:
     picture = tmp_path / "picture.png"
     Image.fromarray(np.zeros((30, 20, 3), np.uint8)).save(picture)
-    assert facade_memory(1000, Imagery(picture)) - facade_memory(0, Imagery(picture)) >= 100_000
+    assert facade_memory(1000, FacadeImagery(picture)) - facade_memory(0, FacadeImagery(picture)) >= 100_000
     assert (
-        facade_memory(10, Imagery(picture)) - facade_memory(10, Imagery()) == 600 * PICTURE_PIXEL
+        facade_memory(10, FacadeImagery(picture)) - facade_memory(10, FacadeImagery()) == 600 * PICTURE_PIXEL
     )
     assert street_memory(200, 100) > street_memory(100, 100) < street_memory(100, 200)

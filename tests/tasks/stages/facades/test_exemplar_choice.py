@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from facade_core.plan.exemplar_style import StyleTargets
-from tasks.stages.facades.stage import exemplars_of
+from tasks.stages.facades.stage import choose_facade_exemplars
 
 
 def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
@@ -26,9 +26,9 @@ def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
     }
     smaller = fits | {"width_m": 10.0}
     records = [fits | {"unit": "a", "look": [0.0] * 9}, smaller | {"unit": "b", "look": [0.0] * 9}]
-    assert exemplars_of(plan, cast(Any, records), walls, seed=1) == {0: (0, "a")}
+    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: (0, "a")}
     records[0]["cut_found"] = False
-    assert exemplars_of(plan, cast(Any, records), walls, seed=1) == {0: (1, "b")}
+    assert choose_facade_exemplars(plan, cast(Any, records), walls, seed=1) == {0: (1, "b")}
 
 
 class _Facades:

@@ -13,8 +13,8 @@ from facade_core.core.errors import ImageError
 from facade_core.imagery.detect.detection import Detections, detectors_available
 from facade_core.imagery.rectify.crop import FacadeCrop
 from facade_core.synth.facade import facade as paint
-from tasks.stages.facades.evidence import evidence_of, photo_of
-from tasks.stages.facades.imagery import Imagery
+from tasks.stages.facades.evidence import read_evidence, read_facade_photo
+from tasks.stages.facades.imagery import FacadeImagery
 from tasks.stages.shared.images import capture_date, focal_length
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
@@ -40,8 +40,8 @@ def test_a_photo_as_taken_is_rectified_to_its_facade(tmp_path: Path) -> None:
     Image.fromarray(from_below(PAINTED.image)).save(path)
     size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
     truth = cv2.resize(PAINTED.image, size[::-1], interpolation=cv2.INTER_AREA)
-    as_taken, *_ = photo_of(path, True, size)
-    rectified, hidden, *_ = photo_of(path, False, size)
+    as_taken, *_ = read_facade_photo(path, True, size)
+    rectified, hidden, *_ = read_facade_photo(path, False, size)
     assert rectified.shape == truth.shape
     assert hidden.mean() < 0.2
     assert likeness(rectified, truth) > likeness(as_taken, truth) + 0.2
@@ -51,7 +51,7 @@ def test_a_photo_without_a_facade_is_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "w1-f2.png"
     Image.fromarray(np.full((300, 400, 3), 128, np.uint8)).save(path)
     with pytest.raises(ImageError, match=r"w1-f2\.png: .*lines"):
-        photo_of(path, False, (100, 100))
+        read_facade_photo(path, False, (100, 100))
 
 
 def test_focal_length_is_that_of_the_exif(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     path = tmp_path / "w1-f3.png"
     Image.fromarray(PAINTED.image).save(path)
     size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
-    assert not photo_of(path, True, size).seen.has_private_boxes() or detectors_available()
+    assert not read_facade_photo(path, True, size).seen.has_private_boxes() or detectors_available()
     looks = []
 
     def look(image: np.ndarray) -> Detections:
@@ -89,12 +89,12 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
         return Detections(faces=np.array([[40.0, 60, 60, 84]]))
 
     monkeypatch.setattr("tasks.stages.facades.evidence.detect_on_image", look)
-    photo = photo_of(path, True, size)
+    photo = read_facade_photo(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
     assert photo.fit.found
     assert photo.fit.stretched == pytest.approx(1, abs=0.2)
-    evidence = evidence_of("photo", None, 0, size, Imagery(photo=path), (), [])
+    evidence = read_evidence("photo", None, 0, size, FacadeImagery(photo=path), (), [])
     assert evidence.fit == photo.fit
     assert evidence.masked == evidence.seen.private_boxes(size) != ()
 
@@ -108,7 +108,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     cut = FacadeCrop(image[box], hidden, hidden, (20, 0, 70, 150), has_facade=False)
     monkeypatch.setattr("tasks.stages.facades.evidence.crop_to_facade", lambda image, hidden, model: cut)
     monkeypatch.setattr("tasks.stages.facades.evidence.detect_on_image", lambda image: Detections())
-    kept, found, stretched = photo_of(path, True, (300, 200)).fit
+    kept, found, stretched = read_facade_photo(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
     assert not found
     assert stretched == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"
