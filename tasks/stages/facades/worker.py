@@ -98,7 +98,7 @@ def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[in
         except Exception as error:
             if is_machine_fault(error):
                 raise
-            records[unit.index] = failed_record(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
+            records[unit.index] = failed_record(unit.name, unit.key, _join_errors([*refused, error])) | about  # type: ignore[assignment]
         else:
             if made is None:
                 start = prepared = time.time()
@@ -135,7 +135,7 @@ def _write_facade(
     about: dict[str, Any] = {"source": made.source, "capture_date": made.captured}
     if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
         about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
-    about |= describe_rejections(refused, _told(imagery, made.depth, made.source))
+    about |= describe_rejections(refused, _describe_source(imagery, made.depth, made.source))
     stages = result.seconds if result is not None else {}
     seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
     if result is not None:
@@ -151,7 +151,7 @@ def _write_facade(
         if imagery.sources()[made.depth] in ("photo", "panoramas"):
             about |= {"privacy": run.privacy, "looked": detectors_available(), "shop_names": made.shop_names}
         if made.before is not None:
-            about |= _change(group, plan, facade, made.before)
+            about |= _write_change(group, plan, facade, made.before)
         if made.fit is not None:
             kept, found, stretched = made.fit
             about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
@@ -159,7 +159,7 @@ def _write_facade(
     return about
 
 
-def _change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, Any]:
+def _write_change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) -> dict[str, Any]:
     """What the record keeps of a change; how the facade was is written beside its variations."""
     from PIL import Image
 
@@ -175,14 +175,14 @@ def _change(group: StoreGroup, plan: Plan, facade: int, before: EarlierCapture) 
     return told
 
 
-def _told(imagery: FacadeImagery, depth: int, source: str) -> str:
+def _describe_source(imagery: FacadeImagery, depth: int, source: str) -> str:
     """What a facade was textured from, in words."""
     if imagery.sources()[depth] != "none":
         return f"from {source}"
     return f"from exemplar {source}" if imagery.exemplar is not None else f"by the {source}"
 
 
-def _all_of(errors: Sequence[Exception]) -> Exception:
+def _join_errors(errors: Sequence[Exception]) -> Exception:
     """Why no source of a facade could be used, as one error."""
     if len(errors) == 1:
         return errors[0]
