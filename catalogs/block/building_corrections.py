@@ -51,7 +51,7 @@ def apply_corrections(block: Block, corrections: Corrections) -> Block:
 def correct_buildings(
     buildings: Sequence[Building], corrections: Corrections, storey: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    """Apply corrections to buildings, and note those that cannot be applied.
+    """Apply corrections to buildings, and note buildings whose corrections do not apply.
 
     The height and roof of a model stay as given, a flat roof has no height, and no building ends below its base.
     Assumed heights of other buildings do not change.

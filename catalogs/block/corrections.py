@@ -128,7 +128,7 @@ NO_CORRECTIONS = Corrections()
 
 
 def city_or_block_file(block: Path) -> Path:
-    """Return the file that corrections of a block lie next to: its own, or its city's."""
+    """Return the file that a block's corrections belong to: its own, or its city's."""
     try:
         values = read_yaml(block)
         city = values["part"]["city"]
@@ -310,14 +310,14 @@ def _parse_flag(value: Any) -> bool:
 
 
 def _number_parser(minimum: float, maximum: float) -> Callable[[Any], float]:
-    def number(value: Any) -> float:
+    def parse_number(value: Any) -> float:
         if not is_number(value):
             raise ValueError(f"{_quote_value(value)} is no number")
         if not minimum <= value <= maximum:
             raise ValueError(f"{value:g} is not within {minimum:g} and {maximum:g}")
         return float(value)
 
-    return number
+    return parse_number
 
 
 def _parse_name(value: Any) -> str:

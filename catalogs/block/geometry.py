@@ -226,12 +226,12 @@ def _shops_and_entrances(
     if not found:
         return None, ()
 
-    def inside(places: list[np.ndarray]) -> tuple[tuple[float, float], ...]:
+    def select_within_extent(places: list[np.ndarray]) -> tuple[tuple[float, float], ...]:
         there = np.column_stack(coordinate_transform("EPSG:4326", frame)(*np.concatenate(places).T))
         kept = (there >= extent[:2]).all(axis=1) & (there <= extent[2:]).all(axis=1)
         return tuple((x, y) for x, y in there[kept].tolist())
 
-    return inside([one.shops for one in found]), inside([one.entrances for one in found])
+    return select_within_extent([one.shops for one in found]), select_within_extent([one.entrances for one in found])
 
 
 def _lonlat_bounds(centrelines: Centrelines) -> Bounds | None:

@@ -90,7 +90,7 @@ MAX_CROSSING_OFFSET_M = 1.0
 
 
 def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
-    """Build the ways and areas that lie within a polygon.
+    """Build the ways and areas within a polygon.
 
     Tunnels and the undersides of bridges are left out, and so are broken features: a broken street is already a
     fault. If two sources have a feature of the same id, the second is numbered.

@@ -153,12 +153,12 @@ def _select_textures(
     if len(used) == len(textures):
         return list(buildings), textures
 
-    def counted(shell: Shell) -> Shell:
+    def renumber_textures(shell: Shell) -> Shell:
         found = np.where(shell.texture < 0, shell.texture, np.searchsorted(used, shell.texture))
         return replace(shell, texture=found.astype(shell.texture.dtype))
 
     return (
-        [one if one.shell is None else replace(one, shell=counted(one.shell)) for one in buildings],
+        [one if one.shell is None else replace(one, shell=renumber_textures(one.shell)) for one in buildings],
         tuple(textures[i] for i in used.tolist()),
     )
 

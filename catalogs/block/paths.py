@@ -102,7 +102,7 @@ def _expand_user(key: str, text: str) -> Path:
 
 
 def _expand_variables(key: str, text: str) -> str:
-    def value(match: re.Match[str]) -> str:
+    def expand(match: re.Match[str]) -> str:
         found = os.environ.get(match[1])
         if not found:
             raise ValueError(
@@ -110,4 +110,4 @@ def _expand_variables(key: str, text: str) -> str:
             )
         return str(_expand_user(key, found).absolute())
 
-    return re.sub(r"\$\{(\w+)\}", value, text)
+    return re.sub(r"\$\{(\w+)\}", expand, text)

@@ -123,7 +123,7 @@ def _loader() -> type:
                 lines[key.value] = line
             return super().construct_mapping(node, deep=deep)
 
-    def text(loader: Any, node: Any) -> str:
+    def construct_text(loader: Any, node: Any) -> str:
         value = loader.construct_scalar(node)
         for character in value:
             if what := _FORBIDDEN_CATEGORIES.get(unicodedata.category(character)):
@@ -131,7 +131,7 @@ def _loader() -> type:
                 raise ValueError(f"line {line}: {ascii(value)[:60]} holds {what}; write it without")
         return str(value)
 
-    def whole(loader: Any, node: Any) -> int:
+    def construct_int(loader: Any, node: Any) -> int:
         value, line = loader.construct_scalar(node), node.start_mark.line + 1
         if _OCTAL.fullmatch(value) and value.strip("+-0"):
             plain = value[0].strip("0123456789+") + value.lstrip("+-0")
@@ -143,7 +143,7 @@ def _loader() -> type:
             raise ValueError(f"line {line}: a number of {len(value)} digits; write one that is meant")
         return int(value, 0) if value[:2] in ("0o", "0x") else int(value)
 
-    def number(loader: Any, node: Any) -> float:
+    def construct_float(loader: Any, node: Any) -> float:
         value = loader.construct_scalar(node).lower()
         return float(value.replace(".inf", "inf").replace(".nan", "nan"))
 
@@ -153,7 +153,7 @@ def _loader() -> type:
         resolver = (tag, re.compile(rf"(?:{pattern})\Z"))
         for letter in first:
             Loader.yaml_implicit_resolvers.setdefault(letter.strip("\0"), []).append(resolver)
-    Loader.add_constructor("tag:yaml.org,2002:str", text)
-    Loader.add_constructor("tag:yaml.org,2002:int", whole)
-    Loader.add_constructor("tag:yaml.org,2002:float", number)
+    Loader.add_constructor("tag:yaml.org,2002:str", construct_text)
+    Loader.add_constructor("tag:yaml.org,2002:int", construct_int)
+    Loader.add_constructor("tag:yaml.org,2002:float", construct_float)
     return Loader

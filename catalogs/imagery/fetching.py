@@ -63,7 +63,7 @@ def fetch_panoramas(
     arriving.mkdir()
     lost: list[ServiceUnavailable] = []
 
-    def one(offer: RemotePanorama) -> Fault | None:
+    def fetch_one(offer: RemotePanorama) -> Fault | None:
         if len(failed := lost[:]) >= MAX_CONSECUTIVE_FAILURES:  # a copy: another thread may clear it meanwhile
             raise failed[-1]
         found = fetch_log.find_picture(source, offer.id)
@@ -84,7 +84,7 @@ def fetch_panoramas(
 
     pool = ThreadPoolExecutor(MAX_DOWNLOADS)
     try:
-        tasks = [pool.submit(one, offer) for offer in panoramas]
+        tasks = [pool.submit(fetch_one, offer) for offer in panoramas]
         wait(tasks, return_when=FIRST_EXCEPTION)
         broken = [problem for task in tasks if (problem := task.result()) is not None]
         return [*broken, *_drop_duplicates(source, panoramas, fetch_log)]

@@ -67,7 +67,7 @@ def resolve_service(source: str, poses: Path | None = None) -> ImageryService:
         raise InputError(
             f"--from {source}: is no folder here; give one, panoramax, mapillary, or a STAC API's https://..."
         )
-    return folder_service(folder, poses)
+    return _folder_service(folder, poses)
 
 
 def stac_service(api: str) -> ImageryService:
@@ -101,7 +101,7 @@ def _read_token(api: str, kind: str) -> ServiceToken | None:
     return ServiceToken(parts.netloc.rpartition("@")[2].lower(), f"{kind} {secret}")
 
 
-def folder_service(folder: Path, poses: Path | None) -> ImageryService:
+def _folder_service(folder: Path, poses: Path | None) -> ImageryService:
     def search(wanted: ImageryQuery) -> Iterator[RemotePanorama | Fault]:
         from pyproj import CRS
 

@@ -28,7 +28,7 @@ class S3Folder:
 
     Credentials, region and address come from the environment, as for AWS tools: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
     AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Writing takes only keys from a profile. Methods that read raise
-    InputError if the bucket does not answer; those that write raise the errors of `object_store`.
+    InputError if the bucket does not answer; methods that write raise the errors of `object_store`.
 
     Attributes
     ----------

@@ -68,7 +68,7 @@ def copy_catalog(folder: Path, target: S3Folder) -> None:
 
 
 def _visible_files(folder: Path) -> Iterator[Path]:
-    """Yield the files below a folder, except those that are being written."""
+    """Yield the files below a folder, except partial ones."""
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts):
             yield path

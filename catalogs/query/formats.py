@@ -126,13 +126,15 @@ def _format_table(items: pd.DataFrame, asked: Sequence[str]) -> str:
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
     text = {name for name in head if not is_numeric_dtype(items[name])}
 
-    def line(cells: Sequence[str]) -> str:
+    def format_line(cells: Sequence[str]) -> str:
         parts = zip(head, cells, widths, strict=True)
         return "  ".join(c.ljust(w) if name in text else c.rjust(w) for name, c, w in parts).rstrip()
 
     kinds = Counter(items["kind"]) if "kind" in items else {"facade": len(rows)}
     count = ", ".join(f"{n} {kind}{'s' if n != 1 else ''}" for kind, n in kinds.items())
-    return "\n".join([line(head), line(["-" * width for width in widths]), *map(line, rows), count])
+    return "\n".join(
+        [format_line(head), format_line(["-" * width for width in widths]), *map(format_line, rows), count]
+    )
 
 
 def _format_cell(name: str, value: Any) -> str:

@@ -70,7 +70,7 @@ class StreetFacts:
     viewpoints, viewpoints_done : number of viewpoints, and of textured ones.
     wave : number of the group of streets that share no chunk and are textured together.
     texels : texels that the street wrote.
-    coverage : their share of those that it may write.
+    coverage : share of the texels that it may write.
     seconds : time spent on the street and its viewpoints.
     updated : when it was textured, None if it was not yet.
     """

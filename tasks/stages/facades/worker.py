@@ -110,13 +110,13 @@ def process_facades(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[in
 
     for unit in units:
         refused: list[Exception] = []
-        if not done(unit, partial(_pictured, run, plan, unit, refused), refused):
+        if not done(unit, partial(_texture_from_pictures, run, plan, unit, refused), refused):
             left.append((unit, refused))
     for unit, refused in left:  # once those with pictures are there: these take their walls' colour
         beside = [
             facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
         ]
-        done(unit, partial(_unpictured, run, plan, group, unit, beside, styles), refused)
+        done(unit, partial(_texture_from_exemplar, run, plan, group, unit, beside, styles), refused)
     return fork, records
 
 
@@ -142,7 +142,7 @@ def _write_facade(
         begun = time.time()
         density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
         evidence = apply_privacy(result.evidence, result.occluded, run.privacy, density)
-        digests = _write(group, plan, facade, result, evidence, made.confidence)
+        digests = _write_rasters(group, plan, facade, result, evidence, made.confidence)
         seconds["write"] = time.time() - begun
         about |= _summary(result) | {"digests": digests}
         if result.hierarchy is not None:
@@ -191,7 +191,7 @@ def _join_errors(errors: Sequence[Exception]) -> Exception:
     return joined
 
 
-def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _TexturedFacade | None:
+def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _TexturedFacade | None:
     """The facade from the best picture there is of it; None where none shows enough. Why pictures were refused is added to
     `rejected_buildings`."""
     facade, (imagery, textures, _) = unit.index, unit.arguments
@@ -229,15 +229,15 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Te
                     masked=evidence.masked + result.masked,
                     masked_share=evidence.masked_share + result.masked_share,
                 )
-                result = _corrected(result, imagery)
-                names = _names_on(result, evidence, source, density)
+                result = _apply_correction(result, imagery)
+                names = _read_shop_names(result, evidence, source, density)
                 return _TexturedFacade(
                     depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
                 )
     return None
 
 
-def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _TexturedFacade:
+def _texture_from_exemplar(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _TexturedFacade:
     """The facade in the style of its exemplar, in the colour of the walls beside of its house that have pictures; or left to
     the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
     facade, (imagery, *_) = unit.index, unit.arguments
@@ -253,8 +253,8 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     index, name = imagery.exemplar
-    given = _style(group, index, True, styles)
-    style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
+    given = _exemplar_style(group, index, True, styles)
+    style, metres_per_texel = given if imagery.shops else _exemplar_style(group, index, False, styles)
     first = facades.id[int(facades.run[facade])]
     result = build_facade_from_exemplar(
         style,
@@ -267,16 +267,16 @@ def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Seq
         wall_colour=pictured_wall_colour(group, plan, beside),
         seed=unit_seed(run, first, FACADE_SEED),
     )
-    return _TexturedFacade(depth, _corrected(result, imagery), name, nothing)
+    return _TexturedFacade(depth, _apply_correction(result, imagery), name, nothing)
 
 
-def _corrected(facade: Facade, imagery: FacadeImagery) -> Facade:
+def _apply_correction(facade: Facade, imagery: FacadeImagery) -> Facade:
     """A facade with the elements that somebody gave it."""
     elements = imagery.corrected.elements
     return facade if elements is None else replace_elements(facade, elements)
 
 
-def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarStyle, float]:
+def _exemplar_style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[ExemplarStyle, float]:
     """An exemplar taken apart, with or without its shops, and its metres per texel."""
     if (index, shops) not in styles:
         image, labels, metres_per_texel = read_exemplar(group, index)
@@ -286,7 +286,7 @@ def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[
     return styles[index, shops]
 
 
-def _names_on(result: Facade, evidence: FacadeEvidence, source: str, texels_per_metre: float) -> str | None:
+def _read_shop_names(result: Facade, evidence: FacadeEvidence, source: str, texels_per_metre: float) -> str | None:
     """The names of shops on a facade's own photo; None where there is no photo or names are not looked for."""
     if source != "photo" or not detectors_available():
         return None
@@ -294,7 +294,7 @@ def _names_on(result: Facade, evidence: FacadeEvidence, source: str, texels_per_
     return "; ".join(shop_names(seen.lines, result.labels, result.occluded, seen.plates, texels_per_metre))
 
 
-def _write(
+def _write_rasters(
     group: StoreGroup, plan: Plan, facade: int, result: Facade, shown: np.ndarray, confidence: np.ndarray
 ) -> dict[str, str]:
     """Write a facade's rasters, with what may be shown (h, w, 3) of its evidence, and hierarchy; returns its chart's digest."""
