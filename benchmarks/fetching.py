@@ -67,11 +67,11 @@ def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     from catalogs.block.reader import read_block
     from facade_core.core.types import Pose
     from facade_core.plan.panorama_choice import choose_panoramas, covered_area
-    from tasks.stages.ingest.planning import plan_of
+    from tasks.stages.ingest.planning import make_plan
 
     block = read_block(block_file)
     texture = replace(block.texture, panorama_width=256, viewpoint_spacing=spacing)
-    plan = plan_of(replace(block, panoramas=(), texture=texture))
+    plan = make_plan(replace(block, panoramas=(), texture=texture))
     poses = [Pose(x, y, z, 0.0) for x, y, z in (camera.position.tolist() for camera in plan.viewpoints)]
     sizes = [(4096, 8192)] * len(poses)
     start = time.monotonic()

@@ -42,7 +42,7 @@ from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.fusion import ChartView, FusedView, fuse_views
 from facade_core.imagery.rectify.panorama import find_sightings, rectify_view
 from facade_core.synth.street_truth import SyntheticStreet, hidden
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_panorama
 
 # What is foretold is shifted by so many metres at most.
@@ -167,7 +167,7 @@ def amsterdam(data: Path) -> dict[str, Any]:
     os.environ["STREETLOOM_DATA"] = str(data.resolve())  # which the packaged block files name
     for name in ("amsterdam-dam", "amsterdam-ij"):
         block = read_block(EXAMPLE_BLOCKS_FOLDER / f"{name}.yaml")
-        plan = plan_of(block)
+        plan = make_plan(block)
         scene, facades = plan.scene, plan.facades.chart.tolist()
         images = [read_panorama(panorama.path) for panorama in block.panoramas]
         sizes = [image.shape[:2] for image in images]

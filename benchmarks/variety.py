@@ -32,8 +32,8 @@ from facade_core.geometry.charts import Charts
 from facade_core.plan.exemplar_style import NEIGHBOURHOOD_M, style_descriptor
 from facade_core.plan.plan import Plan
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.facades.stage import choose_facade_exemplars, facade_shops, exemplar_walls
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.facades.stage import choose_facade_exemplars, exemplar_walls, facade_shops
+from tasks.stages.ingest.planning import make_plan
 from tasks.stages.shared.images import read_exemplar_picture, read_labels
 
 DENSITIES = (16.0, 20.0, 32.0)
@@ -48,7 +48,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.block:
         block = read_block(options.block)
-        plan = plan_of(block)
+        plan = make_plan(block)
         texels = _texels(plan.scene.charts, plan.scene.placement)
         print(json.dumps({"benchmark": "variety", "exemplars": _chosen(block, plan), "texels": texels}, indent=1))
         return

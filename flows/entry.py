@@ -15,10 +15,10 @@ from facade_core.atlas.journal_cache import cache_journals
 from flows.lock import locked
 from flows.log_file import log_to
 from flows.memory import give_back_large
-from tasks.engine.outcome import raise_machine_errors, is_store_fault
+from tasks.engine.outcome import is_store_fault, raise_machine_errors
 from tasks.engine.run import Run
 from tasks.engine.run_key import create_run
-from tasks.engine.store.integrity import repair_store, mark_suspect
+from tasks.engine.store.integrity import mark_suspect, repair_store
 from tasks.engine.store.status import finished_summary, record_source
 
 

@@ -28,8 +28,8 @@ from facade_core.geometry.ground.terrain import build_terrain
 from facade_core.imagery.rectify.fisheye import is_fisheye
 from facade_core.plan.ingest import place_poses
 from facade_core.plan.panorama_choice import PanoramaChoice, choose_panoramas
-from tasks.engine.progress import report_progress, begin_stage
-from tasks.stages.ingest.planning import plan_of
+from tasks.engine.progress import begin_stage, report_progress
+from tasks.stages.ingest.planning import make_plan
 
 # Rows and columns of a picture of which a service tells none.
 USUAL_SIZE = (2048, 4096)
@@ -191,7 +191,7 @@ def _asked(service: ImageryService, wanted: ImageryQuery) -> tuple[list[RemotePa
 def _choice(block: Block, offers: Sequence[RemotePanorama]) -> PanoramaChoice:
     frames: dict = {}
     poses = [project_pose(offer.pose, _FULL, block.crs, frames) for offer in offers]
-    plan = plan_of(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
+    plan = make_plan(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
     terrain = build_terrain(block.buildings, block.terrain)
     there: tuple[Pose, ...] = place_poses(poses, terrain, block.texture.viewpoint_height)
     return choose_panoramas(plan.scene, plan.facades, there, [offer.size or USUAL_SIZE for offer in offers])

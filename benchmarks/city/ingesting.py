@@ -20,7 +20,7 @@ from facade_core.atlas.surroundings import coplanar_pieces
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.party_walls import enclosed_texels
 from facade_core.street.surfaces import LEVELLING_MARGIN_M
-from tasks.stages.ingest.planning import plan_again, plan_of
+from tasks.stages.ingest.planning import make_plan, update_plan
 
 SIZES = (1, 3)
 # Charts that are asked for what lies beside them.
@@ -34,10 +34,10 @@ def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as folder:
             block = read_block(write_block(Path(folder) / "in", size))
             start = time.process_time()
-            plan = plan_of(block)
+            plan = make_plan(block)
             first = time.process_time() - start
             start = time.process_time()
-            plan_again(block, plan)
+            update_plan(block, plan)
             again = time.process_time() - start
         charts = plan.scene.charts
         asked = np.linspace(0, len(charts) - 1, min(ASKED, len(charts))).astype(int).tolist()

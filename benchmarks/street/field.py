@@ -25,14 +25,14 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator.translators import MaterialFieldTranslator
 from tasks.examples.demo import write_demo
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 PANORAMA = 1024
 
 
 def measure() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
-        plan = plan_of(read_block(write_demo(Path(folder))))
+        plan = make_plan(read_block(write_demo(Path(folder))))
     swatches = MaterialFieldTranslator(plan.scene, plan.streets, seed=1)
     longest = int(np.bincount(plan.street_of_viewpoints).argmax())
     for ways in (_seen, _projected):  # compiles

@@ -148,11 +148,11 @@ def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None
     """Render, translate and propagate every viewpoint of some streets."""
     from catalogs.block.reader import read_block
     from tasks.engine.compute.worker_setup import limit_threads
-    from tasks.stages.ingest.planning import plan_of
+    from tasks.stages.ingest.planning import make_plan
 
     limit_threads()
     read = read_block(block)
-    plan, width = plan_of(read), read.texture.panorama_width
+    plan, width = make_plan(read), read.texture.panorama_width
     _walk_street(plan, streets[0], read.seed, width, steps=2)  # compiles, and builds what rays are cast with
     ready.wait()
     start = time.time()

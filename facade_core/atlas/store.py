@@ -172,7 +172,7 @@ def create_root(session: icechunk.Session) -> StoreGroup:
 
 
 def read_format(group: StoreGroup) -> int | None:
-    """Return the format of a store; old stores keep it in their attribute `store_settings`."""
+    """Return the format of a store; old stores keep it in their attribute `made_for`."""
     made_for = group.attrs.get("made_for")
     store_format = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
     return store_format if isinstance(store_format, int) else None

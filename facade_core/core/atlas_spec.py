@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreArray, StoreGroup
 
-# The dtype of strings of any length.
+# dtype of strings of any length.
 STRING_DTYPE = "string"
 
 

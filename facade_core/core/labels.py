@@ -23,18 +23,18 @@ class FacadeClass(IntEnum):
 
 # Label of a pixel whose class is not known.
 UNKNOWN = 255
-# What a label map's values mean, as attributes of CF.
+# CF attributes of label maps.
 FLAGS = {"_FillValue": UNKNOWN, "flag_values": list(range(len(CLASSES))), "flag_meanings": " ".join(CLASSES)}
 
-# Classes that are things with a rectangle, in the order in which one is drawn over the other.
+# Classes with a rectangle, in drawing order.
 ELEMENT_CLASSES = ("window", "balcony", "door", "shop")
 
-# (class, RGB)
+# RGB by class id.
 COLOURS = np.array(
     [[196, 186, 168], [70, 116, 178], [146, 92, 160], [222, 136, 60], [120, 76, 66], [78, 154, 96], [188, 220, 240]],
     np.uint8,
 )
-# The same for pages: class -> #rrggbb.
+# Class name -> #rrggbb, for HTML pages.
 PARSE_COLOURS = {name: "#" + bytes(colour.tolist()).hex() for name, colour in zip(CLASSES, COLOURS, strict=True)}
 
 

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-# In rising rank: the value of a texel's provenance is its rank.
+# Names by rising rank; the value of a texel is its rank.
 PROVENANCE = ("unseen", "material", "translated", "synthesised", "inpainted", "photo")
 
 

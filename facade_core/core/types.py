@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
 
 
-# What is kept of things in front of facades, people among them. blur: unreadable, but a thing can still be told; mask:
-# nothing is left of it; keep: as the picture shows it.
+# Treatment of people and other occluders in pictures. blur: unreadable but recognisable; mask: removed; keep: unchanged.
 Privacy = Literal["blur", "mask", "keep"]
 # x0, y0, x1, y1 in pixels of a picture, half-open.
 Box = tuple[int, int, int, int]
@@ -24,7 +23,7 @@ Box = tuple[int, int, int, int]
 class Element:
     """Axis-parallel rectangle of one class: pixels or metres, y down, half-open.
 
-    Equal rectangles are equal elements, whatever their confidence.
+    Confidence does not count in comparisons.
 
     Attributes
     ----------
@@ -101,7 +100,7 @@ class Synthesis:
     energy: float
 
 
-# What a building's surfaces can be. "unknown" is told from its slope and place.
+# Semantics of a building's surfaces; "unknown" is decided by slope and place.
 SEMANTICS = ("wall", "roof", "ground", "window", "door", "ceiling", "unknown")
 
 
@@ -163,7 +162,7 @@ class Finish:
     roof_material: str | None = None
 
 
-# Nothing is stated.
+# Finish of a building without stated colours and materials.
 PLAIN = Finish()
 
 
@@ -192,7 +191,7 @@ class Building:
     shell : modelled surface, in place of the extrusion.
     finish : stated colours and materials.
     raised : metres from the ground to the underside, 0 for a building on the ground.
-    part_of : id of the whole of which this is a part; parts of one whole share one ground height.
+    part_of : id of the whole building; its parts share one ground height.
     """
 
     id: str
@@ -341,12 +340,12 @@ class Way:
     rank: int = 0
 
 
-# What has grain; a block may bring pictures of it.
+# Materials with grain, for which a block may bring pictures.
 MATERIALS = (
     "asphalt", "gravel", "grass", "slabs", "setts", "plaster-fine", "plaster-rough", "bricks", "metal", "roof-tiles",
     "slate", "boards",
 )  # fmt: skip
-# What ground is made of.
+# Surfaces of the ground.
 SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
 
 

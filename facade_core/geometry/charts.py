@@ -39,7 +39,7 @@ class Charts:
     Attributes
     ----------
     kind : (n,) `ChartKind`; ground is the terrain, a ceiling faces down, metal is gutters, pipes and vents.
-    surface : (n,) id of the uncut surface of which the chart is a piece.
+    surface : (n,) id of the uncut surface; its pieces share it.
     building : (n,) row of the building, -1 for ground.
     origin, axis_u, axis_v : (n, 3) frame, see `points`.
     size : (n, 2) width and height in metres.

@@ -112,7 +112,7 @@ def assign_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
 def wave_predecessors(wave: np.ndarray, reads: np.ndarray, writes: np.ndarray) -> list[np.ndarray]:
     """Return for each street the streets of earlier waves that must end before it starts, ascending.
 
-    These touch a chunk that it writes, or write one that it reads.
+    They touch a chunk of its writes, or write a chunk of its reads.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Ray parity test that tells the inside of a shell from its outside."""
+"""Ray parity test for the inside of a shell."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class FacingCharts(NamedTuple):
 def mark_visible_tiles(
     seen: np.ndarray, surface: np.ndarray, place: np.ndarray, camera: np.ndarray, charts: FacingCharts
 ) -> np.ndarray:
-    """Mark the tiles below pixels that show their chart, or that adjoin one that does on the same surface.
+    """Mark the tiles below pixels that show their chart, and below adjoining pixels of the same surface.
 
     Parameters
     ----------

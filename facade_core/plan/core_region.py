@@ -90,7 +90,7 @@ def core_facades(facades: Facades, buildings: Sequence[Building], core: CoreRegi
     place[rows] = np.arange(len(rows), dtype=np.int32)
     columns = {field.name: getattr(facades, field.name) for field in fields(facades)}
     kept = {name: column[rows] for name, column in columns.items() if name != "id"}
-    kept["run"] = place[kept["run"]]  # what is laid out as one is of one building
+    kept["run"] = place[kept["run"]]  # runs do not cross buildings
     return Facades(id=tuple(facades.id[row] for row in rows.tolist()), **kept)
 
 

@@ -24,7 +24,7 @@ USUAL_SHADED_SHARE = 0.18
 HIDDEN_COST = 4.0
 # Buildings with walls within this distance are neighbours, which are seen together; metres.
 NEIGHBOURHOOD_M = 60.0
-# Cost of a neighbour's exemplar, above any misfit, and greatest cost of one that resembles a neighbour's.
+# Cost of a neighbour's exemplar, above any misfit, and greatest cost of a similar exemplar.
 SAME_EXEMPLAR_COST = 100.0
 SIMILAR_COST = 1.2
 # Greatest cost of a neighbour's form in other colours, and the form distance at which it has fallen to 1 / e.

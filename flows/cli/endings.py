@@ -31,7 +31,7 @@ def ending(error: Exception) -> tuple[int, str]:
         return _code(error), " ".join(str(error).split())
     if isinstance(error, OSError) and error.errno in DENIED and error.filename:
         return UNUSABLE, f"{error.filename}: {error.strerror}; mend that or name another place"
-    from tasks.engine.outcome import machine_error, is_machine_fault
+    from tasks.engine.outcome import is_machine_fault, machine_error
 
     if is_machine_fault(error):
         return CRASHED, str(machine_error("stopped", error))

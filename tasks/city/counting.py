@@ -11,7 +11,7 @@ from catalogs.block.reader import Block
 from facade_core.geometry.texel_density import FULL_DENSITY_M, HALF_DENSITY_M, MAX_PARTY_WALL_SHARE, min_texel_density
 from facade_core.geometry.walls import MAX_JOINT_M, MIN_WALL_M
 from facade_core.plan.facades import MIN_FREE_SHARE
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 # Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
 GROUND_M, AROUND_M = 32.0, 22.0
@@ -67,7 +67,7 @@ def counts_of(block: Block) -> Counts:
 
 def planned_of(block: Block) -> dict[str, float]:
     """The same as far as the plan of its run knows it, which is made here: seconds where the map takes a hundredth of one."""
-    plan = plan_of(block)
+    plan = make_plan(block)
     placement = plan.scene.placement
     texels = (placement.width.astype(float) * placement.height)[plan.in_core].sum()
     return {"facades": len(plan.facades), "megatexels": float(texels) / 1e6}

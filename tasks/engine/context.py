@@ -1,4 +1,4 @@
-"""What a unit knows of its run and of itself: the run's plan, the worker it runs on, and its seeds."""
+"""Context of a unit: the plan of its run, and the worker that processes it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tasks.engine.run import Run
 
 
 def current_worker() -> str:
-    """The Dask worker that runs this unit, or "serial"."""
+    """Return the name of the Dask worker that runs this unit, or "serial"."""
     import sys
 
     if "distributed" in sys.modules:
@@ -26,5 +26,5 @@ def current_worker() -> str:
 
 @lru_cache(maxsize=2)
 def plan_of_run(run: Run) -> Plan:
-    """A run's plan, read once per process. It is written once, before any unit starts, so the newest snapshot holds it."""
+    """Read a run's plan, once per process. It is written before any unit starts, so the newest snapshot holds it."""
     return read_plan(open_repository(run.store).readonly_session(BRANCH))

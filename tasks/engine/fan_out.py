@@ -1,4 +1,4 @@
-"""Units of a stage in batches: fanned out to workers, each committed with its journal records as it completes."""
+"""Batches of units: fanned out to workers, each unit group committed with its records as it completes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.store import open_root
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failed_record, log_units, machine_error, is_machine_fault
+from tasks.engine.outcome import Outcome, failed_record, is_machine_fault, log_units, machine_error
 from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
-from tasks.engine.store.commits import fork_store, commit_units
-from tasks.engine.unit import UnitGroup, UnitFunction
+from tasks.engine.store.commits import commit_units, fork_store
+from tasks.engine.unit import UnitFunction, UnitGroup
 
 # Batches on their way at once: while the last units of one are awaited, the next one's keep the workers busy.
 BATCHES_AT_ONCE = 2
@@ -25,7 +25,10 @@ MAX_BATCH_PIECES = 24
 
 
 def make_batches(pieces: Iterable[UnitGroup], compute: Compute) -> Iterator[list[UnitGroup]]:
-    """Pieces in order, in batches of which AT_ONCE fit the workers' memory together; what is larger has one of its own."""
+    """Split unit groups into batches, of which BATCHES_AT_ONCE fit the workers' memory together.
+
+    A group that is larger has a batch of its own. The order stays.
+    """
     most, largest = compute.memory // BATCHES_AT_ONCE, max(MAX_BATCH_PIECES, compute.threads)
     batch: list[UnitGroup] = []
     memory = 0
@@ -40,7 +43,7 @@ def make_batches(pieces: Iterable[UnitGroup], compute: Compute) -> Iterator[list
 
 
 def piece_memory(piece: UnitGroup) -> int:
-    """What a worker needs for units that it does one after the other, bytes."""
+    """Return the memory of units that a worker processes one after the other, bytes."""
     return max(unit.memory for unit in piece)
 
 
@@ -48,10 +51,13 @@ def piece_memory(piece: UnitGroup) -> int:
 def process_batch(
     run: Run, stage: str, number: str, function: UnitFunction, batch: Sequence[UnitGroup], compute: Compute
 ) -> Outcome:
-    """Do a batch; each piece is committed, and its result released, as it completes.
+    """Process a batch; each unit group is committed, and its result released, as it completes.
 
-    What raises as a whole leaves a failed record for each of its units, and nothing else. Raises MachineError where the machine
-    is at fault, or the cluster went away; what was committed stays.
+    A group that raises as a whole leaves a failed record for each of its units, and nothing else.
+
+    Raises
+    ------
+    MachineError : the machine is at fault, or the cluster is gone; committed units stay.
     """
     started: dict[Any, tuple[UnitGroup, Any]] = {}
     for piece in batch:
@@ -78,7 +84,7 @@ def process_batch(
 
 
 def _clear_charts(run: Run, stage: str, fork: Any, piece: UnitGroup) -> None:
-    """Have nothing lie where units failed: what was there is of what they stood on before."""
+    """Clear the charts of failed units: their texels belong to earlier inputs."""
     if charts := [chart for unit in piece for chart in unit.charts]:
         scene = plan_of_run(run).scene
         clear_rasters(open_root(fork), scene.spec, scene.placement, charts, stage)

@@ -93,7 +93,7 @@ def _forecast_order() -> list[Stage]:
 
 
 def _has_earlier_run(group: StoreGroup) -> bool:
-    """Whether a stage that is not fanned out was reached: less is resumed, not done again."""
+    """Return whether a stage that is not fanned out was reached: less is resumed, not done again."""
     return any(
         any(read_journal(group, stage.stage)) for stage in all_stages() if stage.units is None and stage.part_of is None
     )

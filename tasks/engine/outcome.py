@@ -1,4 +1,4 @@
-"""What a task says of its units, and whose fault an error is: the input's sets its unit aside, the machine's ends the run."""
+"""Outcomes of units, and the origin of errors: faults of the input reject a unit, faults of the machine end the run."""
 
 from __future__ import annotations
 
@@ -40,7 +40,15 @@ MACHINE_ERRORS = {
     errno.ENOLCK,
 }
 # Raised by the store, by an installation that lacks something, or for want of memory, whatever they say.
-MACHINE_ERROR_TYPES = (MachineError, StoreError, ModelError, MemoryError, ImportError, icechunk.IcechunkError, BaseZarrError)
+MACHINE_ERROR_TYPES = (
+    MachineError,
+    StoreError,
+    ModelError,
+    MemoryError,
+    ImportError,
+    icechunk.IcechunkError,
+    BaseZarrError,
+)
 # What zarr's codecs say of a chunk that is cut or garbled.
 DAMAGE_TEXTS = ("decompression error",)
 # How libraries put into words what they do not give a number or a type.
@@ -49,8 +57,15 @@ NO_MEMORY_TEXTS = ("Insufficient memory", "Failed to allocate memory", "bad_allo
 
 @dataclass(frozen=True)
 class Outcome:
-    """done units, units skipped because the journal holds them, and the failed ones as (unit, reason); likewise those that are
-    done, now or before, without a picture that was refused."""
+    """Counts of units of a task.
+
+    Attributes
+    ----------
+    done : units that were processed.
+    skipped : units that the journal already held as done.
+    failed : (unit, reason).
+    refused : units that are done without a rejected picture, as (unit, reason).
+    """
 
     done: int = 0
     skipped: int = 0
@@ -62,7 +77,7 @@ class Outcome:
         return self.done + self.skipped + len(self.failed)
 
     def add(self, records: Iterable[Record]) -> Outcome:
-        """With more units, by their journal records."""
+        """Return the outcome with more units, by their journal records."""
         records = list(records)
         failed = tuple((r["unit"], r["reason"]) for r in records if r["status"] == "failed")
         return replace(
@@ -82,7 +97,7 @@ class Outcome:
 
 
 def rejected_pictures(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
-    """The units that are done without a picture that was refused, as (unit, reason), by their journal records."""
+    """Return the units that are done without a rejected picture, as (unit, reason)."""
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
 
@@ -92,7 +107,7 @@ def is_done(record: Record | None, *keys: str) -> bool:
 
 
 def failed_record(unit: str, key: str, error: Exception) -> Record:
-    """The journal record of a unit that failed as a whole: one line, whatever was raised, and where that was."""
+    """Return the journal record of a unit that failed, with its reason in one line and the traceback."""
     return {
         "unit": unit,
         "key": key,
@@ -104,7 +119,7 @@ def failed_record(unit: str, key: str, error: Exception) -> Record:
 
 
 def log_units(stage: str, records: Iterable[Record]) -> None:
-    """Log units by their journal records: each that failed as a warning with its traceback, the others for who looks closer."""
+    """Log units by their journal records: failed ones as warnings with tracebacks, the others for debugging."""
     for record in records:
         unit, reason = (
             escape_invisible(record["unit"]),
@@ -120,14 +135,14 @@ def log_units(stage: str, records: Iterable[Record]) -> None:
 
 
 def error_reason(error: Exception) -> str:
-    """An error in one line."""
+    """Return an error in one line."""
     reason = str(error) if isinstance(error, FacadeError) else f"{type(error).__name__}: {error}"
     return " ".join(reason.split())
 
 
 @contextmanager
 def collect_rejections(errors: list[Exception]) -> Iterator[None]:
-    """What is raised within refuses a picture, and is added to `errors`; the machine's faults pass."""
+    """Append errors raised within to `errors`; faults of the machine pass."""
     try:
         yield
     except Exception as error:
@@ -137,7 +152,7 @@ def collect_rejections(errors: list[Exception]) -> Iterator[None]:
 
 
 def describe_rejections(errors: Sequence[Exception], instead: str) -> dict[str, str]:
-    """What the record of a unit says of pictures that were refused, and of what it was made from instead."""
+    """Return the fields of a record that name rejected pictures and the source used instead."""
     if not errors:
         return {}
     return {
@@ -147,12 +162,12 @@ def describe_rejections(errors: Sequence[Exception], instead: str) -> dict[str, 
 
 
 def is_machine_fault(error: BaseException) -> bool:
-    """Whether an error, or what it was raised from, is the machine's: retried later, the same unit may well be done."""
+    """Return whether an error, or its cause, is the machine's: the same unit may succeed when retried."""
     return any(_is_machine_error(one) for one in _error_chain(error))
 
 
 def machine_error(doing: str, error: BaseException) -> MachineError:
-    """What to raise from an error that is the machine's: one line with the unit that met it, the cause and the remedy."""
+    """Build the error for a machine fault: one line with the unit, the cause and the remedy."""
     chain = list(_error_chain(error))
     said = next((one for one in chain if isinstance(one, MachineError)), None)
     if said is not None:
@@ -161,7 +176,9 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
     first = next(filter(_is_machine_error, chain), error)
     if number in DISK_ERRORS:
         remedy = "free some space"
-    elif number in MEMORY_ERRORS or any(isinstance(one, MemoryError) or _mentions(one, NO_MEMORY_TEXTS) for one in chain):
+    elif number in MEMORY_ERRORS or any(
+        isinstance(one, MemoryError) or _mentions(one, NO_MEMORY_TEXTS) for one in chain
+    ):
         remedy = "free some memory, or use fewer workers,"
     else:
         remedy = "see to the machine, its disks and its network,"
@@ -170,14 +187,14 @@ def machine_error(doing: str, error: BaseException) -> MachineError:
 
 
 def is_store_fault(error: BaseException) -> bool:
-    """Whether an error, or what it was raised from, is that a store could not be read or written."""
+    """Return whether an error, or its cause, is that a store could not be read or written."""
     store = (StoreError, icechunk.IcechunkError, BaseZarrError)
     return any(isinstance(one, store) or _mentions(one, DAMAGE_TEXTS) for one in _error_chain(error))
 
 
 @contextmanager
 def raise_machine_errors(doing: str) -> Iterator[None]:
-    """Raise a fault of the machine as MachineError, whatever it came as; other errors as they are."""
+    """Raise faults of the machine as MachineError; other errors pass unchanged."""
     try:
         yield
     except FacadeError:
@@ -189,7 +206,11 @@ def raise_machine_errors(doing: str) -> Iterator[None]:
 
 
 def _is_machine_error(error: BaseException) -> bool:
-    return isinstance(error, MACHINE_ERROR_TYPES) or _error_number(error) is not None or _mentions(error, NO_MEMORY_TEXTS + DAMAGE_TEXTS)
+    return (
+        isinstance(error, MACHINE_ERROR_TYPES)
+        or _error_number(error) is not None
+        or _mentions(error, NO_MEMORY_TEXTS + DAMAGE_TEXTS)
+    )
 
 
 def _mentions(error: BaseException, texts: Iterable[str]) -> bool:
@@ -197,14 +218,21 @@ def _mentions(error: BaseException, texts: Iterable[str]) -> bool:
 
 
 def _error_number(error: BaseException) -> int | None:
-    """The error number of a machine's fault: as the system gave it, or in the words in which a library passes it on."""
+    """Return the error number of a machine fault, from the error or from the words of a library."""
     if isinstance(error, OSError) and error.errno is not None:
         return error.errno if error.errno in DISK_ERRORS | MEMORY_ERRORS | MACHINE_ERRORS else None
-    return next((number for number in sorted(DISK_ERRORS | MEMORY_ERRORS | MACHINE_ERRORS) if _mentions(error, [os.strerror(number)])), None)
+    return next(
+        (
+            number
+            for number in sorted(DISK_ERRORS | MEMORY_ERRORS | MACHINE_ERRORS)
+            if _mentions(error, [os.strerror(number)])
+        ),
+        None,
+    )
 
 
 def _error_chain(error: BaseException) -> Iterator[BaseException]:
-    """An error, what it was raised from or while, and what those were."""
+    """Iterate over an error and everything that it was raised from."""
     seen: set[int] = set()
     waiting: list[BaseException | None] = [error]
     while waiting:

@@ -14,7 +14,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage import Stage
 from tasks.engine.store.carry_over import delete_units
 from tasks.engine.store.commits import newest_group
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.unit import Unit, UnitGroup
 
 
 @dataclass(frozen=True)

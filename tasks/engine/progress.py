@@ -1,4 +1,4 @@
-"""Progress as events: tasks say what they finished, whoever watches listens."""
+"""Progress events: tasks report finished units, listeners receive them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from threading import Lock
 
 @dataclass(frozen=True)
 class StageProgress:
-    """How far a stage is.
+    """Progress of a stage.
 
-    finished: units that are done or failed, in this run or before it; failed, earlier: how many of them failed in this run, or
-    were finished before it.
-    total: units in all.
+    Attributes
+    ----------
+    finished : units that are done or failed, in this run or before it.
+    total : number of units.
+    failed : units that failed in this run.
+    earlier : units that an earlier run finished.
     """
 
     stage: str
@@ -37,14 +40,13 @@ def add_listener(listener: Listener) -> Callable[[], None]:
 
 
 def begin_stage(stage: str, total: int, earlier: int = 0) -> None:
-    """A stage of `total` units starts, of which so many were finished by an earlier run."""
+    """Announce a stage of `total` units, of which an earlier run finished `earlier`."""
     with _lock:
         _notify(StageProgress(stage, earlier, total, earlier=earlier))
 
 
 def report_progress(stage: str, finished: int = 0, failed: int = 0, *, earlier: int = 0) -> None:
-    """So many more units of a stage are finished, of which some failed; and so many are found to be from an earlier run. From
-    any thread."""
+    """Add finished, failed and earlier units to a stage; callable from any thread."""
     with _lock:
         before = _stages.get(stage) or StageProgress(stage, 0, 0)
         _notify(

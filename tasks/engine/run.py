@@ -1,4 +1,4 @@
-"""What every task and unit of one run needs to know; small, frozen and picklable."""
+"""Settings of a run that every task and unit needs; small, frozen and picklable."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a block into `out`: an absolute folder, or s3://bucket/prefix.
+    """One run of a block into a folder.
 
-    block: the block's name.
-    key: of its ingest, a digest of the block's inputs and settings and of the code that ingests them.
-    texture: the block's settings; what they name as files is read: roof_material, materials.
-    privacy: what is kept of things in front of facades.
-    models: those that the block names in place of what is shipped.
-    failed_limit: the share of units that may fail for what is published to become current.
-    ingested: when the store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from
-        the next.
+    Attributes
+    ----------
+    out : absolute folder, or s3://bucket/prefix.
+    block : name of the block.
+    key : digest of the block's inputs and settings, and of the code that ingests them.
+    texture : settings of the block; of files that it names, `roof_material` and `materials` are read instead.
+    privacy : treatment of people and plates in stored pictures.
+    models : models that the block names in place of the shipped ones.
+    failed_limit : share of units that may fail for a snapshot to become current.
+    ingested : when the store's plan was written, 0 before; tells a process that serves many runs which plan it cached.
     """
 
     out: str
@@ -51,7 +53,7 @@ class Run:
 
     @property
     def local(self) -> Path:
-        """What of it lies on this machine in any case."""
+        """Return the folder on this machine."""
         return local_folder(self.folder)
 
     @property

@@ -1,4 +1,4 @@
-"""The run of a block, with its key: a digest of the block's inputs and settings and of the code that ingests them."""
+"""Creation of the run of a block, with its key."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ if TYPE_CHECKING:
 
 
 def create_run(block: Block, out: Folder) -> Run:
-    """The run that textures `block` into folder `out`."""
+    """Return the run that textures `block` into folder `out`.
+
+    Raises
+    ------
+    InputError : a model of the block cannot be used.
+    """
     key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
     return Run(
         out=str(out.resolve()),  # workers may have been started elsewhere
@@ -36,7 +41,7 @@ def create_run(block: Block, out: Folder) -> Run:
 
 
 def _check_models(models: ModelFiles) -> ModelFiles:
-    """A block's own models. Raises InputError, with the block's key, for one that cannot be used: no facade could be made."""
+    """Load a block's own models. Raises InputError, with the block's key, for one that cannot be used."""
     from facade_core.facade.layout import model as layouts
     from facade_core.parsing.confidence import load_calibration
     from facade_core.parsing.segmenter import load_segmenter

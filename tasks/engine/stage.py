@@ -184,7 +184,7 @@ def read_journals(group: StoreGroup) -> dict[str, Records]:
 
 
 def is_done_record(record: Record | None) -> bool:
-    """Whether a record says that its unit is done."""
+    """Return whether a record says that its unit is done."""
     return record is not None and record["status"] == "done"
 
 

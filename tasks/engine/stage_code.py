@@ -1,8 +1,7 @@
-"""The code that makes the results of each stage, as digests: what its units import of the house, the models that those modules
-load, and the versions of the libraries that compute. A change makes due what it reaches, and nothing else.
+"""Digests of the code of each stage: the modules that its worker imports, their data files, and the versions of libraries.
 
-Of a module its syntax counts, not its comments, docstrings, layout or imports for type checkers. A name that a package only
-passes on is followed to where it is defined.
+A change makes pending what it reaches, and nothing else. Of a module its syntax counts, not its comments, docstrings, layout
+or imports for type checkers. A name that a package only passes on is followed to its definition.
 """
 
 from __future__ import annotations
@@ -77,8 +76,15 @@ DISTRIBUTION_NAMES = {
 
 @dataclass(frozen=True)
 class CodeModule:
-    """A module of the house: digest of its syntax; imports, pairs of a module and a name of it, "" for the module itself;
-    passes_on, whether it only imports names for others."""
+    """A module of this project.
+
+    Attributes
+    ----------
+    path : its file.
+    digest : digest of its syntax.
+    imports : pairs of a module and a name of it, "" for the module itself.
+    passes_on : whether it only imports names for others.
+    """
 
     path: Path
     digest: str
@@ -88,11 +94,17 @@ class CodeModule:
 
 @cache
 def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
-    """The digest of the code of a stage: of the module of `tasks.stages.<stage>`.
+    """Return the digest of the code of a stage.
 
-    neural: whether it takes the network that translates panoramas.
+    Parameters
+    ----------
+    stage : name of the stage.
+    neural : whether it takes the network that translates panoramas.
+    root : folder of the packages.
     """
-    found = collect_modules([worker_module(stage, root)], EXCLUDED_MODULES if neural else EXCLUDED_MODULES | {NEURAL_TRANSLATOR}, root)
+    found = collect_modules(
+        [worker_module(stage, root)], EXCLUDED_MODULES if neural else EXCLUDED_MODULES | {NEURAL_TRANSLATOR}, root
+    )
     digest = blake2b(digest_size=8)
     for name in sorted(found):
         digest.update(f"{name} {found[name].digest}\n".encode())
@@ -108,18 +120,20 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
 
 
 def worker_module(stage: str, root: Path = ROOT) -> str:
-    """The module that does a stage's units."""
-    return next(name for part in ("worker", "task") if _module_path(name := f"tasks.stages.{stage}.{part}", root) is not None)
+    """Return the module that processes a stage's units."""
+    return next(
+        name for part in ("worker", "task") if _module_path(name := f"tasks.stages.{stage}.{part}", root) is not None
+    )
 
 
 @cache
 def code_version(stages: tuple[str, ...], root: Path = ROOT) -> str:
-    """The version and a digest of the code of some stages: workers of one cluster must have the same."""
+    """Return the version and a digest of the code of some stages: workers of one cluster must agree on it."""
     return join_code_versions({stage: stage_code(stage, root=root) for stage in stages})
 
 
 def join_code_versions(codes: Mapping[str, str]) -> str:
-    """The version of the package and a digest of the codes of some stages."""
+    """Return the version of the package and a digest of the codes of some stages."""
     text = "\n".join(f"{stage} {code}" for stage, code in sorted(codes.items()))
     return f"{VERSION}+{blake2b(text.encode(), digest_size=6).hexdigest()}"
 
@@ -127,7 +141,15 @@ def join_code_versions(codes: Mapping[str, str]) -> str:
 def collect_modules(
     starts: Iterable[str], apart: Iterable[str], root: Path, house: Collection[str] = CODE_PACKAGES
 ) -> dict[str, CodeModule]:
-    """The modules of the house that some modules import, at any depth and in functions too, by name; these among them."""
+    """Collect the modules of this project that some modules import, at any depth and in functions too.
+
+    Parameters
+    ----------
+    starts : names of modules; they are part of the result.
+    apart : modules that are not followed.
+    root : folder of the packages.
+    house : packages that are followed.
+    """
     found: dict[str, CodeModule] = {}
     waiting = list(starts)
     while waiting:
@@ -150,7 +172,7 @@ def collect_modules(
 
 
 def _resolve_import(name: str, member: str, root: Path, house: Collection[str]) -> list[str]:
-    """The modules of the house that an import reaches: those where the name is defined."""
+    """Return the modules that an import reaches: those that define the name."""
     if name.partition(".")[0] not in house:
         return []
     below = f"{name}.{member}" if member else name
@@ -177,7 +199,7 @@ def _module_path(name: str, root: Path) -> Path | None:
 
 @cache
 def _load_module(name: str, root: Path) -> CodeModule | None:
-    """A module as it lies below `root`, None where there is none."""
+    """Load a module below `root`, None if there is none."""
     path = _module_path(name, root)
     return None if path is None else _parse_module(name, path, path.stat().st_mtime_ns)
 
@@ -214,7 +236,11 @@ def _collect_syntax(node: ast.AST, said: list[str], imports: list[ast.Import | a
         if value is None:
             said.append("None")
         elif isinstance(value, list):
-            kept = [one for one in value if not (_is_text(one) or _is_for_type_checking(one))] if field in _BODIES else value
+            kept = (
+                [one for one in value if not (_is_text(one) or _is_for_type_checking(one))]
+                if field in _BODIES
+                else value
+            )
             said.append(str(len(kept)))
             for one in kept:
                 if isinstance(one, ast.AST):
@@ -239,7 +265,7 @@ def _is_for_type_checking(node: ast.AST) -> bool:
 
 
 def _only_passes_names(node: ast.AST) -> bool:
-    """Whether a statement of a package imports a name, lists those that it passes on, or only tells of them."""
+    """Return whether a statement of a package imports or lists names, or is a docstring."""
     listed = isinstance(node, ast.Assign) and [ast.unparse(target) for target in node.targets] == ["__all__"]
     return listed or isinstance(node, ast.Import | ast.ImportFrom) or _is_text(node) or _is_for_type_checking(node)
 

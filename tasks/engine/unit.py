@@ -1,4 +1,4 @@
-"""A unit of work, as a value."""
+"""Units of work as values."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ UnitFunction = Callable[..., tuple[Any, dict[int, Record]]]
 class Unit:
     """One unit of work of a stage.
 
-    index: its place in the stage's journal.
-    name: what records and people call it.
-    keys: what it stands on, one for each of its sources in the order in which they are tried; most units have one.
-    arguments: what its function needs beside the run and its plan; the stage's own.
-    memory: bytes that it takes of a worker at most, beside the libraries and the plan.
-    charts: what it writes of the atlas: cleared where it fails, and of who seeds once it is due again.
-    together: units with the same value here may share chunks, so one worker does them in one go; None alone.
+    Attributes
+    ----------
+    index : its index in the stage's journal.
+    name : its name in records and messages.
+    keys : digests of its inputs, one for each source in the order in which they are tried; most units have one.
+    arguments : further arguments of its function, defined by the stage.
+    memory : bytes that it takes of a worker at most, besides libraries and the plan.
+    charts : charts that it writes: cleared if it fails, and of the base layer once it is pending.
+    group_id : units with the same value may share chunks, so one worker processes them in one go; None for a unit alone.
     """
 
     index: int
@@ -36,7 +38,7 @@ class Unit:
 
     @property
     def key(self) -> str:
-        """What it stands on when every source but the last has failed; of most units the only key."""
+        """Return the key that holds when every source but the last failed; of most units the only key."""
         return self.keys[-1]
 
 

@@ -15,8 +15,8 @@ from facade_core.geometry.walls import WallRole
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.facade import PaintedFacade, facade
 from facade_core.synth.styles import NORDIC
-from tasks.engine.progress import report_progress, begin_stage
-from tasks.stages.ingest.planning import plan_of
+from tasks.engine.progress import begin_stage, report_progress
+from tasks.stages.ingest.planning import make_plan
 
 NAME = "helsinki"
 AREA = [24.94575, 60.1651, 24.95025, 60.1673]
@@ -101,7 +101,7 @@ def _paint_photos(block: Block, folder: Path) -> None:
     """A photo for every third facade, at its own size and floors, with trees and cars before it cut out."""
     folder.mkdir(exist_ok=True)
     # facades are found the same with coarse panoramas; only what each panorama shows is coarser
-    facades = plan_of(replace(block, texture=replace(block.texture, panorama_width=256))).facades
+    facades = make_plan(replace(block, texture=replace(block.texture, panorama_width=256))).facades
     fronts = np.flatnonzero(facades.role == WallRole.STREET).tolist()
     chosen = [i for i in fronts if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
     begin_stage("paint", len(chosen))

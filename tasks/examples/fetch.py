@@ -7,7 +7,7 @@ from pathlib import Path
 
 from catalogs.examples.sources import EXAMPLE_BLOCKS_FOLDER, EXAMPLE_SOURCES, ExampleSource, download_source
 from facade_core.core.errors import InputError
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.examples.demo import EXEMPLARS, paint_exemplars
 
 # Where the packaged block files look for the exemplars that a fetched block has painted.

@@ -25,7 +25,7 @@ from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.core.errors import BlockFileError, InputError
 from facade_core.geometry.walls import WallRole
 from tasks.examples.demo import paint_exemplars
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 # What the keys of the block file are called on the command line.
 _OPTIONS = {
@@ -251,7 +251,7 @@ def _written(
             if isinstance(area, Around) and SWAPPED_AXES_NOTE in str(error):
                 raise InputError(area.swapped("no buildings are there")) from error
             raise
-        plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
+        plan = make_plan(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == WallRole.STREET).tolist())
         panoramas, named, unused, unplaced = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), (), ())

@@ -14,7 +14,7 @@ import numpy as np
 from catalogs.printable_text import escape_invisible_json
 from catalogs.readers.annotations import EXPORTED_HEIGHT_ATTRIBUTE
 from facade_core.core.types import Element
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.models import with_ground
 from tasks.published.opened import Published
 

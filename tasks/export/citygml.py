@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from catalogs.printable_text import escape_invisible
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
 from tasks.export.models import with_ground
 from tasks.published.opened import Published

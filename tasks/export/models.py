@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from facade_core.core.errors import InputError
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.export.earth import on_earth
 from tasks.published.opened import Published
 

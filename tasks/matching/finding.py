@@ -20,10 +20,10 @@ from facade_core.geometry.ground.terrain import Terrain, build_terrain
 from facade_core.imagery.poses.photo_matching import WallLikelihoods, estimate_orientation, match_walls
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import error_reason
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.matching.table import COLUMNS, Candidate, Table, found_row
 from tasks.stages.facades.evidence import rectify_photo
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 # A photo is of the wall that it shows with this probability; else a person decides.
 SURE = 0.8
@@ -52,7 +52,7 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     if not any(_place(path, stated) for path in paths):  # told before the block is read, which takes longer
         raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACES}")
     block = read_block(block_file)
-    plan = plan_of(replace(block, panoramas=()))
+    plan = make_plan(replace(block, panoramas=()))
     terrain = build_terrain(block.buildings, block.terrain)
     begin_stage("match", len(paths))
     found, faults = [], list(unreadable)

@@ -13,7 +13,7 @@ from catalogs.block.yaml_edits import add_imagery, format_imagery_entry
 from catalogs.file_digest import file_digest
 from facade_core.core.errors import InputError
 from tasks.matching.table import Table
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 # Where photos go that are taken, beside a block file that names no folder.
 FOLDER = "photos"
@@ -58,7 +58,7 @@ def taking(block_file: Path, folder: Path, table: Table, asked: Collection[str] 
             "imagery.photos.rectified: false and take all as they are"
         )
     faults: list[_Fault] = []
-    wanted = _wanted(table, folder, set(plan_of(replace(block, panoramas=())).facades.id), faults)
+    wanted = _wanted(table, folder, set(make_plan(replace(block, panoramas=())).facades.id), faults)
     gone = _taken_otherwise(block.photos, folder, table, faults)
     there = next(iter(block.photos.values())).parent if block.photos else block_file.parent / FOLDER
     for facade, photo in list(wanted.items()):

@@ -18,7 +18,7 @@ from facade_core.synth.street_truth import (
     panorama,
     synthetic_street,
 )
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.training.materials import picture
 from tasks.training.parser import cmp_photos
 

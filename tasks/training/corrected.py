@@ -22,7 +22,7 @@ from facade_core.parsing.segmenter import outside_mask, parse
 from facade_core.parsing.training_views import ANY_CLASS
 from tasks.engine.store.status import read_source
 from tasks.published.opened import published
-from tasks.stages.shared.facade_corrections import corrected_of
+from tasks.stages.shared.facade_corrections import match_corrections
 
 # Of fewer corrected facades nothing is learnt that the shipped models do not know better.
 LEAST = 10
@@ -79,7 +79,7 @@ def _of_run(out: Folder) -> list[CorrectedFacade]:
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
     found = []
     with published(out) as run:
-        said, _ = corrected_of(run.plan, read_corrections(block), run.crs)
+        said, _ = match_corrections(run.plan, read_corrections(block), run.crs)
         for index, one in sorted(said.items()):
             record = run.records[index]
             if one.elements is None or not one.facade or not record or "lattice" not in record:

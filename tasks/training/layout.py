@@ -8,7 +8,7 @@ from pathlib import Path
 from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.facade.layout import learning
 from facade_core.facade.layout.model import save_layout_model
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 
 
 def train_layout(

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.core.errors import InputError
 from facade_core.street.materials.grain import EXAMPLE_NAMES, GrainExample, learn_grain
 from facade_core.street.materials.grain_file import save_examples
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 
 # Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
 SOURCES: dict[str, tuple[str, float, float | None]] = {

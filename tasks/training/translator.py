@@ -22,9 +22,9 @@ from facade_core.street.translator.training_views import PANORAMA_WIDTHS, Traini
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.model_relief import relief
 from facade_core.synth.street_truth import synthetic_street
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.store.status import read_source
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 from tasks.training.composites import composites
 from tasks.training.parser import stage_progress
 
@@ -199,7 +199,7 @@ def procedural_run(*, seed: int, furnished: bool) -> list[TrainingRendering]:
 def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[TrainingRendering]]:
     """Runs of renderings between the buildings of a block, every other one furnished; where walls are seen best first."""
     texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
-    plan = plan_of(replace(block, texture=texture, panoramas=()))
+    plan = make_plan(replace(block, texture=texture, panoramas=()))
     scene = plan.scene
     wall = scene.charts.kind == ChartKind.WALL
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.street import seams, workers
 from benchmarks.street.truth import interval, psnr
 from catalogs.block.reader import read_block
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 
 def test_psnr_counts_only_where_asked() -> None:
@@ -40,7 +40,7 @@ def test_a_seam_is_what_differs_more_across_than_beside() -> None:
 
 
 def test_streets_for_two_workers_share_nothing(tmp_path: Path) -> None:
-    plan = plan_of(read_block(workers.write_block(tmp_path, streets=3, length=24.0)))
+    plan = make_plan(read_block(workers.write_block(tmp_path, streets=3, length=24.0)))
     assert plan.wave.tolist() == [0, 0, 0]
     seen = [set(plan.street_charts[plan.street_charts[:, 0] == street, 1].tolist()) for street in range(3)]
     assert all(seen)

@@ -29,7 +29,7 @@ Seen = Mapping[str, SimpleNamespace]
 
 @pytest.fixture(scope="module")
 def seen(exported: Exported, found: Published, tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """What Blender made of a model, and of CityJSON without and with openings as cjio writes it: `told` by Blender, `compare_squares`
+    """What Blender made of a model, and of CityJSON without and with openings as cjio writes it: `told` by Blender, `compared`
     with Streetloom's own picture, the pictures of the `given` export and of the GLB that Blender wrote of it `again`."""
     folder = tmp_path_factory.mktemp("blender")
     camera, origin = of_street(found), origin_of_models(found)

@@ -15,7 +15,7 @@ import yaml
 from deploy.certificates import settings
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
 from tasks.stages.shared import memory
-from tasks.stages.shared.images import LONGEST_EXEMPLAR, MOST_PIXELS
+from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, MAX_PIXELS
 from tests.pipeline.runs import ROOT
 
 DEPLOY = ROOT / "deploy"
@@ -181,8 +181,8 @@ def test_workers_have_the_memory_that_units_declare(command: list[str]) -> None:
     """The largest of a picture, a page, a street with the network; a facade takes 190 bytes for a texel."""
     said = dict(zip(command, command[1:], strict=False))["--memory-limit"]
     shared_out = int(said.removesuffix("GB")) * 10**9 * UNITS_SHARE
-    exemplar = LONGEST_EXEMPLAR**2 * (memory.FACADE_TEXEL + memory.PICTURE_PIXEL)
-    photo = MOST_PIXELS * memory.PICTURE_PIXEL + 4_000_000 * memory.FACADE_TEXEL
+    exemplar = MAX_EXEMPLAR_SIDE**2 * (memory.FACADE_TEXEL + memory.PICTURE_PIXEL)
+    photo = MAX_PIXELS * memory.PICTURE_PIXEL + 4_000_000 * memory.FACADE_TEXEL
     for unit in (exemplar + memory.DETECTION_BYTES, photo + memory.DETECTION_BYTES, memory.page_memory(memory.LARGEST_PAGE**2)):
         assert memory.LIBRARY_BYTES + unit <= shared_out
     assert memory.street_memory(10_000_000, 10_000_000, network=memory.NETWORK_PIXELS) <= shared_out

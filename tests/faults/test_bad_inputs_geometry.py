@@ -13,8 +13,8 @@ import shapely
 
 from catalogs.block.reader import Block, read_block
 from facade_core.core.errors import BlockFileError
-from tasks.stages.ingest.planning import plan_of
-from tasks.stages.ingest.task import no_facade
+from tasks.stages.ingest.planning import make_plan
+from tasks.stages.ingest.task import missing_facade_reasons
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Make = Callable[[Path], str]
@@ -242,7 +242,7 @@ def test_units_of_one_id_are_numbered_with_a_note_and_a_photo_is_the_first_ones(
     assert "buildings of b.geojson numbered since another has their id: 1 (x-2)" in block.notes
     assert "streets of s.geojson numbered since another has their id: 1 (7-2)" in block.notes
     assert block.buildings[0].footprint.bounds[0] == EAST  # a photo x-0 is of the first in the file
-    assert {"x-0", "x-2-0"} <= set(plan_of(block).facades.id)
+    assert {"x-0", "x-2-0"} <= set(make_plan(block).facades.id)
 
 
 def test_a_street_longer_than_any_is_set_aside(tmp_path: Path) -> None:
@@ -364,12 +364,12 @@ def test_a_block_without_a_facade_says_so(texture: dict[str, Any], height: float
     (tmp_path / "s.geojson").write_text(json.dumps(feature("LineString", line, id="1")))
     settings = {"walls": "translate", "panorama_width": 64} | texture
     streets = {"path": "s.geojson", "crs": "EPSG:32635"}
-    plan = plan_of(block_of(tmp_path, "b.geojson", streets=streets, texture=settings))
-    (reason,) = no_facade(plan)
+    plan = make_plan(block_of(tmp_path, "b.geojson", streets=streets, texture=settings))
+    (reason,) = missing_facade_reasons(plan)
     assert reason.startswith("none of the ")
     assert words in reason
-    seen = plan_of(block_of(tmp_path, "b.geojson", texture={"walls": "translate", "panorama_width": 64}))
-    assert bool(no_facade(seen)) == (height < 2.5)
+    seen = make_plan(block_of(tmp_path, "b.geojson", texture={"walls": "translate", "panorama_width": 64}))
+    assert bool(missing_facade_reasons(seen)) == (height < 2.5)
 
 
 @pytest.mark.realdata

@@ -19,7 +19,7 @@ from facade_core.atlas.journal import clear_record, read_journal, unit_key, writ
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.core.errors import LostStoreError, StoreError
 from tasks.engine.run import Run
-from tasks.engine.store.integrity import find_lost_units, repair_store, mark_suspect
+from tasks.engine.store.integrity import find_lost_units, mark_suspect, repair_store
 from tasks.engine.store.status import finished_summary
 from tasks.history import after_viewpoint
 from tests.pipeline.stages import digests_of, redone, started, texture

@@ -16,7 +16,7 @@ from facade_core.atlas.store import BRANCH, Repository, commit, create_root, ope
 from facade_core.core.atlas_spec import AtlasSpec
 from facade_core.core.errors import StoreError
 from tasks.engine.store.carry_over import delete_units
-from tasks.engine.store.commits import fork_store, commit_units
+from tasks.engine.store.commits import commit_units, fork_store
 
 THREADS, ROUNDS = 4, 40
 

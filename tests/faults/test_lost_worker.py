@@ -19,7 +19,7 @@ from tasks.engine import fan_out
 from tasks.engine.compute.connect import connect
 from tasks.engine.fan_out import process_batch
 from tasks.engine.store.commits import read_newest_journal
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.unit import Unit, UnitGroup
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])

@@ -18,7 +18,7 @@ from facade_core.core.errors import InputError
 from facade_core.facade.layout.model import SHIPPED_LAYOUT_MODEL
 from tasks.corrections import Taker, import_corrections
 from tasks.engine.store.commits import read_newest_journal
-from tasks.engine.store.status import record_source, read_source
+from tasks.engine.store.status import read_source, record_source
 from tasks.export.formats import export
 from tasks.training.corrected import corrected_facades
 from tasks.viewing import Reader

@@ -308,7 +308,7 @@ def test_the_report_is_an_index_with_pages_for_each_street(
 ) -> None:
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
-    monkeypatch.setattr(pictures, "STAGED", 1)
+    monkeypatch.setattr(pictures, "MAX_STAGED_PER_STREET", 1)
     monkeypatch.setattr("catalogs.published.report.MAX_FACADES_PER_PAGE", 1)
     report = again(folder)[2].report
     pages = sorted(report.rglob("*.html"))

@@ -120,9 +120,9 @@ def test_photos_without_any_place_are_told_before_the_block_is_read(tmp_path: Pa
     ],
 )
 def test_a_table_that_names_what_is_not_there_takes_nothing(block_file: Path, rows: str, said: str) -> None:
-    from tasks.stages.ingest.planning import plan_of
+    from tasks.stages.ingest.planning import make_plan
 
-    facade = plan_of(read_block(block_file)).facades.id[0]
+    facade = make_plan(read_block(block_file)).facades.id[0]
     table = block_file.parent / "mended.csv"
     table.write_text("photo,facade,probability,candidates\n" + rows.format(a=facade) + "\n")
     with pytest.raises(InputError, match=said):

@@ -17,7 +17,7 @@ MIN_ROOF_M2 = 60.0
 MIN_ROOF_OF_TWO_M2 = 900.0
 # Share of such roofs with chimneys.
 CHIMNEY_SHARE = 0.7
-# Random places per roof, of which the highest is taken.
+# Random places per roof; the highest ones are used.
 CANDIDATES = 24
 # Metres from the outline to a chimney, and between two chimneys.
 MIN_INSET_M = 1.6

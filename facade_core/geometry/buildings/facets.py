@@ -199,7 +199,7 @@ def _orient_outward(
     closed: bool,
     crossings: CrossingCounter,
 ) -> np.ndarray:
-    """Orient normals outward; odd (f, 2) tells whether the number of surfaces in front of and behind a facet is odd."""
+    """Orient normals outward; odd (f, 2): whether the surfaces in front of and behind a facet are odd in number."""
     ahead, behind = odd.T
     # upright facets: by the footprint, then by the number of surfaces on either side
     flat = normal[:, :2] / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]

@@ -70,19 +70,19 @@ def _is_eave(edge: RoofEdge) -> bool:
     return bool(edge.slope > 0 and abs(run[2]) < MAX_EAVES_SLOPE_M and np.hypot(*run[:2]) > MIN_EAVES_M)
 
 
-def _add_trough(faces: RoofDetailBuilder, overhang: Overhang, number: int, beside: list[int]) -> None:
-    """Add the gutter along an eave; `beside` are the eaves before and after it whose gutters it meets, -1 at a free end."""
+def _add_trough(faces: RoofDetailBuilder, overhang: Overhang, number: int, adjacent: list[int]) -> None:
+    """Add the gutter along an eave; `adjacent` are the eaves before and after it whose gutters it meets, -1 at a free end."""
     edge, ends = overhang.edges[number], overhang.ends[number]
-    sides = [_section_corners(overhang, number, other, after) for after, other in enumerate(beside)]
+    sides = [_section_corners(overhang, number, other, after) for after, other in enumerate(adjacent)]
     if (sides[1][0] - sides[0][0])[:2] @ edge.direction < 4 * TAPER_M:
         return
     (rim0, belly0, back0, in0), (rim1, belly1, back1, in1) = sides
     outer_faces = [[belly0, belly1, rim1, rim0], [back0, back1, belly1, belly0]]
     down = np.array([0.0, 0.0, TROUGH_M[1]])
-    if beside[0] < 0:
+    if adjacent[0] < 0:
         tip = ends[0] + down
         outer_faces += [[tip, belly0, rim0], [tip, back0, belly0]]
-    if beside[1] < 0:
+    if adjacent[1] < 0:
         tip = ends[1] + down
         outer_faces += [[belly1, tip, rim1], [back1, tip, belly1]]
     along = np.append(edge.direction, 0.0)

@@ -236,7 +236,7 @@ def _rectangle(
     corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4] - centre
     sides = corners[1:3] - corners[:2]
     length = np.hypot(*sides.T)
-    # equal sides: the first is the ridge's, whatever the last digit says
+    # of equal sides the first is parallel to the ridge, independent of rounding
     first = 0 if length[0] >= length[1] - GRID_M else 1
     along, across = (sides / length[:, None])[[first, 1 - first]]
     half_along, half_across = length[[first, 1 - first]] / 2
@@ -259,7 +259,7 @@ def _shell(regions: np.ndarray, rise: RoofHeight, footprint: Polygon, base: floa
     a, b = edges[~np.isin(key, reverse)].T  # the outline: edges that no other triangle runs back along
     risen = rise(points)
     risen[risen < GRID_M] = 0.0
-    # walls end at the eaves; what stands on them under the roof is a gable
+    # walls end at the eaves; above them, the gables reach up to the roof
     raised = risen > 0
     low_a, low_b = a + 2 * count * raised[a], b + 2 * count * raised[b]
     walls = np.concatenate(

@@ -12,7 +12,7 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.core.types import Area, Ground, Street, Way
 
-# Widths in metres of a street of which only the line is known.
+# Widths in metres of a street with a known line only.
 ASSUMED_ROAD_M = 7.0
 ASSUMED_PAVEMENT_M = 5.0
 # Metres between a carriageway and the buildings along it.
@@ -30,7 +30,7 @@ MIN_YARD_M2 = 12.0
 
 
 def assumed_ways(streets: Sequence[Street]) -> tuple[Way, ...]:
-    """Return ways with assumed carriageways and pavements for streets of which only the lines are known."""
+    """Return ways with assumed carriageways and pavements for streets with known lines only."""
     return tuple(
         Way(
             street.id, street.line, "road", ASSUMED_ROAD_M, "asphalt", pavement=(ASSUMED_PAVEMENT_M, ASSUMED_PAVEMENT_M)
@@ -72,9 +72,9 @@ def _narrow_way(way: Way, tree: shapely.STRtree) -> Way:
         width = round(max(widest, min(MIN_CARRIAGEWAY_M, way.width)), 2)
         parking = way.parking if width - sum(way.parking) >= 2.2 else (0.0, 0.0)
         way = replace(way, width=width, assumed=True, parking=parking)
-    beside = float(np.quantile(free, 0.7)) - way.width / 2
-    if way.kind == "road" and beside < MAX_PAVEMENT_M:
-        left, right = (max(wide, round(beside + 1.0, 2)) if wide > 0 else 0.0 for wide in way.pavement)
+    kerb_gap = float(np.quantile(free, 0.7)) - way.width / 2
+    if way.kind == "road" and kerb_gap < MAX_PAVEMENT_M:
+        left, right = (max(wide, round(kerb_gap + 1.0, 2)) if wide > 0 else 0.0 for wide in way.pavement)
         way = replace(way, pavement=(left, right))
     return way
 

@@ -253,9 +253,9 @@ def _list_layers(low: np.ndarray, layers: dict[int, shapely.Geometry]) -> tuple[
         )
         ends = np.column_stack([edges[:, :2], edges[:, :2] + edges[:, 2:4] * edges[:, 4:]]).reshape(-1, 2, 2)
         cell, edge = shapely.STRtree(shapely.linestrings(ends)).query(points, predicate="dwithin", distance=reach)
-        beside = np.bincount(cell, minlength=count) > 0
-        covered[inside & ~beside] = layer
-        found.append((layer, inside, inside | beside, cell, edges[edge]))
+        near_edge = np.bincount(cell, minlength=count) > 0
+        covered[inside & ~near_edge] = layer
+        found.append((layer, inside, inside | near_edge, cell, edges[edge]))
     listed = [(layer, inside, some & (covered <= layer), cell, edges) for layer, inside, some, cell, edges in found]
     cells = np.concatenate([np.flatnonzero(some) for _, _, some, _, _ in listed] or [np.zeros(0, np.int64)])
     layer_of = np.concatenate(

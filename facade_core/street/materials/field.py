@@ -11,7 +11,7 @@ from facade_core.core.types import Finish, Ground, Street
 from facade_core.facade.wall_material import WallMaterial
 from facade_core.geometry.charts import ChartKind
 from facade_core.geometry.ground.carriageways import assumed_ways
-from facade_core.geometry.ground.kinds import rasterise_ground_layers
+from facade_core.geometry.ground.layer_raster import rasterise_ground_layers
 from facade_core.geometry.ground.shapes import GroundTiles
 from facade_core.geometry.scene import Scene
 from facade_core.street.materials import field_kernels as kernels

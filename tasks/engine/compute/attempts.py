@@ -1,4 +1,4 @@
-"""A unit of work on its way on a cluster, and the copies of it that were given to workers."""
+"""Units on a cluster, and the copies of each that were submitted."""
 
 from __future__ import annotations
 
@@ -19,9 +19,13 @@ FETCH_S = 60.0
 
 @dataclass(eq=False)
 class UnitCopy:
-    """A unit as given to Dask once.
+    """A unit as submitted to Dask once.
 
-    places: addresses of workers where it may run, None for all; at: where it was seen; ran: seconds that it was seen at work.
+    Attributes
+    ----------
+    allowed_workers : addresses of workers where it may run, None for all.
+    address : worker where it was seen.
+    running_seconds : seconds that it was seen running.
     """
 
     future: Future
@@ -33,9 +37,11 @@ class UnitCopy:
 
 @dataclass(eq=False)
 class UnitAttempt:
-    """A unit on its way on a cluster, and the bytes it had declared.
+    """A unit on a cluster, and the bytes that it declares.
 
-    answer: the future of the copy that ended first; None once its workers died under it.
+    Attributes
+    ----------
+    answer : future of the copy that ended first; None once its workers died.
     """
 
     cluster: Cluster
@@ -52,15 +58,19 @@ class UnitAttempt:
         return getattr(self.call[0], "__name__", "unit")
 
     def result(self) -> Any:
-        """What the unit returns, or raises.
+        """Return the result of the unit.
 
-        Raises WorkersDied when its workers died, and did so again with no other suspect beside it; UnitOverran; ClusterGone.
+        Raises
+        ------
+        WorkersDied : its workers died, and did so again without another suspect.
+        UnitOverran : it exceeded its deadline.
+        ClusterGone : the cluster is gone.
         """
         return self.cluster.result(self)
 
 
 def fetch_result(future: Future) -> tuple[float, Any] | None:
-    """What a future holds, or raises; None where the worker that has it does not give it."""
+    """Return the result of a future, or raise its error; None if its worker does not deliver it."""
     from distributed.comm import CommClosedError
 
     for _ in range(3):

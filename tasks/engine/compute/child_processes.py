@@ -1,4 +1,4 @@
-"""Processes that do not outlive the one that started them."""
+"""Child processes that end with their parent."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ _PARENT_DEATH_SIGNAL = 1
 
 
 def end_with_parent() -> None:
-    """As `preexec_fn` of a process: it is ended in order when the thread that starts it ends, however that comes about."""
+    """End this process when the thread that started it ends; a `preexec_fn`."""
     _LIBC.prctl(_PARENT_DEATH_SIGNAL, signal.SIGTERM)

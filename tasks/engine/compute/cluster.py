@@ -1,8 +1,8 @@
-"""Units on the workers of a Dask scheduler, through the loss of some of them.
+"""Execution of units on the workers of a Dask scheduler, with recovery from lost workers.
 
-A watcher looks at the scheduler's view of its workers again and again. What lies on a worker that is gone, or gives no sign, is
-placed anew, under a key of its own; what takes longer than the deadline of its stage is tried on another worker too. The first
-copy of a unit that ends counts, and what the others make is never asked for.
+A watcher polls the scheduler. Units of a worker that is gone or silent are submitted again under a new key. A unit that
+exceeds the deadline of its stage is tried on another worker too. The first copy that ends counts; results of the others are
+never fetched.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from facade_core.core.errors import FacadeError, MachineError
-from tasks.engine.compute.attempts import UnitCopy, UnitAttempt, fetch_result
+from tasks.engine.compute.attempts import UnitAttempt, UnitCopy, fetch_result
 from tasks.engine.compute.deadlines import Deadlines
 from tasks.engine.compute.leases import ForgetCall, Lease, Leases
-from tasks.engine.compute.scheduler_view import WorkerRegistry, SchedulerView, Worker, poll_scheduler, restart_workers
+from tasks.engine.compute.scheduler_view import SchedulerView, Worker, WorkerRegistry, poll_scheduler, restart_workers
 from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
 from tasks.engine.compute.worker_setup import run_timed_unit
 
@@ -43,30 +43,37 @@ Look = Callable[["Client", float], SchedulerView]
 
 
 class ClusterGone(MachineError):
-    """The scheduler, or its last worker, went away. What was committed stays."""
+    """The scheduler, or its last worker, is gone. Committed units stay."""
 
 
 class WorkersDied(FacadeError):
-    """Every worker that ran a unit died of it."""
+    """Every worker that ran a unit died."""
 
 
 class UnitOverran(FacadeError):
-    """A unit did not end in time, wherever it was tried."""
+    """A unit did not end in time on any worker."""
 
 
 class RunOverran(MachineError):
-    """A run did not end in time. What was committed stays."""
+    """A run did not end in time. Committed units stay."""
 
 
 class Cluster:
-    """Runs units on the workers of a Dask scheduler, until a time by time.monotonic() where there is one.
+    """Runs units on the workers of a Dask scheduler, until a deadline by time.monotonic() if there is one.
 
-    memory: bytes that units on all workers may declare together; threads: units that run at once. Both of the workers that
-    there were at the last look.
+    Attributes
+    ----------
+    memory : bytes that units on all workers may declare together, by the last poll.
+    threads : units that run at once, by the last poll.
     """
 
     def __init__(
-        self, client: Client, until: float | None = None, *, poll: Look = poll_scheduler, timeouts: Timeouts = DEFAULT_TIMEOUTS
+        self,
+        client: Client,
+        until: float | None = None,
+        *,
+        poll: Look = poll_scheduler,
+        timeouts: Timeouts = DEFAULT_TIMEOUTS,
     ) -> None:
         self._client, self._until = client, until
         self._look, self._timeouts = poll, timeouts
@@ -83,7 +90,7 @@ class Cluster:
         self._watcher.start()
 
     def close(self) -> None:
-        """Stop looking."""
+        """Stop polling."""
         self._closed.set()
         self._watcher.join(self._timeouts.poll_interval)  # a scheduler that is gone may be long in not answering
 
@@ -97,16 +104,20 @@ class Cluster:
         with self._changed:
             return sum(worker.threads for worker in self._registry.usable.values())
 
-    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> UnitAttempt:
-        """Start a unit that takes `memory` bytes; where `worker` is a lease, on the worker that keeps its state."""
+    def submit(
+        self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None
+    ) -> UnitAttempt:
+        """Submit a unit that takes `memory` bytes; if `worker` is a lease, to the worker that keeps its state."""
         with self._changed:
             unit = UnitAttempt(self, (function, *args), self._leases[worker].memory if worker else memory, worker)
             self._begin(unit)
         return unit
 
     def iterate_completed(self, started: Iterable[UnitAttempt]) -> Iterator[UnitAttempt]:
-        """The units as they complete, those last whose workers died. A result leaves the cluster with the last reference to its
-        unit."""
+        """Iterate over units as they complete, those whose workers died last.
+
+        A result leaves the cluster with the last reference to its unit.
+        """
         waiting = {unit.answer: unit for unit in started}
         suspects = []
         del started
@@ -143,11 +154,14 @@ class Cluster:
 
     @contextmanager
     def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
-        """The name of a lease of one thread of a worker, for a sequence of units that share a state of `memory` bytes.
+        """Lease one thread of a worker for a sequence of units that share a state of `memory` bytes; yields the lease's name.
 
-        Waits until a worker has a thread free, and memory for it beside the states it keeps already; a worker that keeps
-        none takes one of any size. A lease whose worker is lost waits for such room elsewhere. `forget`, a function with its
-        arguments, is called on every worker that the lease leaves.
+        Waits for a free thread and free memory; a worker without a state takes one of any size. A lease whose worker is lost waits
+        for room elsewhere.
+
+        Parameters
+        ----------
+        forget : function with its arguments that is called on every worker that the lease leaves.
         """
         name, lease = f"lease {next(self._names)}", Lease("", memory, forget)
         with self._changed:
@@ -176,7 +190,7 @@ class Cluster:
         self._place(unit)
 
     def _place(self, unit: UnitAttempt) -> bool:
-        """Give a unit to Dask; False where no worker has room, and it has to wait for another look."""
+        """Submit a unit to Dask; False if no worker has room until a later poll."""
         usable = self._registry.usable
         places = None if len(usable) == len(self._registry.view.workers) else frozenset(usable)
         if unit.lease is not None:
@@ -211,14 +225,14 @@ class Cluster:
         return moved
 
     def _forget(self, lease: Lease) -> None:
-        """Have the state of a lease leave its worker, or do so when that one wakes."""
+        """Remove the state of a lease from its worker, now or when that worker wakes."""
         self._forget_calls = [future for future in self._forget_calls if not future.done()]
         if lease.forget and lease.address in self._registry.view.workers and self._over is None:
             future = self._submit_call(lease.forget, frozenset([lease.address]), "forget")
             self._forget_calls += [future] if future is not None else []
 
     def _settle(self, unit: UnitAttempt, answer: Future | None = None, error: FacadeError | None = None) -> None:
-        """Answer a unit; its other copies are called back, and who is busy with an overdue one is started anew."""
+        """Set the answer of a unit and cancel its other copies; workers that run an overdue copy are restarted."""
         self._units.discard(unit)
         others, unit.copies = list(unit.copies.values()), {}
         if error is not None:
@@ -232,7 +246,7 @@ class Cluster:
             threading.Thread(target=restart_workers, args=(self._client, workers), daemon=True).start()
 
     def _end(self, error: FacadeError, cause: BaseException | None = None) -> None:
-        """Whoever waits, or comes, is told."""
+        """End the run: all waiting and later callers receive the error."""
         if self._over is None:
             error.__cause__ = cause
             self._over = error
@@ -242,7 +256,7 @@ class Cluster:
             self._changed.notify_all()
 
     def _finish_copy(self, unit: UnitAttempt, future: Future) -> None:
-        """A copy came to an end; called by Dask, in a thread of its own, with nothing held."""
+        """Handle the end of a copy; called by Dask in a thread of its own, without locks."""
         from distributed import KilledWorker
 
         status = future.status
@@ -295,12 +309,16 @@ class Cluster:
             self._reconsider(unit, awake)
 
     def _reconsider(self, unit: UnitAttempt, awake: float) -> None:
-        """Place a unit anew where its workers are gone or give no sign; try it elsewhere too where it is overdue."""
+        """Submit a unit again if its workers are gone or silent; try it elsewhere too if it is overdue."""
         usable = self._registry.usable
         limit = self._deadlines.limit(unit.stage)
         for key, copy in list(unit.copies.items()):
             copy.address = self._registry.view.assigned.get(key, copy.address)
-            places = frozenset([self._registry.view.assigned[key]]) if key in self._registry.view.assigned else copy.allowed_workers
+            places = (
+                frozenset([self._registry.view.assigned[key]])
+                if key in self._registry.view.assigned
+                else copy.allowed_workers
+            )
             if places is not None and not places & self._registry.view.workers.keys():
                 del unit.copies[key]
                 copy.future.cancel()

@@ -1,4 +1,4 @@
-"""Where units run: in this process, on a cluster of local processes, or on any Dask scheduler. Same results on each."""
+"""Connections to compute: this process, local processes, or a Dask scheduler. Results are the same on each."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from tasks.engine.compute.leases import ForgetCall
 from tasks.engine.compute.scheduler_view import UNITS_SHARE
 from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS, Timeouts
 from tasks.engine.compute.worker_setup import (
-    ONE_THREAD,
     LOG_TOPIC,
-    plugin_removal,
-    limit_threads,
-    environment_versions,
-    worker_setup_plugin,
-    run_unit,
-    inspect_worker,
+    ONE_THREAD,
     diff_environment,
+    environment_versions,
+    inspect_worker,
+    limit_threads,
+    plugin_removal,
+    run_unit,
+    worker_setup_plugin,
 )
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ log = logging.getLogger(__name__)
 
 # Where Dask reads what TLS needs.
 TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
-START_SCHEDULER = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
+START_SCHEDULER = (
+    "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class DeferredUnit:
 
 
 class SerialCompute:
-    """Runs each unit in this process, one at a time, when its result is asked for."""
+    """Runs each unit in this process, one at a time, when its result is requested."""
 
     threads = 1
 
@@ -69,20 +71,22 @@ class SerialCompute:
         self._leases = threading.Lock()
         self._open = True
 
-    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> DeferredUnit:
+    def submit(
+        self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None
+    ) -> DeferredUnit:
         if self._until is not None and time.monotonic() > self._until:
             raise RunOverran(OVERRUN_MESSAGE)
         return DeferredUnit(function, args, self)
 
     def iterate_completed(self, started: Iterable[Any]) -> Iterator[Any]:
-        """The units in order. Until the next one is asked for no other starts: each is committed before the one after it."""
+        """Iterate over the units in order. No other starts until the next is requested: each is committed before the next one."""
         for unit in started:
             with self.lock:
                 yield unit
 
     @contextmanager
     def lease(self, memory: int, forget: ForgetCall | None = None) -> Iterator[str]:
-        """This process, for a sequence of units that share state; `forget`, a function with its arguments, lets go of it."""
+        """Lease this process for a sequence of units that share state; `forget`, a function with its arguments, releases it."""
         with self._leases:
             self.require_open()
             try:
@@ -92,7 +96,7 @@ class SerialCompute:
                     run_unit(*forget)
 
     def close(self) -> None:
-        """Start no more units: the run ends, and threads of it may still wait for their turn."""
+        """Start no more units: the run ends, and its threads may still wait for their turn."""
         self._open = False
 
     def require_open(self) -> None:
@@ -113,17 +117,18 @@ def connect(
     timeouts: Timeouts = DEFAULT_TIMEOUTS,
     versions: Callable[[], dict[str, str]] = environment_versions,
 ) -> Iterator[Compute]:
-    """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
+    """Connect to the scheduler at address `dask`, else to `workers` local processes; one worker is this process itself.
 
-    Args:
-        folder: where units write: every worker must see it.
-        until: a time by time.monotonic(), at which what is still at work ends with RunOverran; in this process at its unit's
-            end.
-        patience: how long the scheduler, its workers and units are waited for.
-        make: says what this process computes with, which workers must be made of too.
+    Parameters
+    ----------
+    folder : folder that units write to; every worker must see it.
+    until : deadline by time.monotonic(); running units then end with RunOverran, in this process at the end of the unit.
+    timeouts : limits for the scheduler, its workers and units.
+    versions : returns the environment of this process, which workers must share.
 
-    Raises InputError where the scheduler does not answer, where no worker has this version of the code, and where one that has
-    it does not see the folder.
+    Raises
+    ------
+    InputError : the scheduler does not answer, no worker has this version, or one that has it does not see the folder.
     """
     if dask is None and workers <= 1:
         limit_threads()
@@ -176,8 +181,7 @@ def _cluster_context(client: Client, until: float | None, patience: Timeouts) ->
 
 
 def _track_quietly() -> None:
-    """Start the process by which Python removes the semaphores of a run that ends at once, as on Ctrl-C, without its word on
-    them, which is a warning of nothing. It alone is given the filter."""
+    """Start Python's resource tracker without its warning on semaphores, which Ctrl-C would print."""
     from multiprocessing import resource_tracker
 
     stated = os.environ.get("PYTHONWARNINGS")
@@ -193,7 +197,7 @@ def _track_quietly() -> None:
 
 
 def _start_local_cluster(workers: int) -> LocalCluster:
-    """Local processes, asked for once more where one dies while it starts. Raises ClusterGone."""
+    """Start local processes; tries again once if one dies. Raises ClusterGone."""
     from distributed import LocalCluster
 
     _track_quietly()
@@ -217,9 +221,11 @@ def _start_local_cluster(workers: int) -> LocalCluster:
 
 
 def require_scheduler(address: str, within: float = DEFAULT_TIMEOUTS.connect) -> None:
-    """Raise InputError at once where nothing listens, `within` so many seconds whatever else is there.
+    """Check that a scheduler listens, within so many seconds; a Dask client takes long to find that there is none.
 
-    A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
+    Raises
+    ------
+    InputError : none answers.
     """
     from distributed.security import Security
 
@@ -271,7 +277,7 @@ def _connect_client(address: str, patience: Timeouts) -> Iterator[Client]:
 
 
 def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, str]) -> None:
-    """wanted: what the workers must be made of, as this process is."""
+    """Check that workers share the environment `wanted` and see the folder."""
     from distributed.comm import CommClosedError
 
     try:
@@ -283,12 +289,16 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
         finally:
             token.unlink(missing_ok=True)
     except CommClosedError as error:  # the scheduler went away meanwhile
-        raise InputError(f"--dask {address}: no scheduler answers there any more ({error}); {START_SCHEDULER}") from error
+        raise InputError(
+            f"--dask {address}: no scheduler answers there any more ({error}); {START_SCHEDULER}"
+        ) from error
     except Exception as error:  # whatever a worker of another make answers with
         raise InputError(
             f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
         ) from error
-    others = {worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := diff_environment(wanted, theirs))}
+    others = {
+        worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := diff_environment(wanted, theirs))
+    }
     if len(others) == len(answers):
         worker, said = next(iter(others.items()))
         raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")

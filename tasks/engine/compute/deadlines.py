@@ -1,4 +1,4 @@
-"""How long a unit may take, by what others of its stage took in this run."""
+"""Deadlines of units, by the durations of other units of their stage in this run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MIN_UNITS_FOR_MEDIAN, MAX_REMEMBERED = 3, 500
 
 
 class Deadlines:
-    """What the units of each stage took, and how long the next one may; from any thread."""
+    """Durations of the units of each stage, and the limit of the next one; callable from any thread."""
 
     def __init__(self, patience: Timeouts) -> None:
         self._patience = patience
@@ -23,12 +23,12 @@ class Deadlines:
         self._lock = Lock()
 
     def record(self, stage: str, seconds: float) -> None:
-        """A unit of a stage took so long."""
+        """Record the duration of a unit of a stage."""
         with self._lock:
             self._took[stage].append(seconds)
 
     def limit(self, stage: str) -> float:
-        """Seconds that a unit of a stage may run before it is tried elsewhere too."""
+        """Return the seconds that a unit of a stage may run before it is tried elsewhere too."""
         with self._lock:
             took = self._took[stage]
             if len(took) < MIN_UNITS_FOR_MEDIAN:

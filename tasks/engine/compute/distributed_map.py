@@ -1,4 +1,4 @@
-"""Work of the coordinator that its workers can do, such as the rays of an ingest: items in runs, one after another."""
+"""Distribution of the coordinator's own work, such as the rays of an ingest, over workers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RUNS_PER_THREAD, AHEAD, MIN_RUN_ITEMS = 4, 2, 8
 
 
 def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """What a function returns for all items, in their order, of which workers take runs, once they are there."""
+    """Apply a function to runs of items on the workers; returns the results in the order of the items."""
     workers = compute.result()
     length = max(MIN_RUN_ITEMS, -(-len(items) // (RUNS_PER_THREAD * max(1, workers.threads))))
     waiting = deque(range(0, len(items), length))
@@ -40,7 +40,7 @@ def map_on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], l
 
 
 def _timed_call(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
-    """What a function returns, and where and when that was."""
+    """Call a function, and return its result with the worker and the duration."""
     start = time.time()
     found = function(items)
     return found, {"worker": current_worker(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}

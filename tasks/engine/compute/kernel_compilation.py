@@ -1,5 +1,4 @@
-"""What is compiled on first use is shared by the workers of a machine: each part is compiled by one, and read by all from
-numba's cache."""
+"""Compilation of numba kernels, shared by the workers of a machine: one compiles each part, all read it from the cache."""
 
 from __future__ import annotations
 
@@ -16,10 +15,9 @@ MAX_WAIT_S = 120.0
 
 
 def compile_kernels_once() -> None:
-    """Have everything in numba's cache that units call; at once where it was done before.
+    """Compile all kernels that units call into numba's cache; returns at once if that was done before.
 
-    A part that another process is at work on is left to it, and waited for at the end, for as long as a part may take: one that
-    was stopped must not hold up others.
+    A part that another process compiles is waited for at the end, for a bounded time: a stopped process must not block others.
     """
     from facade_core.core.numba_cache import CACHE_FOLDER as folder
     from facade_core.core.numba_cache import code_digest
@@ -41,7 +39,7 @@ def compile_kernels_once() -> None:
 
 
 def _compile_part(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:
-    """Go through a part alone; False where another does."""
+    """Compile a part under its lock; False if another process holds the lock."""
     until = time.monotonic() + (MAX_WAIT_S if wait else 0.0)
     with lock.open("a") as handle:
         while True:

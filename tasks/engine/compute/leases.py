@@ -1,4 +1,4 @@
-"""Which worker keeps the state of which street: a thread of it each, and room for that state beside the others."""
+"""Leases: the worker that keeps the state of each street, with one thread and the memory for that state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ForgetCall = tuple[Callable[..., Any], *tuple[Any, ...]]
 
 @dataclass
 class Lease:
-    """A thread of the worker at `address` and `memory` bytes; `forget`, with its arguments, lets go of what is kept there."""
+    """A thread and `memory` bytes of the worker at `address`; `forget`, with its arguments, releases its state."""
 
     address: str
     memory: int
@@ -22,7 +22,7 @@ class Lease:
 
 
 class Leases:
-    """The leases of a run. Not for several threads: its owner locks."""
+    """The leases of a run. Not thread-safe: the owner locks."""
 
     def __init__(self) -> None:
         self._held: dict[str, Lease] = {}
@@ -43,7 +43,7 @@ class Leases:
         return bool(free)
 
     def move(self, name: str, workers: Mapping[str, Worker]) -> bool:
-        """Place a lease anew whose worker is not among these any more; False where it has to wait for room."""
+        """Place a lease again whose worker is gone; False if it has to wait for room."""
         lease = self._held.pop(name)
         if self.take(name, lease, workers):
             return True

@@ -1,4 +1,4 @@
-"""What a Dask scheduler knows of its workers and their units, asked for in one call."""
+"""View of a Dask scheduler: its workers and their units, polled in one call."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ log = logging.getLogger(__name__)
 class Worker:
     """A worker.
 
-    Args:
-        name: what it calls itself.
-        threads: units that it runs at once.
-        memory: its limit in bytes, 0 for none.
-        nanny: whether one starts it anew.
-        running: whether it takes units.
-        last_seen: the scheduler's time of its last sign.
+    Attributes
+    ----------
+    name : its own name.
+    threads : units that it runs at once.
+    memory : limit in bytes, 0 for none.
+    nanny : whether a nanny restarts it.
+    running : whether it accepts units.
+    last_seen : the scheduler's time of its last heartbeat.
     """
 
     name: str
@@ -42,18 +43,19 @@ class Worker:
 
     @property
     def share(self) -> int:
-        """Bytes that units on it may declare."""
+        """Return the bytes that units on it may declare."""
         return int((self.memory or DEFAULT_WORKER_MEMORY) * UNITS_SHARE)
 
 
 @dataclass(frozen=True)
 class SchedulerView:
-    """What a scheduler says at one look.
+    """State of a scheduler at one poll.
 
-    Args:
-        workers: by address.
-        given: the address of the worker that each unit lies on, by the unit's key.
-        executing: the keys of the units that run.
+    Attributes
+    ----------
+    workers : by address.
+    assigned : address of the worker of each unit, by the unit's key.
+    executing : keys of running units.
     """
 
     workers: dict[str, Worker] = field(default_factory=dict)
@@ -62,10 +64,13 @@ class SchedulerView:
 
 
 class WorkerRegistry:
-    """The workers, called again and again: who gave no sign lately, who is stuck, and for how long there has been none.
+    """Registry of workers over several polls: silent ones, stuck ones, and how long there has been none.
 
-    view: the last one; stuck: addresses of workers that are busy with a unit that does not end; empty: seconds without
-    another. Seconds are those in which this process was awake, by its own clock.
+    Attributes
+    ----------
+    view : last view.
+    stuck : addresses of workers that run a unit that does not end.
+    empty : seconds without any other worker, by the time in which this process was awake.
     """
 
     def __init__(self, view: SchedulerView, patience: Timeouts) -> None:
@@ -78,18 +83,18 @@ class WorkerRegistry:
 
     @property
     def _new(self) -> float:
-        """Seconds without a sign that a worker is given which has just joined."""
+        """Return the silence that a new worker starts with, seconds: below zero, as it imports modules first."""
         return self._patience.worker_silence - self._patience.worker_start
 
     @property
     def usable(self) -> dict[str, Worker]:
-        """The workers that units may be given to, by address."""
+        """Return the workers that may receive units, by address."""
         limit = self._patience.worker_silence
         heard = {address for address, seconds in self._silent.items() if seconds < limit} - self.stuck
         return {address: worker for address, worker in self.view.workers.items() if address in heard}
 
     def update(self, view: SchedulerView, awake: float) -> None:
-        """Take in a view, so many seconds after the one before."""
+        """Update the registry with a view, so many seconds after the previous one."""
         known, self.view = self.view.workers, view
         before, self._silent = self._silent, {}
         for address, worker in view.workers.items():
@@ -102,13 +107,13 @@ class WorkerRegistry:
 
 
 def poll_scheduler(client: Client, timeout: float) -> SchedulerView:
-    """Ask a scheduler. Raises TimeoutError where it does not answer in time, OSError where it is gone."""
+    """Poll a scheduler. Raises TimeoutError if it does not answer in time, OSError if it is gone."""
     workers, given, executing = client.sync(client._run_on_scheduler, scheduler_query(), callback_timeout=timeout)
     return SchedulerView({address: Worker(*fields) for address, fields in workers.items()}, given, frozenset(executing))
 
 
 def restart_workers(client: Client, workers: dict[str, Worker]) -> None:
-    """Have workers started anew, by their address, that are busy with what nobody waits for."""
+    """Restart workers, by address, that are busy with a unit that nobody waits for."""
     for address, worker in workers.items():
         fate = "started anew" if worker.nanny else "given up; start it anew"
         log.warning("worker %s at %s does not end its unit: it is %s", worker.name, address, fate)

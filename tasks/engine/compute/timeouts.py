@@ -1,4 +1,4 @@
-"""How long schedulers, workers and units are waited for."""
+"""Timeouts of schedulers, workers and units."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Timeouts:
-    """All in seconds, those of a run under way by the time in which its process was awake.
+    """Timeouts in seconds; those of a running run count only time in which the process was awake.
 
-    Args:
-        greeting: in which a scheduler at an address must answer at first.
-        arrival: in which it must show a worker: those may be on their way.
-        look: between two looks at the scheduler.
-        answer: for it to answer one.
-        silence: without an answer until it is given up.
-        empty: that a cluster may be without any worker; one that is started anew, by its nanny or by a scaler, needs some.
-        worker_silence: without a sign of a worker, or with one that takes no units, until it is left out.
-        worker_start: likewise of one that has just joined and imports what units need, of which nothing is heard meanwhile.
-        unit_least: that a unit may take at least, however short the others of its stage were.
-        unit_first: that a unit may take before it is known what others take.
+    Attributes
+    ----------
+    connect : first answer of a scheduler.
+    first_worker : first worker of a scheduler.
+    poll_interval : time between two polls.
+    answer : answer to a poll.
+    silence : no answer until the scheduler is given up.
+    empty : no worker until the run ends; a restarted worker needs some time.
+    worker_silence : no heartbeat of a worker, or a paused worker, until it is left out.
+    worker_start : the same for a new worker, which imports modules without heartbeats.
+    unit_least : shortest limit of a unit.
+    unit_first : limit of a unit before durations of others are known.
     """
 
     connect: float = 8.0

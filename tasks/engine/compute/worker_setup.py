@@ -1,4 +1,4 @@
-"""What makes a process fit to run units: on a cluster's workers, late ones too, and in this process."""
+"""Setup of processes that run units: workers of a cluster, late ones too, and this process."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from typing import Any
 from catalogs.published.folders import Folder
 from catalogs.published.s3 import folder_at
 from facade_core.core.errors import FacadeError
-from tasks.engine.outcome import machine_error, is_machine_fault
+from tasks.engine.outcome import is_machine_fault, machine_error
 
 # Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
@@ -42,9 +42,11 @@ _thread = threading.local()
 
 
 def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a unit in this thread, with libraries that keep to it.
+    """Run a unit in this thread, with libraries limited to it.
 
-    Raises MachineError for a fault of the machine: a library's own error may lose its type on the way from a worker.
+    Raises
+    ------
+    MachineError : a fault of the machine; errors of libraries may lose their type on the way from a worker.
     """
     if not hasattr(_thread, "limited"):  # OpenMP keeps a number for each thread that calls it
         limit_threads()
@@ -58,14 +60,14 @@ def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def run_timed_unit(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
-    """Run a unit, and say how many seconds it took."""
+    """Run a unit and return its duration in seconds with its result."""
     start = time.perf_counter()
     result = run_unit(function, *arguments)
     return time.perf_counter() - start, result
 
 
 def limit_threads() -> None:
-    """Keep libraries to one thread each: those loaded in what runs in this thread, those loaded later everywhere."""
+    """Limit libraries to one thread each."""
     os.environ.update(ONE_THREAD)
     import cv2
     import scipy.linalg  # noqa: F401 its pool is the whole process's, and better limited before anything runs
@@ -79,10 +81,11 @@ def limit_threads() -> None:
 
 
 def worker_setup_plugin(asked: dict[str, str] | None = None) -> Any:
-    """A plugin that prepares every worker, those that join later too.
+    """Return a Dask plugin that prepares every worker, late ones too.
 
-    Where they are not this run's own processes they are `asked` for what they are made of: one of another make says so, in its
-    own log and the run's, and closes.
+    Parameters
+    ----------
+    asked : environment that workers must share, None for own processes; a worker that differs logs it and closes.
     """
     from distributed import Status, WorkerPlugin
 
@@ -108,9 +111,9 @@ def worker_setup_plugin(asked: dict[str, str] | None = None) -> Any:
 
 
 def plugin_removal(client: str, name: str) -> Any:
-    """A plugin of the scheduler, which takes the plugin `name` of workers off it when a client leaves, however that ends.
+    """Return a scheduler plugin that removes the worker plugin `name` when a client leaves.
 
-    Else workers of a newer make, which join when the run is over, would close.
+    Otherwise newer workers that join after the run would close.
     """
     from distributed import SchedulerPlugin
 
@@ -126,7 +129,7 @@ def plugin_removal(client: str, name: str) -> Any:
 
 
 def environment_versions() -> dict[str, str]:
-    """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
+    """Return the environment of this process: versions of Python, of libraries and of the code of all stages."""
     from tasks.engine.stage import code_stages
     from tasks.engine.stage_code import code_version
 
@@ -140,7 +143,7 @@ def environment_versions() -> dict[str, str]:
 
 
 def diff_environment(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
-    """What differs in the make of a worker, in words; None where nothing does."""
+    """Return how a worker's environment differs, in words; None if it does not."""
     other = [
         f"{name} {theirs.get(name)} and this run {here}" for name, here in asked.items() if theirs.get(name) != here
     ]
@@ -148,7 +151,7 @@ def diff_environment(asked: dict[str, str], theirs: dict[str, str]) -> str | Non
 
 
 def _import_workers() -> None:
-    """Import what units need while the block is ingested, and compile it: a worker's first unit would wait for it."""
+    """Import what units need while the block is ingested, and compile it; else the first unit waits for it."""
     import onnxruntime  # noqa: F401
     import skimage.measure  # noqa: F401
     import xarray  # noqa: F401
@@ -165,7 +168,7 @@ def _import_workers() -> None:
 
 
 def inspect_worker(token: str) -> tuple[bool, dict[str, str]]:
-    """Of a worker: whether it sees a file and can write beside it, and what it is made of."""
+    """Return whether a worker sees a file and can write beside it, and its environment."""
     return _can_see(folder_at(token)), environment_versions()
 
 

@@ -1,6 +1,6 @@
-"""What an ingest takes over from the one before it: places in the atlas, panoramas and records of units that are still there.
+"""Carry-over from the last ingest: places in the atlas, panoramas and records of units that still exist.
 
-Whether a unit that was taken over is still good is for its key to say; what is here is only where its data lie now.
+The keys of units decide whether their data are valid; this module only moves them to their new places.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from tasks.engine.stage import Change, Records, all_stages, read_journals
 
 @dataclass(frozen=True)
 class LastIngest:
-    """The ingest before this one: its store as it was, and its plan."""
+    """The last ingest: its store as it was, and its plan."""
 
     group: StoreGroup
     plan: Plan
@@ -41,7 +41,7 @@ class LastIngest:
 
 
 def store_settings(run: Run) -> dict[str, Any]:
-    """What a store is made for, in which nothing can be taken over from one for anything else."""
+    """Return the settings of a store; nothing is taken over from a store with other settings."""
     return {
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
         "crs": run.crs,
@@ -50,11 +50,15 @@ def store_settings(run: Run) -> dict[str, Any]:
 
 
 def restart_reason(run: Run, group: StoreGroup) -> str | None:
-    """Why nothing can be taken over of what a store holds, in words; None where it holds nothing."""
+    """Return why nothing of a store can be taken over, in words; None for an empty store."""
     if "key" not in group.attrs:
         return None
     held = group.attrs.get("made_for")
-    if not isinstance(held, dict) or read_format(group) != STORE_FORMAT or held.get("pages") != store_settings(run)["pages"]:
+    if (
+        not isinstance(held, dict)
+        or read_format(group) != STORE_FORMAT
+        or held.get("pages") != store_settings(run)["pages"]
+    ):
         return "another version of Streetloom made the store"
     changed = []
     if held["texels_per_metre"] != run.texture.texels_per_metre:
@@ -67,9 +71,9 @@ def restart_reason(run: Run, group: StoreGroup) -> str | None:
 
 
 def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | None:
-    """What the store holds, where it is of this format, in the same frame and density; None otherwise.
+    """Read the contents of a store with this format, frame and density; None otherwise.
 
-    Other code may have made it: what an ingest takes over stands by its own keys.
+    Other code may have made it: the keys of units tell which of them are valid.
     """
     session = repository.readonly_session(BRANCH)
     try:
@@ -83,8 +87,10 @@ def read_last_ingest(run: Run, repository: icechunk.Repository) -> LastIngest | 
 
 
 def carry_over(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan: Plan) -> None:
-    """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
-    cleared, and what is known of units goes to the places where these stand now."""
+    """Adapt the arrays of the last ingest to a new plan, in place.
+
+    Charts that are gone, moved or written by other stages are cleared. Records move to the new indices of their units.
+    """
     change = Change(
         run,
         block,
@@ -111,21 +117,23 @@ def carry_over(root: StoreGroup, last: LastIngest, run: Run, block: Block, plan:
 
 
 def unit_counts(block: Block, plan: Plan) -> dict[str, int]:
-    """How many units a block has, by stage."""
+    """Return the number of units of a block, by stage."""
     return {stage.stage: stage.count(block, plan) for stage in all_stages()}
 
 
 def has_all_stages(group: StoreGroup) -> bool:
-    """Whether a store has a journal for every stage, and every folder of files; one from before these were there lacks it."""
+    """Return whether a store has a journal for every stage and every folder of files; older stores may lack some."""
     return all(journal_path(stage.stage) in group for stage in all_stages()) and all(
         folder in group for folder in FOLDERS
     )
 
 
 def delete_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
-    """Forget what is known of units that are due again, by index with the charts that they wrote.
+    """Delete the records of pending units, and clear the charts that they wrote.
 
-    Whatever becomes of them, nothing of before is left.
+    Parameters
+    ----------
+    units : charts by unit index.
     """
     if not units:
         return
@@ -139,7 +147,7 @@ def delete_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[
 
 
 def _unchanged_charts(old: Plan, new: Plan) -> dict[int, int]:
-    """The charts that lie where they lay and are written by the same stages, new -> old."""
+    """Return the charts that keep their place and their writers, new -> old."""
     at = {int(number): chart for chart, number in enumerate(old.ids.tolist())}
     roles = [_chart_roles(plan) for plan in (old, new)]
     there, here = ((p.scene.placement.page, p.scene.placement.x, p.scene.placement.y) for p in (old, new))
@@ -153,7 +161,7 @@ def _unchanged_charts(old: Plan, new: Plan) -> dict[int, int]:
 
 
 def _chart_roles(plan: Plan) -> np.ndarray:
-    """Per chart: whether it is a facade, has a texture of its own, is written by streets, and is in sight of one."""
+    """Return per chart whether it is a facade, has a texture of its own, is written by streets, and is in sight of one."""
     roles = np.zeros((len(plan.ids), 4), bool)
     roles[plan.facades.chart, 0] = True
     roles[:, 1], roles[:, 2] = plan.textured, plan.writable
@@ -166,5 +174,5 @@ def _record_text(record: Record | None) -> str:
 
 
 def _records_at_new_indices(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
-    """Records by the new indices of their units."""
+    """Return records by the new indices of their units."""
     return [records[again[i]] if i in again else None for i in range(count)]

@@ -1,4 +1,4 @@
-"""A unit's data and its journal records, in one commit; the tags of those in which a street ended."""
+"""Commits: the data of units and their journal records in one commit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tasks.engine.run import Run
 
 
 def fork_store(store: StoreLocation) -> tuple[icechunk.Session, Any]:
-    """A session on the newest snapshot and a fork of it for one worker."""
+    """Open a session on the newest snapshot, and fork it for one worker."""
     session = open_repository(store).writable_session(BRANCH)
     return session, session.fork()
 
@@ -30,7 +30,7 @@ def commit_units(session: icechunk.Session, fork: Any, stage: str, records: Mapp
 
 
 def read_newest_journal(store: StoreLocation, stage: str) -> list[Record | None]:
-    """The records of a stage at the newest snapshot."""
+    """Read the records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
     return read_journal(open_root(session), stage)
 

@@ -1,4 +1,4 @@
-"""Records against arrays: whether what the journal says of charts and panoramas is what lies in the store."""
+"""Comparison of arrays with the digests in the journal."""
 
 from __future__ import annotations
 
@@ -20,10 +20,13 @@ T = TypeVar("T")
 
 
 def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[str, list[int]]:
-    """The units, by stage, of which a chart's or a panorama's digest is not that of their record; every chunk must be readable.
+    """Find the units whose charts, panoramas or files differ from the digests in their records, by stage.
 
-    sample: so many charts and panoramas at most, evenly spread; None for all. Units that are not done are not looked at, nor
-    those from before records had digests. Encoded files are among them, of so many units of each stage.
+    Units that are not done, and records without digests, are skipped. Every chunk must be readable.
+
+    Parameters
+    ----------
+    sample : maximal number of charts, panoramas, and files of each stage, evenly spread; None for all.
     """
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
@@ -52,8 +55,7 @@ def find_differing_units(group: StoreGroup, plan: Plan, sample: int | None = Non
 
 
 def last_chart_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
-    """Of every chart, by its id, the stages that wrote it, of each the unit that did last, and the digest that it left; none
-    where that unit is due again."""
+    """Return for each chart and stage the last unit that wrote it and its digest; none if that unit is pending."""
     found: dict[tuple[str, str], tuple[int, str]] = {}
     due: set[tuple[str, str]] = set()
     for stage in STAGE_ARRAYS:

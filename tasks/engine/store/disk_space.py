@@ -1,4 +1,4 @@
-"""Room on the disk: what a block takes, looked at before anything is written, and what must be free at any time."""
+"""Disk space: the need of a block, checked before anything is written, and the reserve that must stay free."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
 
 
 def store_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
-    """The bytes that a block takes at least, in its store and published; without its store, which may be in a bucket."""
+    """Return the bytes that a block takes at least, in its store and published; without its store, which may be in a bucket."""
     texels = int(plan.texel_counts().sum())
     if not stored:
         return int(texels * PUBLISHED_TEXEL)
@@ -27,12 +27,17 @@ def store_bytes(plan: Plan, panorama_width: int, *, stored: bool = True) -> int:
 
 
 def free_bytes(folder: Path) -> int:
-    """What the disk of a folder has left."""
+    """Return the free bytes of a folder's disk."""
     return shutil.disk_usage(folder).free
 
 
 def require_disk_space(folder: Path, needed: int = 0, free_bytes: Callable[[Path], int] = free_bytes) -> None:
-    """Raise MachineError where the disk of `folder` has less room than `needed`, less what lies in its store, and RESERVE."""
+    """Check that the disk of `folder` has room for `needed` bytes, minus its present store, and the reserve.
+
+    Raises
+    ------
+    MachineError : there is less.
+    """
     free = free_bytes(folder)
     if free >= needed + RESERVED_BYTES:  # what lies in the store already need not be counted, of very many files
         return

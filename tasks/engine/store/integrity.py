@@ -61,18 +61,21 @@ def find_lost_units(session: icechunk.Session) -> dict[str, list[int]]:
 
 
 def mark_suspect(out: Folder) -> None:
-    """Have the next run read everything in its store: it was found to differ where sizes and listings do not show it."""
+    """Request a complete check of the store by the next run: differences were found that sizes and listings do not show."""
     (out / SUSPECT).touch()
 
 
 def is_suspect(out: Folder) -> bool:
+    """Return whether a complete check was requested."""
     return (out / SUSPECT).is_file()
 
 
 def repair_store(run: Run) -> list[str]:
-    """Make due again what a run's store has lost; lines that say what that is.
+    """Delete the records of units whose data are lost, so that they are done again; returns lines that say what was lost.
 
-    Raises StoreError where nothing can be read any more.
+    Raises
+    ------
+    StoreError : nothing can be read any more.
     """
     if not run.store.is_dir():
         return []
@@ -82,7 +85,7 @@ def repair_store(run: Run) -> list[str]:
 
 
 def _repair(run: Run, *, thorough: bool) -> list[str]:
-    """thorough: every chunk is read, whatever sizes say, and compared with its record."""
+    """Repair a store. With `thorough` every chunk is read and compared with its record."""
     said = []
     if back := roll_back_to_readable(run.store, _read_plan_tables):
         said.append(
@@ -120,11 +123,11 @@ def _repair(run: Run, *, thorough: bool) -> list[str]:
     if not due and not lost_units:
         return said
     plan = plan or read_plan(session)
-    for stage in all_stages():
-        units = lost_units.get(stage.stage, [])
-        if stage.confirm_lost is not None:
-            units = stage.confirm_lost(run, plan, group, units)
-        due.setdefault(stage.stage, set()).update(units)
+    for owner in all_stages():
+        lost_here = lost_units.get(owner.stage, [])
+        if owner.confirm_lost is not None:
+            lost_here = owner.confirm_lost(run, plan, group, lost_here)
+        due.setdefault(owner.stage, set()).update(lost_here)
     if line := _delete_records(group, plan, due):
         commit(session, f"mend: {line}")
         said.append(f"{run.store}: {line} lost what they made; they are due again")
@@ -136,9 +139,9 @@ def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> 
     base = [stage for stage in all_stages() if stage.writes_base_layer]
     charts: list[int] = []
     for stage in base:
-        if stage.unit_charts is not None and (units := sorted(due.get(stage.stage, ()))):
+        if stage.unit_charts is not None and due.get(stage.stage):
             written = stage.unit_charts(plan)
-            charts += [chart for unit in units for chart in written[unit]]
+            charts += [chart for unit in sorted(due[stage.stage]) for chart in written[unit]]
     writers = units_of_charts(plan, charts)
     for stage in all_stages():
         if stage.follows_base_layer:
@@ -147,7 +150,7 @@ def _delete_records(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> 
         for unit in sorted(due.get(stage.stage, ())):
             clear_record(group, stage.stage, unit)
     clear_rasters(group, plan.scene.spec, plan.scene.placement, sorted(set(charts)), base[0].stage)
-    return ", ".join(_describe(stage, plan, sorted(units)) for stage in all_stages() if (units := due.get(stage.stage)))
+    return ", ".join(_describe(stage, plan, sorted(due[stage.stage])) for stage in all_stages() if due.get(stage.stage))
 
 
 def _describe(stage: Stage, plan: Plan, units: Sequence[int]) -> str:

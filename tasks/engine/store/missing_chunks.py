@@ -13,7 +13,7 @@ from tasks.engine.stage import Records, is_done_record
 
 
 def find_charts_with_missing_chunks(session: icechunk.Session, array: str, charts: Iterable[int]) -> set[int]:
-    """Those of some charts of which a chunk of an array over the pages is not listed."""
+    """Find charts of which a chunk of an array over the pages is not listed."""
     table, there = read_table(session, "charts"), list_chunks(session, array)
     placement = placement_from_table(table, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
     chunk, gutter = table["chunk"], table["gutter"]
@@ -21,7 +21,7 @@ def find_charts_with_missing_chunks(session: icechunk.Session, array: str, chart
 
 
 def find_units_without_base_layer(session: icechunk.Session, records: Records) -> list[int]:
-    """Units from panoramas of which no chunk is listed: where none shows a chart, a chunk is empty and never written."""
+    """Find units from panoramas of which no chunk is listed: chunks without photographed texels are never written."""
     made = {
         name: i for i, record in enumerate(records) if record and is_done_record(record) for name in record["digests"]
     }

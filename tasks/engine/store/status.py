@@ -1,4 +1,4 @@
-"""Whether a run has anything left to do: read from the store alone, so that asking costs no server and no cluster."""
+"""Status of a run, read from the store alone: a finished run is answered without server and cluster."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from facade_core.core.zarr_types import StoreGroup
 from tasks.engine.outcome import rejected_pictures
 from tasks.engine.run import Run
 from tasks.engine.stage import all_stages, read_journals
-from tasks.engine.stage_code import stage_code, join_code_versions
+from tasks.engine.stage_code import join_code_versions, stage_code
 from tasks.engine.store.carry_over import has_all_stages
 from tasks.engine.store.integrity import find_lost_units, is_suspect
 from tasks.engine.unit_key import split_key
@@ -31,7 +31,7 @@ SOURCE = "source"
 
 
 def unpublished_reason(out: Folder, snapshot: str) -> str | None:
-    """Why a snapshot is not what `current` names, whole; None where it is."""
+    """Return why a snapshot is not the complete one that `current` names; None if it is."""
     found = find_current_snapshot(out)
     if found is None or found.id != snapshot:
         return "it is not published yet"
@@ -45,8 +45,10 @@ def unpublished_reason(out: Folder, snapshot: str) -> str | None:
 
 
 def record_source(out: Folder, source: Path) -> None:
-    """Note in a run's folder which block file it is of: one within it, or within its city's, by the way there, so that a copy
-    of the folder is of the copied one."""
+    """Record the block file of a run in its folder.
+
+    A file within the folder, or within its city's, is recorded relative to it, so that a copy of the folder stays valid.
+    """
     noted = source
     if isinstance(out, Path):
         city = out.parent.parent
@@ -57,7 +59,7 @@ def record_source(out: Folder, source: Path) -> None:
 
 
 def read_source(out: Folder) -> Path | None:
-    """The block file of which the run in a folder was last; None where it is not noted."""
+    """Read the block file of the last run in a folder; None if it is not recorded."""
     noted = _read_source(out)
     if noted is None or not isinstance(out, Path):
         return noted
@@ -72,10 +74,13 @@ def _read_source(out: Folder) -> Path | None:
 
 
 def finished_summary(run: Run) -> dict[str, Any] | None:
-    """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
+    """Return the summary of a run whose units are all done and published; None if work is left.
 
-    What any unit's key stands on beside its stage's code is in the run's key too: while these are the same, so are they all.
-    Raises InputError when the store is another block's, which a run would overwrite.
+    The run's key covers everything that unit keys digest besides the code of their stages.
+
+    Raises
+    ------
+    InputError : the store is another block's.
     """
     if not run.store.is_dir():
         return None
@@ -108,7 +113,7 @@ def finished_summary(run: Run) -> dict[str, Any] | None:
 
 
 def store_code_version(group: StoreGroup) -> str:
-    """The version of the code that made what a store holds, and that publishes it."""
+    """Return the version of the code that made the contents of a store, and that publishes it."""
     codes = _recorded_codes(read_journals(group))
     return join_code_versions(
         {
@@ -120,7 +125,7 @@ def store_code_version(group: StoreGroup) -> str:
 
 
 def _recorded_codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
-    """The codes by which the units of a journal were done, by stage; a viewpoint's is its street's."""
+    """Return the codes that processed the units of each journal; a viewpoint has its street's."""
     found = {
         stage.stage: sorted({split_key(r["key"]).get("code", "") for r in journals[stage.stage] if r})
         for stage in all_stages()

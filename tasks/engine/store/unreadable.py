@@ -1,4 +1,4 @@
-"""From chunks that cannot be read to the units that wrote them."""
+"""Chunks that cannot be read, and the units that wrote them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from tasks.engine.stage import all_stages
 def empty_unreadable_chunks(
     group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[ChunkCoordinates] | None]
 ) -> dict[str, set[int]]:
-    """Empty the chunks that cannot be read; returns the units that they were of, by stage.
+    """Empty the chunks that cannot be read; returns the units that wrote them, by stage.
 
-    lost: chunks by the path of their array; None where all are lost.
+    Parameters
+    ----------
+    lost : chunks by the path of their array; None if all are lost.
     """
     due: dict[str, set[int]] = defaultdict(set)
     for path, chunks in lost.items():
@@ -57,7 +59,7 @@ def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
 
 
 def _charts_in_chunks(plan: Plan, chunks: Sequence[ChunkCoordinates] | None) -> list[int]:
-    """The charts of which something lies in some chunks of the atlas."""
+    """Return the charts that touch some chunks of the atlas."""
     spec, placement = plan.scene.spec, plan.scene.placement
     if chunks is None:
         return list(range(len(plan.ids)))

@@ -30,7 +30,7 @@ from tasks.engine.unit_key import join_key_parts
 from tasks.stages.bundles.worker import BundleMember, process_bundle
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.poses.stage import pose_memory
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES
 from tasks.stages.shared.refined_poses import select_pose
 
@@ -119,14 +119,14 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[BundleMember], surfaces: 
     return join_key_parts(
         stage_code("bundles"),
         settings=run.texture.texels_per_metre,
-        pose=[pose_numbers(one.given) for one in members],
+        pose=[pose_parts(one.given) for one in members],
         panoramas=[[one.path.name, file_digest(one.path), *estimate_parts(one.alone)] for one in members],
         geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
     )
 
 
 def estimate_parts(one: PriorPose) -> list[Any]:
-    return [pose_numbers(one.pose), None if one.covariance is None else one.covariance.tolist()]
+    return [pose_parts(one.pose), None if one.covariance is None else one.covariance.tolist()]
 
 
 def bundle_memory(paths: Sequence[Path]) -> int:
@@ -138,7 +138,9 @@ def bundle_memory(paths: Sequence[Path]) -> int:
 def _forecast(inputs: ForecastInputs, own: Mapping[int, str]) -> StageForecast:
     """Find the pending bundles, with those of panoramas that are refined again."""
     again = inputs.pending["poses"].keys()
-    following = (number for number, bundle in enumerate(panorama_bundles(inputs.plan, inputs.block)) if again & set(bundle))
+    following = (
+        number for number, bundle in enumerate(panorama_bundles(inputs.plan, inputs.block)) if again & set(bundle)
+    )
     return StageForecast(dict.fromkeys(following, REASONS["panoramas"]) | dict(own))
 
 

@@ -17,7 +17,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.exemplars.worker import process_exemplar
-from tasks.stages.shared.images import LONGEST_EXEMPLAR
+from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE
 from tasks.stages.shared.key_parts import model_parts
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,
@@ -69,7 +69,7 @@ def exemplar_key(run: Run, path: Path) -> str:
 
 
 def exemplar_memory(path: Path) -> int:
-    kept = min(kept_pixels([path]), LONGEST_EXEMPLAR**2)
+    kept = min(kept_pixels([path]), MAX_EXEMPLAR_SIDE**2)
     return (
         LIBRARY_BYTES
         + detection_bytes()

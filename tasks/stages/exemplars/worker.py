@@ -25,7 +25,7 @@ from tasks.engine.run import Run
 from tasks.engine.seeds import EXEMPLAR_SEED, unit_seed
 from tasks.engine.unit import UnitGroup
 from tasks.stages.exemplars.record import ExemplarRecord
-from tasks.stages.shared.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
+from tasks.stages.shared.images import MAX_EXEMPLAR_SIDE, read_exemplar_picture, read_labels
 
 IMAGE = ArraySpec(
     "image", ("row", "column", "band"), "uint8", "exemplar at the block's density or coarser, without what hid it"
@@ -59,7 +59,7 @@ def process_exemplar(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[i
     begun = time.time()
     factor = prepared.metres_per_pixel * run.texture.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
-    shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
+    shrink = min(1.0, MAX_EXEMPLAR_SIDE / max(height, width))
     size = (round(width * shrink), round(height * shrink))
     texture, labels = resize_with_labels(prepared.image, prepared.labels, size[::-1])
     metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)

@@ -42,4 +42,6 @@ def split_captures(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
 def facade_captures(plan: Plan, block: Block) -> list[Captures]:
     """The panoramas that each facade is taken from."""
     days = {index: day for index, one in enumerate(block.panoramas) if (day := parse_day(one.captured))}
-    return [split_captures(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))]
+    return [
+        split_captures(plan.sightings.panoramas_showing(facade).tolist(), days) for facade in range(len(plan.facades))
+    ]

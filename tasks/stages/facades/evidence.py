@@ -26,7 +26,7 @@ from facade_core.parsing.occluders import occluder_mask
 from facade_core.parsing.segmenter import parse
 from facade_core.plan.plan import Plan
 from tasks.engine.outcome import collect_rejections
-from tasks.stages.shared.images import capture_date, focal_length, read_panorama, read_textures, read_whole
+from tasks.stages.shared.images import capture_date, focal_length, read_panorama, read_textures, read_bounded_picture
 
 if TYPE_CHECKING:
     from tasks.stages.facades.imagery import FacadeImagery
@@ -236,7 +236,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
     import cv2
 
     if rectified:
-        picture = read_whole(path, least=MIN_SIDE_PX)
+        picture = read_bounded_picture(path, least=MIN_SIDE_PX)
         image, hidden = picture.rgb, picture.hidden | no_data_mask(picture.rgb)
     else:
         found, _ = rectify_photo(path)
@@ -254,7 +254,7 @@ def read_facade_photo(path: Path, rectified: bool, size: tuple[int, int], parser
 
 def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     """A photo as taken from the street, rectified, and its size (h, w) as it was read. Raises ImageError with its name."""
-    picture = read_whole(path, least=MIN_SIDE_PX)
+    picture = read_bounded_picture(path, least=MIN_SIDE_PX)
     alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
     focal = focal_length(path)
     try:
@@ -264,7 +264,9 @@ def rectify_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     return found, picture.hidden.shape
 
 
-def _view_of_panorama(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None) -> ChartView:
+def _view_of_panorama(
+    plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None
+) -> ChartView:
     """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees, and the faces and plates
     that there are on the panorama."""
     image = read_panorama(path)

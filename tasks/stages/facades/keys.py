@@ -16,7 +16,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.imagery import FacadeImagery
-from tasks.stages.shared.key_parts import bounding_box, digests_between, model_parts, own_texture_parts, pose_numbers
+from tasks.stages.shared.key_parts import bounding_box, object_digests_between, model_parts, own_texture_parts, pose_parts
 
 
 def facade_keys(
@@ -63,7 +63,7 @@ def facade_keys(
         elif source == "panoramas":
             parts["panoramas"], earlier = (
                 [
-                    [path.name, file_digest(path), pose_numbers(pose), *filter(None, [imagery.captured.get(path)])]
+                    [path.name, file_digest(path), pose_parts(pose), *filter(None, [imagery.captured.get(path)])]
                     for path, pose in pictures
                 ]
                 for pictures in (imagery.panoramas, imagery.earlier)
@@ -71,7 +71,7 @@ def facade_keys(
             if earlier:
                 parts["earlier"] = earlier
             parts["between"] = [
-                digests_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)
+                object_digests_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)
             ]
         elif source == "own":
             parts["own"] = own_texture_parts(plan, [chart], textures)

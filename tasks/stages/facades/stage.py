@@ -31,7 +31,7 @@ from tasks.stages.facades.imagery import FacadeImagery, collect_imagery
 from tasks.stages.facades.keys import add_colour_part, facade_keys
 from tasks.stages.facades.record import FacadeRecord, facade_files
 from tasks.stages.facades.worker import process_facades
-from tasks.stages.shared.facade_corrections import corrected_of
+from tasks.stages.shared.facade_corrections import match_corrections
 from tasks.stages.shared.memory import (
     FACADE_TEXEL,
     LIBRARY_BYTES,
@@ -137,7 +137,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         chosen,
         shops.tolist(),
         facade_entrances(plan, block.entrances),
-        corrected_of(plan, block.corrections, block.crs)[0],
+        match_corrections(plan, block.corrections, block.crs)[0],
     )
 
 
@@ -173,7 +173,9 @@ def facade_shops(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np
     if places is None or not len(facades):
         return np.full(len(facades), -1)
     walls = shapely.linestrings(plan.scene.charts.points_at_shares(facades.chart, _FOOT_CORNERS)[..., :2])
-    _, wall = shapely.STRtree(walls).query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=MAX_SHOP_DISTANCE_M)
+    _, wall = shapely.STRtree(walls).query_nearest(
+        shapely.points(np.array(places).reshape(-1, 2)), max_distance=MAX_SHOP_DISTANCE_M
+    )
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
 

@@ -38,11 +38,11 @@ from facade_core.imagery.privacy import apply_privacy
 from facade_core.parsing.confidence import box_coverage
 from facade_core.plan.facade_walls import facade_wall
 from facade_core.plan.plan import Plan
-from tasks.engine.context import plan_of_run, current_worker
-from tasks.engine.outcome import failed_record, is_machine_fault, error_reason, describe_rejections, collect_rejections
+from tasks.engine.context import current_worker, plan_of_run
+from tasks.engine.outcome import collect_rejections, describe_rejections, error_reason, failed_record, is_machine_fault
 from tasks.engine.run import Run
 from tasks.engine.seeds import BUILDING_SEED, FACADE_SEED, unit_seed
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.exemplars.worker import read_exemplar
 from tasks.stages.facades.evidence import EarlierCapture, FacadeEvidence, PhotoFit, read_evidence
 from tasks.stages.facades.wall_colour import pictured_wall_colour
@@ -237,7 +237,9 @@ def _texture_from_pictures(run: Run, plan: Plan, unit: Unit, refused: list[Excep
     return None
 
 
-def _texture_from_exemplar(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _TexturedFacade:
+def _texture_from_exemplar(
+    run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles
+) -> _TexturedFacade:
     """The facade in the style of its exemplar, in the colour of the walls beside of its house that have pictures; or left to
     the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
     facade, (imagery, *_) = unit.index, unit.arguments

@@ -17,7 +17,7 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.grounds.worker import ground_unit
+from tasks.stages.grounds.worker import process_ground
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.camera_forecast import forecast_after_poses
 from tasks.stages.shared.key_parts import panorama_parts
@@ -41,7 +41,7 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     charts = plan.ground_near_cameras()
     if not len(charts):
         return []
-    cameras = cameras_of_block(block, plan, group, _over_ground)
+    cameras = cameras_of_block(block, plan, group, _is_over_ground)
     corners = plan.scene.charts.points_at_shares(charts, CORNER_SHARES)[..., :2]
     texels = plan.texel_counts()
     units = []
@@ -62,12 +62,12 @@ def _name(number: int) -> str:
     return f"ground-{number:016x}"
 
 
-def _over_ground(record: PoseRecord | None) -> bool:
+def _is_over_ground(record: PoseRecord | None) -> bool:
     height = None if record is None or record["status"] != "done" else record.get("over_ground_m")
     return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
 
 
-def _again(change: Change) -> dict[int, int]:
+def _match_previous(change: Change) -> dict[int, int]:
     """Pieces that stay where they are; those that no panorama shows any more stay no longer, nor do those that moved."""
     names, charts = names_of_ground(change.after), change.after.ground_near_cameras().tolist()
     same = match_by_name(change.records["grounds"], names)
@@ -102,9 +102,9 @@ GROUNDS = Stage(
     "grounds",
     "photographed surface",
     count=lambda block, plan: len(plan.ground_near_cameras()),
-    match_previous=_again,
+    match_previous=_match_previous,
     units=ground_units,
-    function=ground_unit,
+    function=process_ground,
     reads=("poses", "bundles"),
     writes_base_layer=True,
     forecast=partial(forecast_after_poses, "grounds"),

@@ -9,7 +9,7 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.imagery.cameras.ground import fuse_ground_view
 from facade_core.imagery.cameras.occluder_masks import mask_ground_occluders
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
@@ -17,7 +17,7 @@ from tasks.stages.grounds.record import GroundRecord
 from tasks.stages.shared.panorama_cameras import cameras_of, write_shown
 
 
-def ground_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_ground(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write what panoramas show of one piece of ground through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units

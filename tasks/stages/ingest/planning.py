@@ -13,13 +13,13 @@ from facade_core.plan.ingest import IngestSettings, ingest, place_poses, replace
 from facade_core.plan.plan import Plan
 from tasks.engine.stage_code import stage_code
 from tasks.stages.shared.images import image_size
-from tasks.stages.shared.materials import under_aerial
+from tasks.stages.shared.materials import mark_aerial_roofs
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
 
 
-def plan_of(block: Block, last: PreviousPlacement | None = None, each: ParallelMap = map_in_process) -> Plan:
+def make_plan(block: Block, last: PreviousPlacement | None = None, each: ParallelMap = map_in_process) -> Plan:
     """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas. `each`
     says where rays are cast."""
     texture = block.texture
@@ -38,12 +38,12 @@ def plan_of(block: Block, last: PreviousPlacement | None = None, each: ParallelM
         ground=block.ground,
         elevation=block.terrain,
         poses=[panorama.pose for panorama in block.panoramas],
-        panorama_sizes=_sizes(block),
+        panorama_sizes=_panorama_sizes(block),
         previous=last,
         parallel_map=each,
         core=None if block.part is None else CoreRegion(frozenset(block.part.buildings), frozenset(block.part.streets)),
     )
-    return plan if block.aerial is None else under_aerial(plan, block.aerial)
+    return plan if block.aerial is None else mark_aerial_roofs(plan, block.aerial)
 
 
 def plan_key(block: Block) -> str:
@@ -51,14 +51,14 @@ def plan_key(block: Block) -> str:
     return f"{geometry_digest(block)} {stage_code('ingest')}"
 
 
-def plan_again(block: Block, plan: Plan) -> Plan:
-    """The plan of a block by that of its last ingest, which had the same key: as `plan_of` makes it with the places of that,
+def update_plan(block: Block, plan: Plan) -> Plan:
+    """The plan of a block by that of its last ingest, which had the same key: as `make_plan` makes it with the places of that,
     without looking from every viewpoint."""
     poses = tuple(panorama.pose for panorama in block.panoramas)
     if any(pose.z is None for pose in poses):
         poses = place_poses(poses, build_terrain(block.buildings, block.terrain), block.texture.viewpoint_height)
-    return replace_panoramas(plan, poses, _sizes(block))
+    return replace_panoramas(plan, poses, _panorama_sizes(block))
 
 
-def _sizes(block: Block) -> list[tuple[int, int]]:
+def _panorama_sizes(block: Block) -> list[tuple[int, int]]:
     return [image_size(panorama.path) for panorama in block.panoramas]

@@ -26,13 +26,20 @@ from facade_core.plan.identity import ParallelMap, map_in_process
 from facade_core.plan.plan import Plan
 from facade_core.plan.plan_tables import read_plan, write_plan
 from tasks.engine.outline import Outline
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
-from tasks.engine.store.carry_over import carry_over, unit_counts, has_all_stages, read_last_ingest, store_settings, restart_reason
+from tasks.engine.store.carry_over import (
+    carry_over,
+    has_all_stages,
+    read_last_ingest,
+    restart_reason,
+    store_settings,
+    unit_counts,
+)
 from tasks.engine.store.disk_space import require_disk_space, store_bytes
-from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
-from tasks.stages.shared.facade_corrections import corrected_of, facades_by_place
+from tasks.stages.ingest.planning import make_plan, plan_key, update_plan
+from tasks.stages.shared.facade_corrections import facades_by_place, match_corrections
 
 if TYPE_CHECKING:
     from catalogs.block.reader import Block
@@ -58,15 +65,15 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
         last = read_last_ingest(run, repository)
         standing = plan_key(block)
         same = last is not None and root.attrs.get("plan") == standing
-        plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None, each)
+        plan = update_plan(block, last.plan) if last and same else make_plan(block, last.places if last else None, each)
         require_disk_space(run.local, store_bytes(plan, run.texture.panorama_width, stored=run.local == run.folder))
         if last is None:
             anew = restart_reason(run, root)
             root = create_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.rejected_buildings]
-        set_aside += [("building", "all buildings", reason) for reason in no_facade(plan)]
-        set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
+        set_aside += [("building", "all buildings", reason) for reason in missing_facade_reasons(plan)]
+        set_aside += [("photo", unit, reason) for unit, reason in find_stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block,
             key=run.key,
@@ -103,7 +110,7 @@ def ingest_block(run: Run, block: Block, each: ParallelMap = map_in_process) -> 
     return replace(_outline(plan, root, skipped), anew=anew)
 
 
-def no_facade(plan: Plan) -> list[str]:
+def missing_facade_reasons(plan: Plan) -> list[str]:
     """Why a block has no facade on a street at all, in one line, with the remedy; nothing where it has one."""
     if (plan.facades.role == WallRole.STREET).any():
         return []
@@ -126,13 +133,13 @@ def _notes(block: Block, plan: Plan) -> list[str]:
         length = sum(street.line.length for street in plan.streets)
         notes.append(f"no streets given: {len(plan.streets)} of {length:.0f} m derived from the gaps between buildings")
     if block.corrections:
-        notes += _lost(block, plan)
+        notes += _unused_corrections(block, plan)
     return notes
 
 
-def _lost(block: Block, plan: Plan) -> list[str]:
+def _unused_corrections(block: Block, plan: Plan) -> list[str]:
     """A note of corrections that are of no facade, building or exemplar of the block as it is: they are kept, and wait."""
-    lost = corrected_of(plan, block.corrections, block.crs)[1]
+    lost = match_corrections(plan, block.corrections, block.crs)[1]
     buildings, exemplars = set(plan.scene.names), {path.stem for path in block.exemplars}
     for id, said in block.corrections.select_kinds(BUILDING_CORRECTION_KINDS).items():
         unknown = "exemplar" in said and said["exemplar"].value not in exemplars
@@ -154,7 +161,7 @@ def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
     return Outline(
         streets=tuple(street.name or street.id for street in plan.streets),
         waves=tuple(map(tuple, waves)),
-        after=_after(plan),
+        after=_street_predecessors(plan),
         viewpoints=tuple(per_street),
         windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
         set_aside=tuple(map(tuple, root.attrs["set_aside"])),
@@ -163,7 +170,7 @@ def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
     )
 
 
-def _after(plan: Plan) -> tuple[tuple[int, ...], ...]:
+def _street_predecessors(plan: Plan) -> tuple[tuple[int, ...], ...]:
     placement, spec = plan.scene.placement, plan.scene.spec
     # charts that share a chunk have no other, so the first chunk of each stands for all that it has
     corner = (placement.y - spec.gutter, placement.x - spec.gutter)
@@ -174,7 +181,7 @@ def _after(plan: Plan) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(found.tolist()) for found in wave_predecessors(plan.wave, reads, reads[plan.writable[chart]]))
 
 
-def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
+def find_stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
     """Photos whose name is no facade's id, as (file name, reason with the nearest id)."""
     strays = []
     for name in sorted(set(photos) - set(facades) - set(map(file_stem, facades))):

@@ -18,8 +18,8 @@ from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.pages.record import page_files
-from tasks.stages.pages.worker import page_unit
-from tasks.stages.shared.key_parts import all_chart_ids
+from tasks.stages.pages.worker import process_page
+from tasks.stages.shared.key_parts import all_hex_chart_ids
 from tasks.stages.shared.memory import LIBRARY_BYTES
 
 # Bytes per texel of a page: means of ever larger squares, as floats.
@@ -29,15 +29,15 @@ PAGE_TEXEL = 40
 def page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     digests = latest_digests(read_journal(group, "surfaces"), [])
     memory = page_memory(plan.scene.spec.page**2)
-    names = _names(plan)
+    names = _page_names(plan)
     return [Unit(i, names[i], (key,), memory=memory) for i, key in enumerate(page_keys(plan, digests))]
 
 
-def _names(plan: Plan) -> list[str]:
+def _page_names(plan: Plan) -> list[str]:
     return [f"{page:04}" for page in range(plan.scene.spec.pages)]
 
 
-def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """Pages stay where they are; those that are gone take their pictures along."""
     delete_stored_files(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
     return records
@@ -53,21 +53,23 @@ def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
     by_page: list[list[int]] = [[] for _ in range(spec.pages)]
     for chart in np.flatnonzero(plan.in_core).tolist():
         by_page[placement.page[chart]].append(chart)
-    code, names = stage_code("pages"), all_chart_ids(plan)
+    code, names = stage_code("pages"), all_hex_chart_ids(plan)
     place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
-    return [join_key_parts(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page]
+    return [
+        join_key_parts(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page
+    ]
 
 
 PAGES = Stage(
     "pages",
     "page",
     count=lambda block, plan: plan.scene.spec.pages,
-    match_previous=lambda change: match_by_name(change.records["pages"], _names(change.after)),
+    match_previous=lambda change: match_by_name(change.records["pages"], _page_names(change.after)),
     units=page_units,
-    function=page_unit,
+    function=process_page,
     reads=("surfaces",),
     in_every_block=True,
-    relocate=_moved,
+    relocate=_relocate,
     derived_only=True,
     files=page_files,
 )

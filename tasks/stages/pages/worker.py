@@ -12,16 +12,16 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
 from facade_core.atlas.stored_files import page_path, stored_file_digest, write_stored_file
 from facade_core.export.models.pages import fill_between_charts
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.pages.record import PageRecord
 
 # Exports cut their pictures from published pages: as little as can be is lost to being encoded twice.
-QUALITY = 95
+JPEG_QUALITY = 95
 
 
-def page_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_page(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write the JPEG of one page through the fork; returns the fork and the journal record."""
     from PIL import Image
 
@@ -31,7 +31,7 @@ def page_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
     group = open_root(fork)
     colour = fill_between_charts(scene, unit.index, np.asarray(group["atlas/colour"][unit.index]))
     buffer = io.BytesIO()
-    Image.fromarray(colour).save(buffer, "JPEG", quality=QUALITY, subsampling=0)
+    Image.fromarray(colour).save(buffer, "JPEG", quality=JPEG_QUALITY, subsampling=0)
     data = buffer.getvalue()
     write_stored_file(group, page_path(unit.index), data, f"page {unit.index} of the atlas, JPEG")
     record: PageRecord = {

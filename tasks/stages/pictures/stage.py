@@ -30,8 +30,8 @@ from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pictures.record import picture_files
-from tasks.stages.pictures.worker import pictures_unit
-from tasks.stages.shared.key_parts import all_chart_ids
+from tasks.stages.pictures.worker import process_pictures
+from tasks.stages.shared.key_parts import all_hex_chart_ids
 from tasks.stages.shared.memory import DECODED_PIXEL, LIBRARY_BYTES
 
 # Bytes per ray of a view (measured: 30 to 40, where two in five meet the block).
@@ -40,9 +40,9 @@ VIEW_RAY = 60
 DRAWN_TEXEL = 90
 
 # Facades of a street that are shown stage by stage, beside those from photos; of the others the report has the texture alone.
-STAGED = 16
+MAX_STAGED_PER_STREET = 16
 # Facades in a piece: a commit for each would take as long as the pictures.
-TOGETHER = 8
+FACADES_PER_GROUP = 8
 
 
 def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -57,8 +57,8 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             zip(view_names(plan), views, view_keys(plan, views, digests), strict=True)
         )
     ]
-    texels, staged = plan.texel_counts(), staged_facades(plan, records)
-    files = _files(plan)[len(views) :]
+    texels, staged = plan.texel_counts(), facades_with_stages(plan, records)
+    files = _file_names(plan)[len(views) :]
     for number, (facade, file) in enumerate(zip(select_pictured_facades(plan).tolist(), files, strict=True)):
         units.append(
             Unit(
@@ -67,26 +67,26 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
                 (facade_pictures_key(records[facade], facade in staged),),
                 (file, facade, facade in staged),
                 facade_pictures_memory(int(texels[plan.facades.chart[facade]])),
-                group_id=number // TOGETHER,
+                group_id=number // FACADES_PER_GROUP,
             )
         )
     return units
 
 
-def staged_facades(plan: Plan, records: Sequence[FacadeRecord | None]) -> set[int]:
+def facades_with_stages(plan: Plan, records: Sequence[FacadeRecord | None]) -> set[int]:
     """The facades that are shown stage by stage, by their records: those from photos, and the first of each street."""
     count: Counter[int] = Counter()
     staged = set()
     for facade in select_pictured_facades(plan).tolist():
         street, record = int(plan.facades.street[facade]), records[facade]
         photo = photo_share(record) > 0
-        if photo or count[street] < STAGED:
+        if photo or count[street] < MAX_STAGED_PER_STREET:
             staged.add(facade)
             count[street] += not photo
     return staged
 
 
-def _files(plan: Plan) -> list[str]:
+def _file_names(plan: Plan) -> list[str]:
     """What the store calls the file of each unit: views by name, facades by the ids of their charts, which stay."""
     return [
         *view_names(plan),
@@ -94,14 +94,14 @@ def _files(plan: Plan) -> list[str]:
     ]
 
 
-def _again(change: Change) -> dict[int, int]:
-    at = {file: unit for unit, file in enumerate(_files(change.before)[: len(change.records["pictures"])])}
-    return {unit: at[file] for unit, file in enumerate(_files(change.after)) if file in at}
+def _match_previous(change: Change) -> dict[int, int]:
+    at = {file: unit for unit, file in enumerate(_file_names(change.before)[: len(change.records["pictures"])])}
+    return {unit: at[file] for unit, file in enumerate(_file_names(change.after)) if file in at}
 
 
-def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+def _relocate(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """Files stay where they are; those of facades that are gone do not."""
-    delete_stored_files(change.group, FOLDER, set(_files(change.after)))
+    delete_stored_files(change.group, FOLDER, set(_file_names(change.after)))
     return records
 
 
@@ -118,7 +118,7 @@ def view_keys(plan: Plan, cameras: Sequence[PerspectiveCamera], digests: Mapping
     """The keys of views by some cameras: whatever may be in sight, and its texels as pages and tiles have them."""
     charts = plan.scene.charts
     corners = charts.points_at_shares(np.arange(len(charts)), CORNER_SHARES)
-    code, drawn, names = stage_code("pictures"), [stage_code("pages"), stage_code("tiles")], all_chart_ids(plan)
+    code, drawn, names = stage_code("pictures"), [stage_code("pages"), stage_code("tiles")], all_hex_chart_ids(plan)
     keys = []
     for camera in cameras:
         sight = np.flatnonzero(camera.may_show(corners))
@@ -144,13 +144,13 @@ def facade_pictures_key(record: Record | None, staged: bool) -> str:
 PICTURES = Stage(
     "pictures",
     "picture",
-    count=lambda block, plan: len(_files(plan)),
-    match_previous=_again,
+    count=lambda block, plan: len(_file_names(plan)),
+    match_previous=_match_previous,
     units=picture_units,
-    function=pictures_unit,
+    function=process_pictures,
     reads=("facades", "surfaces", "pages", "tiles"),
     in_every_block=True,
-    relocate=_moved,
+    relocate=_relocate,
     derived_only=True,
     files=picture_files,
 )

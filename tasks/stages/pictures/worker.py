@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from io import BytesIO
 from itertools import chain
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -30,23 +30,24 @@ from facade_core.export.pictures.views import SAMPLES_PER_PIXEL_SIDE, paint_view
 from facade_core.export.tiles.block_tiles import plan_block_tiles
 from facade_core.export.tiles.tile_model import coarse_rasters
 from facade_core.plan.plan import Plan
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.outcome import failed_record, is_machine_fault, is_store_fault
 from tasks.engine.run import Run
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.facades.record import FacadeRecord
 from tasks.stages.pages.record import PageRecord
+from tasks.stages.pictures.record import PictureRecord
 from tasks.stages.tiles.record import TileRecord
 
 R = TypeVar("R", bound=Record)
 
 # Pages that are decoded for a view at most: one that shows more is so far away that coarse rasters do.
-DECODED = 32
+MAX_DECODED_PAGES = 32
 # What a view shows of the context of a part of a city.
-BARE = np.full((1, 1, 3), 176, np.uint8)
+CONTEXT_GREY = np.full((1, 1, 3), 176, np.uint8)
 
 
-def pictures_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_pictures(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Write a view, or the pictures of some facades, through the fork: a file for each unit. Arguments: of a view its name and
     camera; of a facade the name of its file, its number, and whether it is shown stage by stage.
 
@@ -57,33 +58,35 @@ def pictures_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int,
     for unit in units:
         start = time.time()
         try:
-            data, drawn = (_view if isinstance(unit.arguments[1], PerspectiveCamera) else _facade)(plan, group, unit)
+            data, drawn = (_draw_view if isinstance(unit.arguments[1], PerspectiveCamera) else _draw_facade)(
+                plan, group, unit
+            )
         except Exception as error:
             if is_machine_fault(error) and not is_store_fault(error):
                 raise
-            about = failed_record(unit.name, unit.key, error)
+            about = cast(PictureRecord, failed_record(unit.name, unit.key, error))
             about["unread"] = is_store_fault(error)
         else:
             about = {"unit": unit.name, "key": unit.key, "status": "done"}
-            about |= drawn | _written(group, unit, data)
+            about |= drawn | _write_file(group, unit, data)
         about |= {"worker": current_worker(), "started": start, "seconds": {"pictures": round(time.time() - start, 4)}}
         records[unit.index] = about
     return fork, records
 
 
-def _view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
+def _draw_view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, PictureRecord]:
     """A view as JPEG, painted from the pages that it shows, or from coarse rasters of tiles where these are very many."""
     _, camera = unit.arguments
     picture = cast_view(plan.scene, camera, samples=SAMPLES_PER_PIXEL_SIDE)
     own = plan.in_core[picture.visible_charts]
     pages = np.unique(plan.scene.placement.page[picture.visible_charts[own]])
-    parts = _on_pages if len(pages) <= DECODED else _coarse
-    bare = {chart: BARE for chart in picture.visible_charts[~own].tolist()}
+    parts = _read_page_rasters if len(pages) <= MAX_DECODED_PAGES else _read_coarse_rasters
+    bare = {chart: CONTEXT_GREY for chart in picture.visible_charts[~own].tolist()}
     painted = paint_view(picture, chain([bare], parts(plan, group, picture.visible_charts[own])))
     return encode_image(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
 
 
-def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
+def _draw_facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, PictureRecord]:
     """The stages of a facade that the report shows, or its texture alone, as WebP files one after the other; nothing where it
     has none."""
     _, facade, staged = unit.arguments
@@ -99,7 +102,7 @@ def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     return joined.getvalue(), {"pictures": listed}  # type: ignore[typeddict-item]
 
 
-def _written(group: StoreGroup, unit: Unit, data: bytes) -> Record:
+def _write_file(group: StoreGroup, unit: Unit, data: bytes) -> PictureRecord:
     """Put the file of a unit in the store; there is none of a facade without pictures."""
     name = unit.arguments[0]
     path = picture_path(name)
@@ -111,14 +114,14 @@ def _written(group: StoreGroup, unit: Unit, data: bytes) -> Record:
     return {}  # type: ignore[typeddict-item]
 
 
-def _on_pages(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
+def _read_page_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
     """The rasters (h, w, 3) of some charts (k,) as the encoded pages show them, by chart, a page at a time."""
     from PIL import Image
 
     place = plan.scene.placement
     pages = np.unique(place.page[charts])
     for page, record in zip(pages.tolist(), read_records(group, "pages", pages, PageRecord), strict=True):
-        data = read_stored_file(group, page_path(page), _done(record, f"page {page:04}")["digest"])
+        data = read_stored_file(group, page_path(page), _require_done(record, f"page {page:04}")["digest"])
         with Image.open(BytesIO(data)) as image:
             colour = np.asarray(image.convert("RGB"))
         yield {
@@ -127,17 +130,17 @@ def _on_pages(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dic
         }
 
 
-def _coarse(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
+def _read_coarse_rasters(plan: Plan, group: StoreGroup, charts: np.ndarray) -> Iterator[dict[int, np.ndarray]]:
     """The coarse rasters of the tiles that have some of these charts (k,), by chart, a tile at a time."""
     place = plan.scene.placement
     texels = np.column_stack([place.width, place.height]).astype(np.int64)
     for tile, record in zip(plan_block_tiles(plan), read_journal(group, "tiles", TileRecord), strict=True):
         if np.isin(tile.charts, charts).any():
-            digest = _done(record, f"tile {tile.path}")["coarse"]
+            digest = _require_done(record, f"tile {tile.path}")["coarse"]
             yield coarse_rasters(texels, tile.charts, read_verified_array(group, tile_paths(tile.path)[1], digest))
 
 
-def _done(record: R | None, what: str) -> R:
+def _require_done(record: R | None, what: str) -> R:
     if record is None or record["status"] != "done":
         raise ImageError(f"{what} failed")
     return record

@@ -17,8 +17,8 @@ from tasks.engine.stage import Change, Stage, match_by_key_or_name
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
-from tasks.stages.poses.worker import pose_unit
-from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_numbers
+from tasks.stages.poses.worker import process_pose
+from tasks.stages.shared.key_parts import POSE_SURROUNDINGS_M, pose_parts
 from tasks.stages.shared.memory import LIBRARY_BYTES, decoding_bytes, kept_pixels
 
 # Bytes per pixel of a panorama whose pose is refined: the picture, and edges of it at a smaller size.
@@ -27,13 +27,13 @@ POSE_PIXEL = 24
 
 def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     units = []
-    for i, (panorama, carried) in enumerate(zip(block.panoramas, heights_carried(block), strict=True)):
+    for i, (panorama, carried) in enumerate(zip(block.panoramas, carries_heights(block), strict=True)):
         key = pose_key(run, plan, i, panorama.path, carried)
         units.append(Unit(i, panorama.path.name, (key,), (panorama.path, carried), pose_memory(panorama.path)))
     return units
 
 
-def heights_carried(block: Block) -> list[bool]:
+def carries_heights(block: Block) -> list[bool]:
     """Of each panorama, whether its height over the ground says more than the roofs around it: where no height is stated, or a
     roof in reach is as high as was guessed."""
     guessed = [building.footprint for building in block.buildings if building.height_source not in ("height", "model")]
@@ -44,7 +44,7 @@ def heights_carried(block: Block) -> list[bool]:
     return [pose.z is None or i in beside for i, pose in enumerate(poses)]
 
 
-def _again(change: Change) -> dict[int, int]:
+def _match_previous(change: Change) -> dict[int, int]:
     units = pose_units(change.run, change.block, change.after, change.group)
     return match_by_key_or_name(change.records["poses"], units)
 
@@ -56,7 +56,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> 
         stage_code("poses"),
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
-        pose=[*pose_numbers(pose), carried],
+        pose=[*pose_parts(pose), carried],
         geometry=plan.scene_objects.digests_in_box(place - POSE_SURROUNDINGS_M, place + POSE_SURROUNDINGS_M),
     )
 
@@ -69,7 +69,7 @@ POSES = Stage(
     "poses",
     "panorama",
     count=lambda block, plan: len(block.panoramas),
-    match_previous=_again,
+    match_previous=_match_previous,
     units=pose_units,
-    function=pose_unit,
+    function=process_pose,
 )

@@ -13,17 +13,17 @@ from facade_core.imagery.poses.misplaced import explain_misplacement
 from facade_core.imagery.poses.outlines import sample_outline
 from facade_core.imagery.poses.refinement import refine_pose
 from facade_core.imagery.rectify.full_circle import check_full_panorama
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.poses.record import PoseRecord
 from tasks.stages.shared.images import read_panorama
 
 # Where outlines of buildings fit so well, of 1, a pose is not doubted; on painted streets those that are right fit from .57 on.
-PLACED = 0.5
+MIN_TRUSTED_FIT = 0.5
 
 
-def pose_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
+def process_pose(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Record]]:
     """Refine the pose of one panorama against the block; returns the fork, to which nothing is written, and its record.
 
     Raises ImageError for a picture that is no panorama, or that was not taken as its pose says.
@@ -37,7 +37,7 @@ def pose_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
         check_full_panorama(picture)
     found = refine_pose(plan.scene, picture, given, height_is_assumed=carried)
     pose = found.pose
-    if not found.fit >= PLACED:  # nor where nothing tells
+    if not found.fit >= MIN_TRUSTED_FIT:  # nor where nothing tells
         fitting = found.fit if math.isfinite(found.fit) else 0.0
         if why := explain_misplacement(plan.scene, picture, pose, sample_outline(plan.scene, pose), fitting):
             raise ImageError(why)
@@ -50,8 +50,8 @@ def pose_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
         "moved_m": round(found.moved_m, 3),
         "turned_deg": round(found.turned_deg, 3),
         # degrees between lines and axes on the rectified walls; None where there are no lines
-        "given_deg": _number(found.given_degrees),
-        "residual_deg": _number(found.residual_degrees),
+        "given_deg": _round_finite(found.given_degrees),
+        "residual_deg": _round_finite(found.residual_degrees),
         "left": list(found.reasons),
         "spread": None if found.covariance is None else found.covariance.round(6).tolist(),
         "over_ground_m": ground.height,
@@ -63,5 +63,5 @@ def pose_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, Rec
     return fork, {unit.index: record}
 
 
-def _number(value: float) -> float | None:
+def _round_finite(value: float) -> float | None:
     return round(value, 3) if math.isfinite(value) else None

@@ -51,7 +51,7 @@ from tasks.stages.streets.tags import street_tags
 log = logging.getLogger(__name__)
 
 # Tables, pages, tiles, models, pictures, report, catalogue, list of files.
-STEPS = 8
+STEP_COUNT = 8
 
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
@@ -64,57 +64,57 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     earlier version, and files that it has of the same are linked. What could not be published, each with its reason, is in the
     summary as `unpublished_reason`; the rest is, and the next run tries again.
     """
-    _stand_by_code(run)
+    _record_publishing_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     out = run.folder
     final, over, last = snapshot_at(out, session.snapshot_id), current_pointer_tag(out), find_current_snapshot(out)
-    begin_stage("publish", STEPS)
+    begin_stage("publish", STEP_COUNT)
     aside = Aside()
     if last != final or find_damage(final.folder):
         predecessor = read_predecessor(final.folder) if last == final else last.id if last else None
-        temporary = _hidden(snapshot_at(local_folder(out), final.id), "tmp")
+        temporary = _hidden_folder(snapshot_at(local_folder(out), final.id), "tmp")
         temporary.mkdir(parents=True)
         # what is damaged is made again, and what is whole of it is not; there sizes are not trusted
         made = SnapshotFiles(temporary, last.folder if last else None, verify_digests=last == final)
-        aside = _write(run, session, made, block_file, predecessor, final.folder.parent)
+        aside = _write_snapshot(run, session, made, block_file, predecessor, final.folder.parent)
         if aside.suspect:
             mark_suspect(out)
-        _put_in_place(temporary, final.folder, made)
+        _install(temporary, final.folder, made)
         if withheld := over_limit(run, open_root(session)):
             report_progress("publish", 1)
             return final.read_outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
         set_current_snapshot(final, over)
-        _forget_history(run, last)
+        _expire_history(run, last)
         report_progress("publish", 1)
     else:
-        report_progress("publish", STEPS)
+        report_progress("publish", STEP_COUNT)
     with aside.trying("catalog.json"):
         write_catalog(out)  # also where a run ended between the two
     told = [{"unit": what, "reason": why} for what, why in aside.failed.items()]
     return final.read_outcome() | ({"unpublished": told} if told else {})
 
 
-def _put_in_place(written: Path, final: Folder, made: SnapshotFiles) -> None:
+def _install(written: Path, final: Folder, made: SnapshotFiles) -> None:
     """Give what was written its name, or send it there; what has that name is damaged."""
     if isinstance(final, S3Folder):
         upload_snapshot(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
         shutil.rmtree(written)
         return
-    damaged = _hidden(Snapshot(final), "damaged.tmp")
+    damaged = _hidden_folder(Snapshot(final), "damaged.tmp")
     if final.exists():
         os.replace(final, damaged)
     os.replace(written, final)
     shutil.rmtree(damaged, ignore_errors=True)
 
 
-def _hidden(snapshot: Snapshot[Path], suffix: str) -> Path:
+def _hidden_folder(snapshot: Snapshot[Path], suffix: str) -> Path:
     """A folder beside a snapshot's that no reader looks into, and that is not there yet."""
     folder = snapshot.folder.with_name(f".{snapshot.id}.{suffix}")
     shutil.rmtree(folder, ignore_errors=True)
     return folder
 
 
-def _stand_by_code(run: Run) -> None:
+def _record_publishing_code(run: Run) -> None:
     """Have the store say which code publishes it: by another the same texels are another snapshot, in a folder of its own."""
     session = open_repository(run.store).writable_session(BRANCH)
     root = open_root(session)
@@ -123,7 +123,7 @@ def _stand_by_code(run: Run) -> None:
         commit(session, "published by other code")
 
 
-def _forget_history(run: Run, last: Snapshot | None) -> None:
+def _expire_history(run: Run, last: Snapshot | None) -> None:
     """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
     published last, it is left to the next run."""
     try:
@@ -136,7 +136,7 @@ def _forget_history(run: Run, last: Snapshot | None) -> None:
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
 
-def _write(
+def _write_snapshot(
     run: Run,
     session: icechunk.Session,
     made: SnapshotFiles,

@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 # width differs by no more than this share.
 PLACE_M, ALIKE = 2.0, 0.2
 # Where a wall begins and ends at its foot, as shares of its chart.
-_FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
+_FOOT_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
-def corrected_of(plan: Plan, corrections: Corrections, crs: CRS | str) -> tuple[dict[int, FacadeCorrection], list[str]]:
+def match_corrections(
+    plan: Plan, corrections: Corrections, crs: CRS | str
+) -> tuple[dict[int, FacadeCorrection], list[str]]:
     """What somebody said of each facade of a plan in a frame, by index; and the ids of which no facade is left. One with
     another id is known by its place and width."""
     said = corrections.rename_targets(facades_by_place(plan, corrections, crs)).select_kinds(FACADE_CORRECTION_KINDS)
@@ -42,7 +44,7 @@ def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> di
     placed = [(id, one, one.place) for id, one in lost if one.place is not None]
     if not placed or not len(facades):
         return {}
-    feet = plan.scene.charts.points_at_shares(facades.chart, _FOOT)[..., :2].mean(axis=1)
+    feet = plan.scene.charts.points_at_shares(facades.chart, _FOOT_CORNERS)[..., :2].mean(axis=1)
     middle = shapely.STRtree(shapely.points(feet))
     found = {}
     for id, one, (longitude, latitude) in placed:

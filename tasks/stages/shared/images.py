@@ -19,9 +19,9 @@ from tasks.engine.outcome import collect_rejections
 # Of a frame of 35 mm film, 36 x 24 mm.
 DIAGONAL_35MM = math.hypot(36, 24)
 # A picture is worked on at no more pixels than the widest panorama of a block has: 1300 a radian, a texel of 5 cm at 65 m.
-MOST_PIXELS = 8192 * 4096
+MAX_PIXELS = 8192 * 4096
 # Longest side of an exemplar in pixels, and of what is prepared from it in texels: 100 m at 20 texels per metre.
-LONGEST_EXEMPLAR = 2000
+MAX_EXEMPLAR_SIDE = 2000
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -74,18 +74,18 @@ def _read_panorama(path: Path, size: int, modified: int) -> np.ndarray:
 
 def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """An image file as RGB (h, w, 3) uint8 and its hidden part (h, w) bool, as read_whole has them."""
-    picture = read_whole(path)
+    picture = read_bounded_picture(path)
     return picture.rgb, picture.hidden
 
 
-def read_whole(path: Path, *, least: int = 1) -> Picture:
+def read_bounded_picture(path: Path, *, least: int = 1) -> Picture:
     """A picture of at most MOST_PIXELS; a larger one is reduced as it is read, to the scale that comes with it."""
-    return read_picture(path, max_pixels=MOST_PIXELS, min_side=least)
+    return read_picture(path, max_pixels=MAX_PIXELS, min_side=least)
 
 
 def read_exemplar_picture(path: Path) -> Picture:
     """An exemplar, reduced to what can be prepared from it."""
-    return read_picture(path, max_side=LONGEST_EXEMPLAR, min_side=MIN_SIDE_PX)
+    return read_picture(path, max_side=MAX_EXEMPLAR_SIDE, min_side=MIN_SIDE_PX)
 
 
 def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:

@@ -48,26 +48,26 @@ def panorama_parts(plan: Plan, charts_of: Mapping[PosedPanorama, Sequence[int]])
             [
                 one.path.name,
                 file_digest(one.path),
-                pose_numbers(one.pose),
+                pose_parts(one.pose),
                 list(one.factor),
                 one.squares,
-                chart_ids(plan, charts),
+                hex_chart_ids(plan, charts),
             ]
             for one, charts in charts_of.items()
         ],
-        "between": [digests_between(plan, charts, one.pose) for one, charts in charts_of.items()],
+        "between": [object_digests_between(plan, charts, one.pose) for one, charts in charts_of.items()],
     }
 
 
-def chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
+def hex_chart_ids(plan: Plan, charts: Sequence[int]) -> list[str]:
     return [f"{plan.ids[chart]:016x}" for chart in charts]
 
 
-def pose_numbers(pose: Pose) -> list[Any]:
+def pose_parts(pose: Pose) -> list[Any]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 
 
-def digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
+def object_digests_between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
     """What may stand between a panorama and charts, or is one of them."""
     place = np.array([pose.x, pose.y, pose.z])
     low, high = bounding_box(plan, charts)
@@ -94,5 +94,5 @@ def own_texture_parts(plan: Plan, charts: Sequence[int], textures: Sequence[Path
     return found
 
 
-def all_chart_ids(plan: Plan) -> list[str]:
+def all_hex_chart_ids(plan: Plan) -> list[str]:
     return [f"{number:016x}" for number in plan.ids.tolist()]

@@ -22,17 +22,17 @@ from facade_core.street.materials.grain import GrainTables, learn_grain
 from facade_core.street.materials.grain_file import load_grains
 from facade_core.street.materials.tiled_material import TiledMaterial
 from tasks.engine.run import Run
-from tasks.stages.shared.images import read_whole
+from tasks.stages.shared.images import read_bounded_picture
 
 # Places along either side of a roof that are looked for on the picture.
-LOOKED_AT = 8
+SAMPLES_PER_SIDE = 8
 
 
-def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
+def mark_aerial_roofs(plan: Plan, aerial: Aerial) -> Plan:
     """The plan with the roofs that the picture shows marked as textured."""
     scene, charts = plan.scene, plan.scene.charts
     roofs = np.flatnonzero(roofs_seen_from_above(scene) & plan.in_core)
-    share = (np.stack(np.meshgrid(*[np.arange(LOOKED_AT)] * 2), axis=-1).reshape(-1, 2) + 0.5) / LOOKED_AT
+    share = (np.stack(np.meshgrid(*[np.arange(SAMPLES_PER_SIDE)] * 2), axis=-1).reshape(-1, 2) + 0.5) / SAMPLES_PER_SIDE
     points = charts.points_at_shares(roofs, share)
     inside = aerial.covers(points.reshape(-1, 3)[:, :2]).reshape(len(roofs), len(share))
     textured = plan.textured.copy()
@@ -40,7 +40,7 @@ def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
     return replace(plan, textured=textured)
 
 
-def sampler(run: Run) -> Sampler | None:
+def aerial_sampler(run: Run) -> Sampler | None:
     """Colours of the block from above, None where there is no picture."""
     return None if run.aerial is None else run.aerial.sample
 
@@ -59,7 +59,7 @@ def own_grains(pictures: Sequence[MaterialPicture]) -> GrainTables | None:
     examples = {}
     for name, path, metres in pictures:
         try:
-            examples[name] = learn_grain(read_whole(path).rgb, metres)
+            examples[name] = learn_grain(read_bounded_picture(path).rgb, metres)
         except InputError as error:
             raise InputError(f"texture.materials: {path}: {error}") from error
     return load_grains(examples) if examples else None
@@ -85,7 +85,7 @@ def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> 
         return None
     path, metres_per_pixel = roofs
     try:
-        picture = read_whole(path)
+        picture = read_bounded_picture(path)
         return TiledMaterial.from_picture(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
     except InputError as error:
         raise InputError(f"texture.roof_material: {path}: {error}") from error

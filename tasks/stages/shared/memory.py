@@ -11,7 +11,7 @@ from pathlib import Path
 
 from facade_core.core.errors import InputError
 from facade_core.imagery.detect.detection import detectors_available
-from tasks.stages.shared.images import MOST_PIXELS, image_size
+from tasks.stages.shared.images import MAX_PIXELS, image_size
 
 # Libraries take this much once, for any size.
 LIBRARY_BYTES = 50_000_000
@@ -39,13 +39,13 @@ def detection_bytes() -> int:
 
 def kept_pixels(pictures: Iterable[Path]) -> int:
     """Pixels that are kept of pictures."""
-    return sum(min(count, MOST_PIXELS) for count in map(_stored, pictures))
+    return sum(min(count, MAX_PIXELS) for count in map(_stored, pictures))
 
 
 def decoding_bytes(pictures: Iterable[Path]) -> int:
     """What the largest of pictures takes while it is decoded and reduced; nothing where none is larger than what is kept."""
     largest = max(map(_stored, pictures), default=0)
-    return largest * DECODED_PIXEL if largest > MOST_PIXELS else 0
+    return largest * DECODED_PIXEL if largest > MAX_PIXELS else 0
 
 
 def _stored(path: Path) -> int:

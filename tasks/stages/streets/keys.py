@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from tasks.engine.run import Run
 from tasks.engine.stage_code import stage_code
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.key_parts import material_digests
+from tasks.stages.streets.record import ViewpointRecord
 
 # The records of some units (n,) of a stage, in that order.
 _Read = Callable[[str, np.ndarray], list[Record | None]]
@@ -119,9 +120,10 @@ def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tup
     pairs = plan.views_of_charts(charts[plan.writable[charts]])
     pairs = pairs[plan.wave[plan.street_of_viewpoints[pairs[:, 0]]] < plan.wave[street]]
     viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
+    earlier = cast(list[ViewpointRecord | None], records("viewpoints", viewpoints))
     return pairs, {
         viewpoint: record["passes"] if record and record["status"] == "done" else None
-        for viewpoint, record in zip(viewpoints.tolist(), records("viewpoints", viewpoints), strict=True)
+        for viewpoint, record in zip(viewpoints.tolist(), earlier, strict=True)
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import cast
 
 from facade_core.atlas.journal import Record
 from tasks.engine.stage import Change, Records, Stage
@@ -37,7 +38,7 @@ def _moved_streets(change: Change, again: Mapping[int, int], records: Records) -
     """Under the names and waves that they have now."""
     plan = change.after
     return [
-        record and Record(**(record | {"unit": plan.streets[index].id, "wave": int(plan.wave[index])}))
+        cast(Record, {**record, "unit": plan.streets[index].id, "wave": int(plan.wave[index])}) if record else None
         for index, record in enumerate(records)
     ]
 

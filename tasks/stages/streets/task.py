@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
+from typing import cast
 
 import icechunk
 import numpy as np
@@ -20,13 +21,14 @@ from facade_core.core.errors import StoreError
 from facade_core.plan.plan import Plan
 from tasks.engine.compute.connect import Compute
 from tasks.engine.context import plan_of_run
-from tasks.engine.outcome import Outcome, failed_record, is_done, log_units, machine_error, is_machine_fault
+from tasks.engine.outcome import Outcome, failed_record, is_done, is_machine_fault, log_units, machine_error
 from tasks.engine.progress import report_progress
 from tasks.engine.run import Run
 from tasks.engine.store.carry_over import delete_units
-from tasks.engine.store.commits import fork_store, commit_units
+from tasks.engine.store.commits import commit_units, fork_store
 from tasks.stages.shared.base_layer import BASE_LAYER_STAGES
 from tasks.stages.streets.keys import street_keys
+from tasks.stages.streets.record import StreetRecord
 from tasks.stages.streets.redo import street_chunks
 from tasks.stages.streets.tags import street_tag
 from tasks.stages.streets.worker import forget_street, street_unit, viewpoints_unit
@@ -125,16 +127,17 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             raise machine_error(f"street {name}", error) from error
         session, fork = fork_store(run.store)
         if done and due:  # the street's texels stand on no panorama: they stay
-            record = failed_record(f"{name}/{due[0]}", keys[due[0]], error)
-            commit_units(session, fork, "viewpoints", {own[due[0]]: record}, f"viewpoint {name}/{due[0]} failed")
-            log_units("viewpoints", [record])
-            return outcome.add([record])
-        record = failed_record(name, street_key, error) | {"wave": wave, "digests": {}}
-        record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
-        commit_units(session, fork, "streets", {street: record}, f"street {name} failed")
+            failed = failed_record(f"{name}/{due[0]}", keys[due[0]], error)
+            commit_units(session, fork, "viewpoints", {own[due[0]]: failed}, f"viewpoint {name}/{due[0]} failed")
+            log_units("viewpoints", [failed])
+            return outcome.add([failed])
+        failed = failed_record(name, street_key, error)
+        failed["reason"] = f"{at}: {failed['reason']}" if at else failed["reason"]
+        failed = cast(StreetRecord, {**failed, "wave": wave, "digests": {}})
+        commit_units(session, fork, "streets", {street: failed}, f"street {name} failed")
         clear_failed_street(run, plan, street)
-        log_units("streets", [record])
-        return outcome.add([record])
+        log_units("streets", [failed])
+        return outcome.add([failed])
     log_units("streets", [record])
     _tag(run, street_tag(record), snapshot)
     return outcome.add([record])

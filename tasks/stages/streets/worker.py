@@ -26,7 +26,7 @@ from facade_core.street.propagation.texel_buffer import TexelBuffer
 from facade_core.street.surfaces import paint_visible_texels
 from facade_core.street.translator import neural_translator
 from facade_core.street.translator.translators import MaterialFieldTranslator, Translator
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.stages.shared.materials import own_grains, roof_material
 from tasks.stages.streets.record import StreetRecord

@@ -20,10 +20,10 @@ from facade_core.geometry.chart_packing import Placement
 from facade_core.plan.plan import Plan
 from facade_core.street.materials.field import MaterialField
 from facade_core.street.surfaces import KnownTexture, TranslatedViews, finish_chart
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
-from tasks.stages.shared.materials import materials, sampler
+from tasks.stages.shared.materials import materials, aerial_sampler
 from tasks.stages.surfaces.record import SurfaceRecord
 
 
@@ -45,7 +45,7 @@ def surface_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
     prepared = time.time()
     scene.daylight.compute(np.array(charts))  # all at once: each call casts rays of its own
     known = KnownTexture(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
-    above = sampler(run)
+    above = aerial_sampler(run)
     field, own = _with_own_wall(group, plan, field, charts, seeded)
     rasters = TexelLayout.of_charts(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)

@@ -14,12 +14,12 @@ from facade_core.atlas.store import open_root
 from facade_core.core.provenance import Provenance
 from facade_core.geometry.overhead_view import render_from_above, roofs_seen_from_above
 from facade_core.imagery.rectify.model_texture import render_model_texture
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup
 from tasks.stages.shared.images import read_textures
-from tasks.stages.shared.materials import sampler
+from tasks.stages.shared.materials import aerial_sampler
 from tasks.stages.textures.record import TextureRecord
 
 
@@ -35,7 +35,7 @@ def texture_unit(run: Run, fork: Any, units: UnitGroup) -> tuple[Any, dict[int, 
     images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
     group = open_root(fork)
     digests: dict[str, str] = {}
-    aerial, roofs = sampler(run), roofs_seen_from_above(scene)
+    aerial, roofs = aerial_sampler(run), roofs_seen_from_above(scene)
     for chart in charts:
         rgb, covered = render_model_texture(scene, chart, images)
         if aerial is not None and roofs[chart]:

@@ -22,9 +22,9 @@ from facade_core.core.errors import StoreError
 from facade_core.core.zarr_types import StoreGroup
 from facade_core.export.models.textured_mesh import TexturedMesh, build_textured_mesh
 from facade_core.export.tiles.tile_model import EarlierTile, build_tile_model
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.run import Run
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.tiles.record import TileRecord
 
 

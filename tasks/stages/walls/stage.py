@@ -20,7 +20,7 @@ from tasks.engine.store.missing_chunks import find_units_without_base_layer
 from tasks.engine.unit import Unit
 from tasks.engine.unit_key import join_key_parts
 from tasks.stages.shared.camera_forecast import forecast_after_poses
-from tasks.stages.shared.key_parts import chart_ids, panorama_parts
+from tasks.stages.shared.key_parts import hex_chart_ids, panorama_parts
 from tasks.stages.shared.memory import (
     CAMERA_PIXEL,
     FINISHED_TEXEL,
@@ -90,7 +90,7 @@ def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequen
     return join_key_parts(
         stage_code("walls"),
         settings=run.texture.texels_per_metre,
-        geometry=chart_ids(plan, charts),
+        geometry=hex_chart_ids(plan, charts),
         **panorama_parts(plan, dict(sorted(charts_of.items(), key=lambda item: item[0].path))),
     )
 

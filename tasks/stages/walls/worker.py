@@ -15,7 +15,7 @@ from facade_core.core.types import Pose
 from facade_core.imagery.cameras.camera_view import PanoramaCamera
 from facade_core.imagery.cameras.occluder_masks import mask_building_occluders, mask_model_edges
 from facade_core.imagery.cameras.walls import fuse_wall_view
-from tasks.engine.context import plan_of_run, current_worker
+from tasks.engine.context import current_worker, plan_of_run
 from tasks.engine.outcome import describe_rejections
 from tasks.engine.run import Run
 from tasks.engine.unit import UnitGroup

@@ -17,7 +17,7 @@ from flows.cli.endings import ending
 from flows.log_file import log_of, log_to
 from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.outcome import log_units
-from tasks.engine.progress import report_progress, begin_stage
+from tasks.engine.progress import begin_stage, report_progress
 
 
 def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from flows.cli.commands import main
 from tasks.city import account as accounts
 from tasks.city import blocks
 from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 from tests.pipeline.stages import write_block
 
 # Houses along one street, farther apart than context reaches.
@@ -80,7 +80,7 @@ def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> 
     said = CliRunner().invoke(main, ["plan", str(file), "--json"], catch_exceptions=False)
     told = json.loads(said.stdout)
     _, files = known(file, tmp_path / "out")
-    assert told["facades"] == sum(len(plan_of(read_block(one)).facades) for one in files.values())
+    assert told["facades"] == sum(len(make_plan(read_block(one)).facades) for one in files.values())
     off = told["fitted"]["error_planned"]
     printed = CliRunner().invoke(main, ["plan", str(file)], catch_exceptions=False).stdout
     assert f"at most {off['seconds']:.0%} of a processor's time, {off['bytes']:.0%} of the bytes" in printed

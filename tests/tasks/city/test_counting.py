@@ -9,7 +9,7 @@ import pytest
 from benchmarks.city.reading import write_town
 from catalogs.block.reader import read_block
 from tasks.city.counting import Counts, counts_of, planned_of
-from tasks.stages.ingest.planning import plan_of
+from tasks.stages.ingest.planning import make_plan
 
 
 def counted(folder: Path, texels: float, panorama: int = 128) -> Counts:
@@ -20,7 +20,7 @@ def counted(folder: Path, texels: float, panorama: int = 128) -> Counts:
 @pytest.mark.parametrize("texels", [3.0, 16.0, 32.0])
 def test_texels_are_told_as_they_will_be(tmp_path: Path, texels: float) -> None:
     told = counted(tmp_path, texels)
-    plan = plan_of(read_block(tmp_path / "block.yaml"))
+    plan = make_plan(read_block(tmp_path / "block.yaml"))
     placement = plan.scene.placement
     texels = float((placement.width.astype(float) * placement.height)[plan.in_core].sum()) / 1e6
     assert told.megatexels == pytest.approx(texels, rel=0.35)

@@ -24,7 +24,7 @@ from tasks.engine.compute.cluster import ClusterGone
 from tasks.engine.compute.connect import SerialCompute, connect
 from tasks.engine.fan_out import BATCHES_AT_ONCE, MAX_BATCH_PIECES, make_batches, piece_memory, process_batch
 from tasks.engine.pending import PendingUnits
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.unit import Unit, UnitGroup
 from tasks.stages.poses.stage import POSES
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])

@@ -21,8 +21,8 @@ from tasks.engine import fan_out
 from tasks.engine.compute.cluster import ClusterGone, WorkersDied
 from tasks.engine.compute.connect import connect
 from tasks.engine.fan_out import process_batch
-from tasks.engine.outcome import failed_record, machine_error, is_machine_fault
-from tasks.engine.unit import UnitGroup, Unit
+from tasks.engine.outcome import failed_record, is_machine_fault, machine_error
+from tasks.engine.unit import Unit, UnitGroup
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

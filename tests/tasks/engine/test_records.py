@@ -12,7 +12,7 @@ from catalogs.block.reader import TextureSettings
 from catalogs.readers.pictures.folders import list_images
 from facade_core.core.errors import FacadeError, ImageError
 from tasks.engine.outcome import Outcome, failed_record, is_done
-from tasks.engine.progress import StageProgress, report_progress, begin_stage, add_listener
+from tasks.engine.progress import StageProgress, add_listener, begin_stage, report_progress
 from tasks.engine.run import Run
 from tasks.engine.seeds import unit_seed
 from tasks.stages.exemplars.stage import exemplar_key

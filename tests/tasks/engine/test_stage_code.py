@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tasks.engine import stage_code as module
-from tasks.engine.stage_code import CODE_PACKAGES, ROOT, code_version, worker_module, stage_code
+from tasks.engine.stage_code import CODE_PACKAGES, ROOT, code_version, stage_code, worker_module
 from tasks.stages.order import CODE_STAGES
 
 Codes = Callable[[], dict[str, str]]

@@ -6,7 +6,7 @@ import pytest
 
 from tasks.engine.compute.deadlines import MAX_MEDIAN_FACTOR, Deadlines
 from tasks.engine.compute.leases import Lease, Leases
-from tasks.engine.compute.scheduler_view import WorkerRegistry, SchedulerView, Worker
+from tasks.engine.compute.scheduler_view import SchedulerView, Worker, WorkerRegistry
 from tasks.engine.compute.timeouts import DEFAULT_TIMEOUTS
 
 

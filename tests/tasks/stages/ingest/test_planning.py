@@ -27,7 +27,7 @@ from tasks.engine.compute.connect import Compute, connect
 from tasks.engine.compute.distributed_map import MIN_RUN_ITEMS, map_on_workers
 from tasks.engine.run_key import create_run
 from tasks.stages.ingest import task as stage
-from tasks.stages.ingest.planning import plan_again, plan_key, plan_of
+from tasks.stages.ingest.planning import make_plan, plan_key, update_plan
 from tasks.stages.ingest.task import ingest_block
 from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
 
@@ -74,23 +74,23 @@ def test_with_a_panorama_more_it_is_the_plan_made_anew(tmp_path: Path, z: float 
     first, before = ingested(write_block(tmp_path / "in"), tmp_path / "out")
     second = read_block(add_panorama(tmp_path / "in", z))
     assert plan_key(second) == plan_key(first)
-    again = plan_again(second, before)
+    again = update_plan(second, before)
     assert len(again.sightings.facade)
-    assert_equal(again, plan_of(second, PreviousPlacement(before.ids, before.scene.placement)))
+    assert_equal(again, make_plan(second, PreviousPlacement(before.ids, before.scene.placement)))
 
 
 def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_changed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = []
-    monkeypatch.setattr(stage, "plan_of", lambda *of: made.append(of) or plan_of(*of))
+    monkeypatch.setattr(stage, "make_plan", lambda *of: made.append(of) or make_plan(*of))
     ingested(write_block(tmp_path / "in"), tmp_path / "out")
     assert len(made) == 1
     write_photo(tmp_path / "in", "a-0", 1)
     block, plan = ingested(write_block(tmp_path / "in"), tmp_path / "out")
     assert block.photos
     assert len(made) == 1
-    assert_equal(plan, plan_of(block))
+    assert_equal(plan, make_plan(block))
     for number, change in enumerate(
         ({"storey": 3.0}, {"texture": {"viewpoint_height": 2.0}}, {"streets": STREETS | {"1": [(0, 0), (40, 0)]}}), 2
     ):
